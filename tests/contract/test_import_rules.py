@@ -1,0 +1,87 @@
+"""Who may import whom: the contracts of pyproject.toml hold here, and each fails where it is broken."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
+HEAVY = ["numpy", "scipy", "numba", "sklearn", "cv2", "planner"]
+
+# A tree as small as the contracts allow: module -> source. Every arrow that is allowed is in it.
+CLEAN = {
+    "planner/__init__.py": "",
+    "planner/compile.py": "import numpy\nimport runtime.table\n",
+    "runtime/__init__.py": "",
+    "runtime/table.py": "",
+    "runtime/executor.py": "import runtime.table\n",
+    "runtime/cli.py": "import drivers.connect\nimport runtime.executor\n",
+    "drivers/__init__.py": "",
+    "drivers/connect.py": "import drivers.robotiq\n",
+    "drivers/robotiq.py": "",
+}
+
+BROKEN = [
+    pytest.param(
+        "planner/compile.py", "import runtime.executor", "planner knows only", id="planner-executor"
+    ),
+    pytest.param("planner/compile.py", "import drivers.robotiq", "planner knows only", id="planner-drivers"),
+    pytest.param(
+        "runtime/executor.py", "import planner.compile", "runtime is numpy-free", id="runtime-planner"
+    ),
+    pytest.param("runtime/table.py", "import numpy", "runtime is numpy-free", id="table-numpy"),
+    pytest.param("drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"),
+    pytest.param("runtime/executor.py", "import drivers.connect", "only runtime.cli", id="executor-drivers"),
+    pytest.param("runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"),
+    pytest.param("drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"),
+    pytest.param(
+        "drivers/robotiq.py", "import planner.compile", "drivers know neither", id="drivers-planner"
+    ),
+]
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run import-linter in a folder with the contracts of this project."""
+    command = [sys.executable, "-c", LINT, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+
+
+def plant(folder: Path, modules: dict[str, str]) -> None:
+    """Write a tree of modules."""
+    for name, source in modules.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source)
+
+
+def test_this_tree_keeps_the_rules() -> None:
+    result = lint(ROOT)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_allowed_imports_keep_the_rules(tmp_path: Path) -> None:
+    plant(tmp_path, CLEAN)
+    result = lint(tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(("module", "line", "contract"), BROKEN)
+def test_forbidden_import_is_found(tmp_path: Path, module: str, line: str, contract: str) -> None:
+    plant(tmp_path, CLEAN | {module: f"{CLEAN[module]}{line}\n"})
+    result = lint(tmp_path)
+    assert result.returncode == 1, result.stdout + result.stderr
+    broken = [text for text in result.stdout.splitlines() if " BROKEN" in text]
+    assert any(text.startswith(contract) for text in broken), result.stdout
+
+
+def test_runtime_command_loads_nothing_heavy() -> None:
+    # Static rules do not see an import by name; this does.
+    script = f"import json, sys, runtime.cli; print(json.dumps([m for m in {HEAVY} if m in sys.modules]))"
+    result = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout) == []

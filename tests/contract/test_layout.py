@@ -1,0 +1,83 @@
+"""The folders, packages, exported names and commands are the ones that pyproject.toml and the design list."""
+
+import importlib
+import re
+import tomllib
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PACKAGES = PYPROJECT["tool"]["setuptools"]["packages"]
+COMMANDS = PYPROJECT["project"]["scripts"]
+TOP_LEVEL = {"planner", "runtime", "drivers", "trees", "tests", "tools", ".ci"}
+TEST_KINDS = {
+    *("unit", "property", "reference", "protocol", "contract"),
+    *("golden", "integration", "hardware", "bench"),
+}
+HEADINGS = ["Status", "Context", "Decision", "Consequences"]
+
+
+def folders(path: Path) -> set[str]:
+    """Names of the folders in path, without those that git ignores by name and git's own."""
+    ignored = [line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines() if line.strip()]
+    names = {entry.name for entry in path.iterdir() if entry.is_dir() and entry.name != ".git"}
+    return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
+
+
+def test_top_level_folders_are_the_design() -> None:
+    assert folders(ROOT) == TOP_LEVEL
+
+
+def test_tests_are_sorted_by_kind() -> None:
+    assert folders(ROOT / "tests") <= TEST_KINDS
+
+
+def test_pyproject_lists_every_package_on_disk() -> None:
+    on_disk = {
+        ".".join(module.parent.relative_to(ROOT).parts)
+        for top in ("planner", "runtime", "drivers")
+        for module in (ROOT / top).rglob("*.py")
+    }
+    assert sorted(PACKAGES) == sorted(on_disk)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_exports_only_names_that_exist(package: str) -> None:
+    module = importlib.import_module(package)
+    assert module.__file__ is not None, f"{package} has no __init__.py"
+    exported = getattr(module, "__all__", [])
+    assert len(exported) == len(set(exported))
+    assert [name for name in exported if not hasattr(module, name)] == []
+
+
+def test_packages_are_marked_as_typed() -> None:
+    data = PYPROJECT["tool"]["setuptools"]["package-data"]
+    missing = [
+        f"{top}/{name}" for top, names in data.items() for name in names if not (ROOT / top / name).is_file()
+    ]
+    assert missing == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command_has_a_main(command: str) -> None:
+    module, _, function = COMMANDS[command].partition(":")
+    assert function == "main"
+    assert callable(importlib.import_module(module).main)
+
+
+def test_decision_records_are_numbered_without_gaps() -> None:
+    numbers = sorted(int(path.name[:4]) for path in (ROOT / "tools" / "decisions").glob("[0-9]*.md"))
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize(
+    "record", sorted((ROOT / "tools" / "decisions").glob("*.md")), ids=lambda path: path.stem
+)
+def test_decision_record_has_the_four_headings(record: Path) -> None:
+    text = record.read_text()
+    number = record.stem.partition("-")[0].replace("TEMPLATE", "NNNN")
+    assert text.startswith(f"# {number}: ")
+    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == HEADINGS
