@@ -1,0 +1,151 @@
+"""The linear complementarity problem of the contact step, solved by Lemke's method.
+
+Find z with  w = M z + q,  w >= 0,  z >= 0,  z . w = 0   (Cottle, Pang & Stone 1992, section 4.4).
+
+The contact matrices are copositive, so a ray means that no solution exists: the paper's sign for a part that
+is jammed or grasped (section IV). Ties in the ratio test are broken lexicographically, so that flush grasps,
+which are degenerate by nature, neither cycle nor depend on rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from planner.arrays import Array
+
+SOLVED = 0
+RAY = 1
+PIVOT_LIMIT = 2
+
+PIVOT_TOLERANCE = 1e-11
+PIVOTS_PER_ROW = 12
+
+
+@njit(cache=True, nogil=True)
+def _leaving_row(tableau: Array, basis: Array, n: int, entering: int) -> int:
+    """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
+
+    The artificial variable (column 2n) leaves as soon as it may: that ends the method.
+    """
+    best = -1
+    for row in range(n):
+        pivot = tableau[row, entering]
+        if pivot <= PIVOT_TOLERANCE:
+            continue
+        if best < 0:
+            best = row
+            continue
+        best_pivot = tableau[best, entering]
+        difference = tableau[row, 2 * n + 1] / pivot - tableau[best, 2 * n + 1] / best_pivot
+        if abs(difference) <= 1e-13:
+            if basis[best] == 2 * n:
+                continue
+            if basis[row] == 2 * n:
+                best = row
+                continue
+            difference = 0.0
+            for column in range(n):
+                difference = tableau[row, column] / pivot - tableau[best, column] / best_pivot
+                if abs(difference) > 1e-13:
+                    break
+        if difference < 0.0:
+            best = row
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
+    """Gauss-Jordan elimination of `column` on `row`; `tableau` is modified in place."""
+    width = 2 * n + 2
+    scale = 1.0 / tableau[row, column]
+    for j in range(width):
+        tableau[row, j] *= scale
+    tableau[row, column] = 1.0
+    for i in range(n):
+        if i == row:
+            continue
+        factor = tableau[i, column]
+        if factor == 0.0:
+            continue
+        for j in range(width):
+            tableau[i, j] -= factor * tableau[row, j]
+        tableau[i, column] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def lemke(M: Array, q: Array, n: int, tableau: Array, basis: Array, z: Array) -> int:
+    """Solves w = M z + q, w >= 0, z >= 0, z . w = 0.
+
+    Args:
+        M: shape (>= n, >= n), the leading block is read.
+        q: shape (>= n,).
+        n: order of the problem.
+        tableau: workspace (>= n, >= 2 n + 2). Columns: w (n), z (n), the artificial z0, the right-hand side.
+        basis: integer workspace (>= n,): the variable basic in each row.
+        z: shape (>= n,), receives the solution; zero where none was found.
+
+    Returns:
+        `SOLVED`, `RAY` (no solution for a copositive M) or `PIVOT_LIMIT`.
+    """
+    start = 0
+    for i in range(n):
+        z[i] = 0.0
+        if q[i] < q[start]:
+            start = i
+    if n == 0 or q[start] >= 0.0:
+        return SOLVED
+    for i in range(n):
+        for j in range(n):
+            tableau[i, j] = 0.0
+            tableau[i, n + j] = -M[i, j]
+        tableau[i, i] = 1.0
+        tableau[i, 2 * n] = -1.0
+        tableau[i, 2 * n + 1] = q[i]
+        basis[i] = i
+    _pivot(tableau, n, start, 2 * n)
+    entering = start + n
+    basis[start] = 2 * n
+    for _ in range(PIVOTS_PER_ROW * n + 20):
+        row = _leaving_row(tableau, basis, n, entering)
+        if row < 0:
+            return RAY
+        leaving = basis[row]
+        _pivot(tableau, n, row, entering)
+        basis[row] = entering
+        if leaving == 2 * n:
+            for i in range(n):
+                if basis[i] >= n:
+                    z[basis[i] - n] = max(tableau[i, 2 * n + 1], 0.0)
+            return SOLVED
+        entering = leaving + n if leaving < n else leaving - n
+    return PIVOT_LIMIT
+
+
+@njit(cache=True, nogil=True)
+def residual(M: Array, q: Array, z: Array, n: int) -> float:
+    """Largest violation of w >= 0, z >= 0 and z . w = 0 (the last divided by the larger of z and w, or 1)."""
+    worst = 0.0
+    for i in range(n):
+        w = q[i]
+        for j in range(n):
+            w += M[i, j] * z[j]
+        gap = min(abs(w), abs(z[i]))
+        worst = max(worst, -w, -z[i], gap)
+    return worst
+
+
+def solve(M: Array, q: Array) -> tuple[int, Array]:
+    """Allocating front of `lemke` for tests and small uses.
+
+    Args:
+        M: shape (n, n).
+        q: shape (n,).
+
+    Returns:
+        Status and z of shape (n,).
+    """
+    n = len(q)
+    z = np.zeros(n)
+    status = int(lemke(M, q, n, np.empty((n, 2 * n + 2)), np.empty(n, np.int64), z))
+    return status, z
