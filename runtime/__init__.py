@@ -1,0 +1,1 @@
+"""The cell controller: reads a decision table and executes it; standard library and msgpack, never numpy."""

@@ -1,0 +1,95 @@
+"""Errors of the cell controller, by what the reader has to do about them.
+
+```
+CellError
+├── TableFileError     3   the table file is missing or cannot be read
+├── TableError        30   the table's content is refused
+├── JournalError      24   the journal cannot be written, or does not verify
+├── GripperStateError 21   the gripper is not in a state to move, or its reading is not fresh
+├── MotionRefusedError 22  a motion was refused before it was sent
+├── CellStartError    31   the simulated cell did not start
+└── WorldError         6   a rehearsal cannot be built from what it was given
+```
+
+Every class carries `exit_code`, the process exit code of the command that ends with it. Errors of the drivers
+are not listed: the runtime knows them by their built-in parents and by the same attribute.
+"""
+
+from pathlib import Path
+
+
+class CellError(Exception):
+    """Base of every error the cell controller raises on purpose; `exit_code` is the command's exit code."""
+
+    exit_code = 1
+
+
+class TableFileError(CellError):
+    """The table file is missing or unreadable: a wrong path, a directory, no permission.
+
+    Attributes:
+        path: the file asked for.
+    """
+
+    exit_code = 3
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"table {path}: {reason}")
+        self.path = path
+
+
+class TableError(CellError):
+    """A table that must not be executed: damaged, of another format, or not proved.
+
+    Attributes:
+        reason: what is wrong and what to do, without the file's name.
+        path: the file it was read from, or None for a table in memory.
+    """
+
+    exit_code = 30
+
+    def __init__(self, reason: str, path: Path | None = None) -> None:
+        super().__init__(reason if path is None else f"table {path.name}: {reason}")
+        self.reason = reason
+        self.path = path
+
+
+class JournalError(CellError):
+    """The journal cannot be written, or one of its lines does not verify.
+
+    Attributes:
+        path: the journal file.
+        line: the line's number, from 1, or None if the file as a whole is meant.
+    """
+
+    exit_code = 24
+
+    def __init__(self, path: Path, reason: str, line: int | None = None) -> None:
+        where = f"journal {path}" if line is None else f"journal {path}, line {line}"
+        super().__init__(f"{where}: {reason}")
+        self.path = path
+        self.line = line
+
+
+class GripperStateError(CellError):
+    """The gripper is not ready, reports a fault, or gave a reading that cannot be trusted."""
+
+    exit_code = 21
+
+
+class MotionRefusedError(CellError):
+    """A motion that the safety checks refused before it was sent."""
+
+    exit_code = 22
+
+
+class CellStartError(CellError):
+    """The simulated cell ended, or stayed silent, before it told its endpoints."""
+
+    exit_code = 31
+
+
+class WorldError(CellError):
+    """A rehearsal was asked for without a table to draw its widths from."""
+
+    exit_code = 6

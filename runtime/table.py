@@ -1,0 +1,141 @@
+"""The decision table, format 1: records, reader, writer, proof and look-up. `TABLE.md` is its specification.
+
+The one module of the runtime that a planner needs, and may import.
+
+```
+table = canonical(table)      # numbered breadth first, on the file's grid: evaluate this one
+dump(table, path)             # proves it, writes it whole or not at all
+table = load(path)            # decodes it, proves it again
+outcome = count_map(node, Calibration.linear(table.gripper))[count]
+```
+"""
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+from runtime.errors import TableError, TableFileError
+from runtime.table_canonical import canonical
+from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, PAYLOAD_FIELDS, decode, encode
+from runtime.table_lookup import REJECT, Calibration, count_map
+from runtime.table_model import (
+    FORMAT,
+    MAX_DEPTH,
+    PPM,
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Node,
+    Prediction,
+    Squeeze,
+    Table,
+)
+from runtime.table_proof import prove, wilson_upper
+
+__all__ = [
+    "FORMAT",
+    "FRAME_FIELDS",
+    "MAX_BYTES",
+    "MAX_DEPTH",
+    "PAYLOAD_FIELDS",
+    "PPM",
+    "REJECT",
+    "Branch",
+    "Calibration",
+    "GoalSpec",
+    "GripperSpec",
+    "Leaf",
+    "Limits",
+    "Node",
+    "Prediction",
+    "Squeeze",
+    "Table",
+    "TableError",
+    "TableFileError",
+    "canonical",
+    "count_map",
+    "digest",
+    "dump",
+    "dumps",
+    "load",
+    "loads",
+    "prove",
+    "wilson_upper",
+]
+
+
+def dumps(table: Table) -> bytes:
+    """The file of a table: its canonical form, proved.
+
+    Raises:
+        TableError: it must not be executed, and why.
+    """
+    settled = canonical(table)
+    prove(settled)
+    return encode(settled)
+
+
+def loads(data: bytes) -> Table:
+    """The table in a file's bytes, decoded and proved.
+
+    Raises:
+        TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
+    """
+    table = decode(data)
+    prove(table)
+    return table
+
+
+def dump(table: Table, path: Path | str) -> None:
+    """Write a table's file, whole or not at all.
+
+    Raises:
+        TableError: it must not be executed, and why.
+        OSError: the file cannot be written.
+    """
+    data = dumps(table)
+    path = Path(path)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fchmod(file.fileno(), 0o644)
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            Path(name).unlink()
+        raise
+
+
+def load(path: Path | str) -> Table:
+    """Read, decode and prove a table's file.
+
+    Raises:
+        TableFileError: it is missing or unreadable.
+        TableError: its content is refused; the message names the file.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
+    try:
+        return loads(data)
+    except TableError as error:
+        raise TableError(error.reason, path) from error
+
+
+def digest(table: Table) -> bytes:
+    """SHA-256 of a table's file, 32 bytes: one name for one behaviour.
+
+    Raises:
+        TableError: the table has no file, because it must not be executed.
+    """
+    return hashlib.sha256(dumps(table)).digest()

@@ -1,0 +1,193 @@
+"""The decision table in memory: frozen records of integers (um, urad, mN, ppm).
+
+The records are the same numbers as in the file; `TABLE.md` says on which grid each of them lies there.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+FORMAT = 1
+MAGIC = "squeezetree"
+PPM = 1_000_000
+
+# The grid of the file, in the unit of the field: fine against one encoder count (374 um) and the goal (3 mm).
+WIDTH_GRID_UM = 50
+CLEARANCE_GRID_UM = 100
+POSE_GRID_UM = 10
+POSE_GRID_URAD = 1000
+SHARE_GRID_PPM = 100
+# Covariances count in (0.1 mm)^2, 0.1 mm * 10 mrad and (10 mrad)^2.
+COVARIANCE_LENGTH_UM = 100
+COVARIANCE_ANGLE_URAD = 10_000
+
+MAX_NODES = 1 << 14
+MAX_LEAVES = 1 << 16
+MAX_BRANCHES = 32
+MAX_DEPTH = 64
+MAX_ANGLE_URAD = 3_142_000
+
+
+class Squeeze(NamedTuple):
+    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes.
+
+    Attributes:
+        x_um: hand centre, world x, um.
+        y_um: hand centre, world y, um.
+        angle_urad: hand angle in the world, urad.
+        opening_um: opening before the squeeze, um.
+        speed_um_s: closing speed of the fingers, um/s.
+        force_mn: closing force, mN.
+        clearance_um: least distance between the open fingers and any believed pose of the part, um, >= 0.
+    """
+
+    x_um: int
+    y_um: int
+    angle_urad: int
+    opening_um: int
+    speed_um_s: int
+    force_mn: int
+    clearance_um: int
+
+
+class Branch(NamedTuple):
+    """One outcome of a squeeze: an interval of widths and where it leads.
+
+    Attributes:
+        low_um: least width of the interval, um.
+        expected_um: expected width, um; the nearest one wins where intervals overlap.
+        high_um: greatest width of the interval, um.
+        probability_ppm: predicted share of this outcome among the node's outcomes, ppm.
+        target: >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`.
+    """
+
+    low_um: int
+    expected_um: int
+    high_um: int
+    probability_ppm: int
+    target: int
+
+
+class Node(NamedTuple):
+    """One decision: a squeeze and its outcomes, ordered by width."""
+
+    squeeze: Squeeze
+    branches: tuple[Branch, ...]
+
+
+class Leaf(NamedTuple):
+    """An end of the tree: the predicted pose of the part in the world, and how often it holds.
+
+    Attributes:
+        x_um: predicted x, um.
+        y_um: predicted y, um.
+        theta_urad: predicted angle, urad, within half a turn of zero.
+        covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
+        success_ppm: share of the evaluation's trials ending here that met the goal, ppm.
+        trials: number of those trials.
+        resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
+    """
+
+    x_um: int
+    y_um: int
+    theta_urad: int
+    covariance: tuple[int, int, int, int, int, int]
+    success_ppm: int
+    trials: int
+    resolved: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GripperSpec:
+    """The gripper the table was made for; lengths in um, encoder ends in counts."""
+
+    model: str
+    opening_um: int
+    finger_length_um: int
+    finger_width_um: int
+    count_open: int
+    count_closed: int
+    encoder_noise_um: int
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSpec:
+    """The goal: sqrt(dx^2 + dy^2) + rho * dtheta < distance under the symmetry, at a confidence.
+
+    Attributes:
+        distance_um: the goal's distance, um.
+        confidence_ppm: the share of parts that must meet it, ppm.
+        rho_um: what one radian of error weighs, um.
+        symmetry: rotational order of the part, 1 for none.
+    """
+
+    distance_um: int
+    confidence_ppm: int
+    rho_um: int
+    symmetry: int
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What no motion of this table may exceed.
+
+    Attributes:
+        max_depth: squeezes to any leaf, at most `MAX_DEPTH`.
+        max_force_mn: closing force, mN.
+        max_speed_um_s: closing speed, um/s.
+        work_area_um: x min, y min, x max, y max of the hand's centre and of predicted poses, um.
+        retreat_height_um: height of the tips while the arm travels, um.
+        squeeze_height_um: height of the tips while squeezing, um.
+        arm_speed_um_s: speed of the arm, um/s.
+    """
+
+    max_depth: int
+    max_force_mn: int
+    max_speed_um_s: int
+    work_area_um: tuple[int, int, int, int]
+    retreat_height_um: int
+    squeeze_height_um: int
+    arm_speed_um_s: int
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What the evaluation at compile time measured for the table as a whole.
+
+    Attributes:
+        success_ppm: parts within the goal among all trials, ppm.
+        trials: number of trials, 0 if the table was not evaluated.
+        mean_squeezes_ppm: mean number of squeezes a part, in millionths.
+        reject_ppm: trials that ended in REJECT, ppm.
+    """
+
+    success_ppm: int
+    trials: int
+    mean_squeezes_ppm: int
+    reject_ppm: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A decision table. Node 0 is the root.
+
+    Attributes:
+        tool: name and version of the compiler.
+        job_digest: SHA-256 of the job's canonical text, 32 bytes.
+        gripper: the gripper it was made for.
+        goal: the goal it was made for.
+        limits: what its motions stay within.
+        nodes: the decisions.
+        leaves: the ends.
+        predicted: what its evaluation measured.
+        job: the job's canonical text, or None where it was stripped.
+    """
+
+    tool: str
+    job_digest: bytes
+    gripper: GripperSpec
+    goal: GoalSpec
+    limits: Limits
+    nodes: tuple[Node, ...]
+    leaves: tuple[Leaf, ...]
+    predicted: Prediction
+    job: str | None
