@@ -1,0 +1,301 @@
+"""The job file: everything a plan depends on, checked once, then frozen.
+
+A job is TOML for people (`load`, `parse`) and canonical JSON for the table (`Job.canonical`,
+`from_canonical`): the same keys, with every default written out, the symmetry resolved, and the outline
+counter-clockwise about its centroid. The text is exact, so its digest names the job. Types, ranges and
+defaults stand in `planner.schema`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import job_checks
+from planner.errors import InputFileError, TomlError
+from planner.part import symmetry
+from planner.part.outline import Outline
+from planner.part.pressure import Pressure
+from planner.schema import read_document
+
+Corner = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """The part on the table.
+
+    Attributes:
+        name: for people.
+        outline_mm: (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
+        symmetry: rotational order n; turns by 2 pi / n look the same, 1 = none.
+    """
+
+    name: str
+    outline_mm: Outline
+    symmetry: int
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Coefficient of friction between finger and part, uniform between two bounds."""
+
+    finger_part_min: float
+    finger_part_max: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gripper:
+    """A parallel-jaw gripper.
+
+    Attributes:
+        model: name of the device.
+        finger_length_mm: extent of a finger along x of the hand frame.
+        finger_width_mm: extent along y, the closing direction.
+        opening_mm: distance of the inner faces, jaws fully open.
+        count_open: encoder reading, jaws fully open.
+        count_closed: encoder reading, jaws fully closed.
+        encoder_noise_mm: standard deviation of a measured width, before rounding to counts.
+        speed_mm_s: rate at which the opening closes; each finger moves at half of it.
+        force_n: grip force.
+    """
+
+    model: str
+    finger_length_mm: float
+    finger_width_mm: float
+    opening_mm: float
+    count_open: int
+    count_closed: int
+    encoder_noise_mm: float
+    speed_mm_s: float
+    force_n: float
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Where the part may lie before the first squeeze, about the origin of the world.
+
+    Attributes:
+        radius_mm: the centroid is uniform in this disc.
+        orientation_halfwidth_deg: the orientation is uniform within plus or minus this; 180 = unknown.
+    """
+
+    radius_mm: float
+    orientation_halfwidth_deg: float
+
+    @property
+    def orientation(self) -> str:
+        """Say "unknown" if the part may lie at any angle, else "bounded"."""
+        return "unknown" if self.orientation_halfwidth_deg >= 180.0 else "bounded"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Actions:
+    """The fixed set of hand placements: each angle at each centre.
+
+    Attributes:
+        angles_deg: angles of the hand's x axis in the world.
+        centers_mm: (K, 2) positions of the hand in the world, read-only.
+    """
+
+    angles_deg: tuple[float, ...]
+    centers_mm: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """When a part counts as located: sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9).
+
+    Attributes:
+        distance_mm: bound on the metric, taken under the part's symmetry.
+        confidence: probability with which a leaf must keep the bound.
+    """
+
+    distance_mm: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How the tree is searched.
+
+    Attributes:
+        method: "closed-loop".
+        depth: squeezes to look ahead.
+        squeeze_cost: probability of success that one more squeeze must gain.
+        particles: size of the belief that the tree is grown with.
+        search_particles: size of the belief that looking ahead is done with.
+        max_depth: longest path of the tree, squeezes.
+    """
+
+    method: str
+    depth: int
+    squeeze_cost: float
+    particles: int
+    search_particles: int
+    max_depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Limits of the cell that the runtime holds.
+
+    Attributes:
+        work_area_mm: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
+        retreat_height_mm: height of the finger tips between squeezes.
+        squeeze_height_mm: height of the finger tips while squeezing.
+        arm_speed_mm_s: speed of the arm.
+        max_force_n: largest grip force the cell allows.
+        max_speed_mm_s: largest closing speed the cell allows.
+    """
+
+    work_area_mm: tuple[Corner, Corner]
+    retreat_height_mm: float
+    squeeze_height_mm: float
+    arm_speed_mm_s: float
+    max_force_n: float
+    max_speed_mm_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """A checked job. Two jobs are equal if their canonical texts are."""
+
+    seed: int
+    part: Part
+    pressure: Pressure
+    friction: Friction
+    gripper: Gripper
+    uncertainty: Uncertainty
+    actions: Actions
+    goal: Goal
+    search: Search
+    cell: Cell
+
+    def canonical(self) -> str:
+        """Return the job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
+        document = {key: _plain(value) for key, value in asdict(self).items()}
+        return json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    def digest(self) -> bytes:
+        """Return the SHA-256 of the canonical text, 32 bytes."""
+        return hashlib.sha256(self.canonical().encode()).digest()
+
+    def __eq__(self, other: object) -> bool:
+        return self.canonical() == other.canonical() if isinstance(other, Job) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.canonical())
+
+
+def load(path: str | Path) -> Job:
+    """Read a job file.
+
+    Args:
+        path: a TOML file in UTF-8.
+
+    Raises:
+        InputFileError: the file is missing, unreadable, a directory or not UTF-8.
+        JobError: as `parse`.
+    """
+    where = str(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"not UTF-8 text (byte {error.start + 1}); save the file as UTF-8"
+        raise InputFileError(problem, where=where) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputFileError(f"cannot be read: {reason}; check the path", where=where) from error
+    return parse(text, where)
+
+
+def parse(text: str, where: str = "job") -> Job:
+    """Parse a job from TOML text.
+
+    Args:
+        text: the file's content.
+        where: the file's name, for errors.
+
+    Raises:
+        TomlError: not valid TOML; line and column are attributes.
+        KeyNameError: an unknown or missing key or section.
+        ValueRangeError: a value of the wrong type, out of range, or in conflict with another.
+        OutlineError: the outline is not a simple polygon.
+        FitError: the part does not pass between the open fingers in any orientation.
+    """
+    try:
+        document = tomllib.loads(text.replace("\r\n", "\n"))
+    except (ValueError, RecursionError) as error:
+        raise _toml_error(error, text, where) from error
+    return _build(document, where, drawn=True)
+
+
+def from_canonical(text: str, where: str = "job text") -> Job:
+    """Read a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
+
+    Raises:
+        TomlError: not valid JSON.
+        JobError: as `parse`.
+    """
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise TomlError(f"not valid JSON: {error}; compile the job again", where=where) from error
+    if not isinstance(document, dict):
+        raise TomlError("not a JSON object; compile the job again", where=where)
+    return _build(document, where, drawn=False)
+
+
+def _build(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    """Check a document and freeze it; only an outline as drawn is moved to its centroid."""
+    values = read_document(document, where)
+    part = values["part"]
+    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], where, drawn)
+    if part["symmetry"] == "auto":
+        part["symmetry"] = symmetry.order(part["outline_mm"])
+    job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
+    job_checks.check_conflicts(values, where)
+    actions, cell = values["actions"], values["cell"]
+    actions["angles_deg"] = tuple(actions["angles_deg"].tolist())
+    cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
+    return Job(
+        seed=values[""]["seed"],
+        part=Part(**part),
+        pressure=Pressure(**values["pressure"]),
+        friction=Friction(**values["friction"]),
+        gripper=Gripper(**values["gripper"]),
+        uncertainty=Uncertainty(**values["uncertainty"]),
+        actions=Actions(**actions),
+        goal=Goal(**values["goal"]),
+        search=Search(**values["search"]),
+        cell=Cell(**cell),
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON types; keys that are None are not written."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items() if item is not None}
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _toml_error(error: Exception, text: str, where: str) -> TomlError:
+    """Return the parser's complaint with its line and column."""
+    if isinstance(error, RecursionError):
+        return TomlError("not valid TOML: nested too deeply", where=where)
+    reason, _, place = str(error).partition(" (at ")
+    line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
+    if match := re.search(r"line (\d+), column (\d+)", place):
+        line, column = int(match[1]), int(match[2])
+    result = TomlError(f"not valid TOML at line {line}, column {column}: {reason}", where=where)
+    result.line, result.column = line, column
+    return result

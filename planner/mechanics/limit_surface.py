@@ -1,0 +1,190 @@
+"""The limit surface: which twist answers which wrench when a part slides on the table (paper IV, eq. 1).
+
+Wrenches and twists are normalised, so that all components have one unit and power is F . V:
+
+    F = [fx, fy, tau / rho] / (mu N)        V = [vx, vy, omega rho]
+
+about the origin of the part's frame, the area centroid of the outline, wherever the centre of pressure lies.
+mu N is the friction with the table at full slip, and rho the radius of gyration of the outline's area, the
+same that the success metric uses (eq. 9). Any other positive rho would describe the same mechanics.
+
+The ellipsoid is H(F) = F^T A F with H = 1 on the surface, and V = s grad H(F), s > 0 (eq. 1). It is fitted to
+pairs (F, V), from Coulomb friction integrated over a pressure distribution or from measurements alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.job import Job
+from planner.part.outline import radius_of_gyration
+from planner.part.pressure import support
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = 400
+"""Twists that friction is integrated over for a fit."""
+
+STILL = 1e-12
+"""A support point slower than this, as a fraction of the twist, is at rest and given no friction."""
+
+MIN_EIGENVALUE = 1e-3
+"""Floor of a fitted A's eigenvalues: semi-axes of 30, longer than any pressure under the outline gives."""
+
+_UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LimitSurface:
+    """An ellipsoid limit surface.
+
+    Attributes:
+        A: (3, 3) symmetric positive definite, F^T A F = 1 on the surface; read-only.
+        rho_mm: the length that torques are divided and angular velocities multiplied by.
+    """
+
+    A: Array
+    rho_mm: float
+
+
+def of_job(job: Job) -> LimitSurface:
+    """Return the nominal limit surface of a job: fitted to its pressure, or as stated."""
+    pressure = job.pressure
+    if pressure.ellipsoid is not None and pressure.rho_mm is not None:
+        return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
+    outline = job.part.outline_mm
+    points, weights = support(pressure, outline)
+    return fit_ellipsoid(points, weights, radius_of_gyration(outline))
+
+
+def fit_ellipsoid(points: Array, weights: Array, rho_mm: float, directions: int = DIRECTIONS) -> LimitSurface:
+    """Fit the ellipsoid to a pressure distribution.
+
+    Args:
+        points: (M, 2) support points in the part's frame, mm.
+        weights: (M,) shares of the load, summing to 1.
+        rho_mm: normalising length.
+        directions: number of twists to integrate friction over.
+    """
+    twists = twist_directions(directions)
+    return LimitSurface(fit(wrenches(points, weights, rho_mm, twists), twists), rho_mm)
+
+
+def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
+    """Integrate Coulomb friction over a pressure distribution: the wrench that makes the part slide.
+
+    Each support point carries friction of its share of mu N along its velocity (Goyal et al., the paper's
+    reference [20]). A point at rest may carry any smaller friction: it is given none, the middle of its range.
+
+    Args:
+        points: (M, 2) support points, mm.
+        weights: (M,) shares of the load, summing to 1.
+        rho_mm: normalising length.
+        twists: (K, 3) normalised, any magnitude but 0.
+
+    Returns:
+        (K, 3) normalised wrenches on the limit surface.
+    """
+    x, y = points[:, 0] / rho_mm, points[:, 1] / rho_mm  # (M,)
+    velocity_x = twists[:, 0:1] - twists[:, 2:3] * y  # (K, M)
+    velocity_y = twists[:, 1:2] + twists[:, 2:3] * x
+    speed = np.hypot(velocity_x, velocity_y)
+    moving = speed > STILL * np.linalg.norm(twists, axis=1, keepdims=True)
+    share = np.where(moving, weights / np.where(moving, speed, 1.0), 0.0)
+    force_x, force_y = share * velocity_x, share * velocity_y
+    return np.column_stack(
+        [force_x.sum(axis=1), force_y.sum(axis=1), (force_y * x - force_x * y).sum(axis=1)]
+    )
+
+
+def twist_directions(count: int = DIRECTIONS) -> Array:
+    """Return unit twists (K, 3) spread evenly over the sphere, the same each time.
+
+    A quarter of `count` Fibonacci points, each with all signs of its y and z (an opposite twist has the
+    opposite wrench and adds nothing). So a part that is its own mirror image gets an ellipsoid that is, too.
+    """
+    index = np.arange(max(count // 4, 1)) + 0.5
+    z = 1.0 - 2.0 * index / len(index)
+    azimuth = math.pi * (3.0 - math.sqrt(5.0)) * index
+    radius = np.sqrt(1.0 - z * z)
+    base = np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z])
+    signs = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0], [1.0, -1.0, -1.0]])
+    return np.concatenate([base * sign for sign in signs])
+
+
+def fit(F: Array, V: Array) -> Array:
+    """Fit A to pairs of wrench and twist by linear least squares.
+
+    The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the part of A F across the
+    unit twist (eq. 1: the gradient 2 A F is parallel to the twist), as Zhou et al. (the paper's [22]) fit a
+    convex quadratic. Where noise makes the result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`.
+
+    Args:
+        F: (K, 3) normalised wrenches.
+        V: (K, 3) normalised twists, any magnitude but 0.
+
+    Returns:
+        A, (3, 3) symmetric positive definite, read-only.
+    """
+    unit = V / np.linalg.norm(V, axis=1, keepdims=True)
+    basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b
+    basis[np.arange(6), _UPPER[0], _UPPER[1]] = 1.0
+    basis[np.arange(6), _UPPER[1], _UPPER[0]] = 1.0
+    gradient = np.einsum("bij,kj->kib", basis, F)  # A F, (K, 3, 6)
+    level = np.einsum("ki,kib->kb", F, gradient)
+    across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
+    rows = np.concatenate([level, across.reshape(-1, 6)])
+    target = np.concatenate([np.ones(len(level)), np.zeros(across.shape[0] * 3)])
+    coefficients = np.linalg.lstsq(rows, target, rcond=None)[0]
+    eigenvalues, vectors = np.linalg.eigh(np.einsum("b,bij->ij", coefficients, basis))
+    if eigenvalues[0] < MIN_EIGENVALUE:
+        eigenvalues = np.maximum(eigenvalues, MIN_EIGENVALUE)
+        A = np.asarray((vectors * eigenvalues) @ vectors.T)
+    else:
+        A = np.einsum("b,bij->ij", coefficients, basis)
+    A.setflags(write=False)
+    return A
+
+
+def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
+    """Draw random ellipsoids around a nominal one: Wishart with `dof` degrees of freedom and mean A.
+
+    Var(A_ij) = (A_ij^2 + A_ii A_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
+
+    Args:
+        surface: the nominal limit surface.
+        dof: degrees of freedom n_df, at least 3.
+        rng: source of randomness.
+        n: number of draws.
+
+    Returns:
+        (n, 3, 3) symmetric positive definite matrices, to be used with the same rho.
+    """
+    bartlett = np.zeros((n, 3, 3))
+    for row in range(3):
+        bartlett[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n))
+        bartlett[:, row, :row] = rng.standard_normal((n, row))
+    factor = np.linalg.cholesky(surface.A / dof) @ bartlett
+    return np.asarray(factor @ factor.transpose(0, 2, 1))
+
+
+def twist(A: Array, F: Array) -> Array:
+    """Return the unit twists (..., 3) that answer the wrenches F (..., 3): along grad H (eq. 1)."""
+    gradient = np.asarray(F) @ A
+    return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
+
+
+def mean_twist_error(A: Array, F: Array, V: Array) -> float:
+    """Return the mean angle, rad, between predicted and given twists in normalised coordinates.
+
+    Args:
+        A: (3, 3).
+        F: (K, 3) normalised wrenches.
+        V: (K, 3) normalised twists, any magnitude but 0.
+    """
+    cosine = (twist(A, F) * V).sum(axis=1) / np.linalg.norm(V, axis=1)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())

@@ -1,0 +1,201 @@
+"""The outline of a part: a simple polygon, counter-clockwise, in mm, with its area centroid at the origin.
+
+Arrays of vertices have shape (N, 2); the closing edge runs from the last vertex to the first.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import OutlineError
+
+Outline = NDArray[np.float64]
+
+REPEAT_MM = 1e-6
+"""Vertices closer than this are one vertex written twice."""
+
+CENTRED = 1e-6
+"""An outline is centred if its centroid is this close to the origin, as a fraction of its diameter."""
+
+
+class Canonical(NamedTuple):
+    """A checked outline and where it came from.
+
+    Attributes:
+        outline_mm: (N, 2), counter-clockwise, area centroid at the origin, read-only.
+        shift_mm: (2,), what was added to the drawing's coordinates: other points of the drawing move along.
+    """
+
+    outline_mm: Outline
+    shift_mm: NDArray[np.float64]
+
+
+def canonical(points: ArrayLike) -> Canonical:
+    """Check an outline as drawn, turn it counter-clockwise and move its area centroid to the origin.
+
+    Args:
+        points: (N, 2) vertices, mm, in either sense, not closed.
+
+    Returns:
+        The outline in the part's frame and the shift that took it there. The first vertex stays the first.
+
+    Raises:
+        OutlineError: fewer than 3 vertices, a number that is not finite, a vertex written twice, or a
+            boundary that crosses or touches itself.
+    """
+    vertices = _vertices(points)
+    _check_simple(vertices)
+    if area(vertices) < 0.0:
+        vertices = np.concatenate([vertices[:1], vertices[:0:-1]])
+    shift = -centroid(vertices)
+    # Adding 0.0 turns -0.0 into 0.0, so that equal outlines have equal text.
+    outline = vertices + shift + 0.0
+    outline.setflags(write=False)
+    shift.setflags(write=False)
+    return Canonical(outline, shift)
+
+
+def checked(points: ArrayLike) -> Outline:
+    """Check an outline that claims to be canonical already, without moving it by a rounding error.
+
+    Args:
+        points: (N, 2) vertices, mm.
+
+    Returns:
+        The same vertices, read-only.
+
+    Raises:
+        OutlineError: as `canonical`, or the outline is clockwise or off centre.
+    """
+    vertices = _vertices(points)
+    _check_simple(vertices)
+    if area(vertices) < 0.0:
+        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise", value=points)
+    offset = float(np.hypot(*centroid(vertices)))
+    if offset > CENTRED * diameter(vertices):
+        problem = f"area centroid is {offset:.6g} mm from the origin; move the outline there"
+        raise OutlineError(problem, value=points)
+    vertices.setflags(write=False)
+    return vertices
+
+
+def area(outline: Outline) -> float:
+    """Return the enclosed area in mm^2, positive for a counter-clockwise outline."""
+    return 0.5 * math.fsum(_cross_terms(outline - outline[0]))
+
+
+def centroid(outline: Outline) -> NDArray[np.float64]:
+    """Return the area centroid (2,) in mm."""
+    # Relative to a vertex, so that an outline drawn far from the origin loses no digits;
+    # fsum, so that the text of a job does not depend on the machine's order of summation.
+    local = outline - outline[0]
+    following = np.roll(local, -1, axis=0)
+    cross = _cross_terms(local)
+    moments = (local + following) * cross[:, None]
+    scale = 3.0 * math.fsum(cross)
+    x, y = outline[0]
+    return np.array([x + math.fsum(moments[:, 0]) / scale, y + math.fsum(moments[:, 1]) / scale])
+
+
+def radius_of_gyration(outline: Outline) -> float:
+    """Return the radius of gyration of the enclosed area about the origin, mm.
+
+    This is the rho of the paper's metric (eq. 9) and of its normalised pose (section V.B): a property of the
+    part alone, whatever the pressure under it. For a rectangle a x b it is sqrt((a^2 + b^2) / 12).
+    """
+    following = np.roll(outline, -1, axis=0)
+    squares = (outline**2 + outline * following + following**2).sum(axis=1)
+    cross = _cross_terms(outline)
+    return math.sqrt(math.fsum(cross * squares) / (6.0 * math.fsum(cross)))
+
+
+def diameter(outline: Outline) -> float:
+    """Return the largest distance between two points of the outline, mm."""
+    hull = convex_hull(outline)
+    differences = hull[:, None, :] - hull[None, :, :]
+    return float(np.sqrt((differences**2).sum(axis=2).max()))
+
+
+def width(outline: Outline, angle: float) -> float:
+    """Return the extent of the outline along the direction at `angle` (rad), mm."""
+    along = outline @ np.array([math.cos(angle), math.sin(angle)])
+    return float(along.max() - along.min())
+
+
+def min_width(outline: Outline) -> float:
+    """Return the least extent over all directions, mm: the narrowest jaws the outline passes between.
+
+    The width function has its minima where one jaw lies flush on an edge of the convex hull, so only the
+    normals of these edges need a look (Goldberg's diameter function, the paper's reference [12]).
+    """
+    hull = convex_hull(outline)
+    edges = np.roll(hull, -1, axis=0) - hull
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    along = normals @ hull.T  # (edges, vertices)
+    return float((along.max(axis=1) - along.min(axis=1)).min())
+
+
+def convex_hull(outline: Outline) -> Outline:
+    """Return the vertices (M, 2) of the convex hull, counter-clockwise, mm."""
+    hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(outline)))
+    return np.asarray(shapely.get_coordinates(hull)[:-1], dtype=np.float64)
+
+
+def _cross_terms(outline: Outline) -> NDArray[np.float64]:
+    """Return x_i y_(i+1) - x_(i+1) y_i for each edge, (N,): twice its triangle with the origin."""
+    following = np.roll(outline, -1, axis=0)
+    return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])
+
+
+def _vertices(points: ArrayLike) -> Outline:
+    """Return the points as a fresh float array after the checks that concern single vertices."""
+    try:
+        vertices = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points) from error
+    if vertices.ndim != 2 or vertices.shape[1] != 2:
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points)
+    if len(vertices) < 3:
+        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3", value=points)
+    if not np.isfinite(vertices).all():
+        index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
+        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm", value=points)
+    _check_distinct(vertices, points)
+    return vertices
+
+
+def _check_distinct(vertices: Outline, points: ArrayLike) -> None:
+    """Refuse a vertex that is written twice, wherever the two stand in the list."""
+    tree = shapely.STRtree(shapely.points(vertices))
+    pairs = tree.query(tree.geometries, predicate="dwithin", distance=REPEAT_MM)
+    repeated = pairs[:, pairs[0] < pairs[1]]
+    if repeated.shape[1] == 0:
+        return
+    first, second = sorted(map(tuple, repeated.T.tolist()))[0]
+    advice = "drop one of them"
+    if (first, second) == (0, len(vertices) - 1):
+        advice = "drop the last one, the outline closes by itself"
+    x, y = vertices[first]
+    problem = f"vertices {first + 1} and {second + 1} are the same point ({x:g}, {y:g}); {advice}"
+    raise OutlineError(problem, value=points)
+
+
+def _check_simple(vertices: Outline) -> None:
+    """Refuse a boundary that crosses or touches itself or encloses nothing."""
+    if shapely.area(shapely.convex_hull(shapely.multipoints(vertices))) <= REPEAT_MM**2:
+        raise OutlineError("outline encloses no area; its vertices lie on one line", value=vertices)
+    reason = shapely.is_valid_reason(shapely.polygons(vertices))
+    if reason == "Valid Geometry":
+        return
+    place = re.search(r"\[(\S+) (\S+)\]", reason)
+    where = f" at ({float(place[1]):g}, {float(place[2]):g})" if place else ""
+    verb = "touches" if reason.startswith("Ring Self") else "crosses"
+    raise OutlineError(
+        f"outline {verb} itself{where}; list the vertices in order around the part", value=vertices
+    )

@@ -1,0 +1,136 @@
+"""How the part presses on the table: the distribution that friction with the table is integrated over.
+
+Everything is in the part's frame, whose origin is the area centroid of the outline. The centre of pressure
+(below the centre of mass) need not lie there: where it does not, forces and torques are coupled in the limit
+surface, and the mechanics needs no further correction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from planner.part.outline import Outline
+
+Kind = Literal["boundary", "uniform", "points", "stated"]
+
+CELLS = 400
+"""Pieces that a boundary or an area is cut into at least: 0.1 % in the friction integral, or better."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pressure:
+    """The supporting pressure, or a limit surface stated in its place.
+
+    Attributes:
+        kind: "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
+            "points" (discrete supports) or "stated" (no pressure; the ellipsoid is given).
+        points_mm: (M, 2) supports in the part's frame, for "points".
+        weights: (M,) share of the load on each support, summing to 1, for "points".
+        ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated".
+        rho_mm: the rho that `ellipsoid` is normalised with, for "stated".
+        wishart_dof: degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1).
+    """
+
+    kind: Kind
+    wishart_dof: int
+    points_mm: NDArray[np.float64] | None = None
+    weights: NDArray[np.float64] | None = None
+    ellipsoid: NDArray[np.float64] | None = None
+    rho_mm: float | None = None
+
+
+class Support(NamedTuple):
+    """A pressure distribution as weighted points.
+
+    Attributes:
+        points_mm: (M, 2) in the part's frame.
+        weights: (M,) positive, summing to 1.
+    """
+
+    points_mm: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+
+def support(pressure: Pressure, outline: Outline) -> Support:
+    """Return the pressure as weighted points, with exact centre and second moments.
+
+    Args:
+        pressure: any kind but "stated".
+        outline: (N, 2), mm, the part's frame.
+
+    Raises:
+        ValueError: the pressure is "stated", so there is nothing to integrate over.
+    """
+    if pressure.kind == "boundary":
+        return _boundary_support(outline)
+    if pressure.kind == "uniform":
+        return _area_support(outline)
+    if pressure.points_mm is None or pressure.weights is None:
+        raise ValueError(f"pressure of kind {pressure.kind!r} has no support points")
+    return Support(pressure.points_mm, pressure.weights)
+
+
+def _boundary_support(outline: Outline) -> Support:
+    """Cut each edge into equal pieces, two Gauss points each: exact up to third moments along an edge."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    piece = lengths.sum() / CELLS
+    fractions, weights = [], []
+    for length in lengths:
+        count = math.ceil(length / piece)
+        centres = (np.arange(count) + 0.5) / count
+        offset = 0.5 / (count * math.sqrt(3.0))
+        fractions.append(np.concatenate([centres - offset, centres + offset]))
+        weights.append(np.full(2 * count, length / (2 * count)))
+    repeats = [len(f) for f in fractions]
+    along = np.concatenate(fractions)[:, None]
+    points = np.repeat(outline, repeats, axis=0) + along * np.repeat(edges, repeats, axis=0)
+    return _normalised(points, np.concatenate(weights))
+
+
+def _area_support(outline: Outline) -> Support:
+    """Triangulate, cut the triangles alike, three points each: exact up to second moments."""
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
+    triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)
+    total = shapely.area(parts).sum()
+    points, weights = [], []
+    for triangle, size in zip(triangles, shapely.area(parts), strict=True):
+        count = math.ceil(math.sqrt(CELLS * size / total))
+        barycentric = _split_triangle(count)
+        points.append(barycentric @ triangle)
+        weights.append(np.full(len(barycentric), size / len(barycentric)))
+    return _normalised(np.concatenate(points), np.concatenate(weights))
+
+
+def _split_triangle(count: int) -> NDArray[np.float64]:
+    """Return barycentric coordinates (3 count^2, 3) of three points in each of count^2 equal triangles."""
+    i, j = (index.ravel() for index in np.mgrid[:count, :count])
+    upright = np.column_stack([i, j])[i + j < count]
+    corners = np.array([[0, 0], [1, 0], [0, 1]])
+    inverted = upright[upright.sum(axis=1) < count - 1]
+    small = (
+        np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
+    )  # (count^2, 3, 2)
+    # The rule of degree 2 with points at (2/3, 1/6, 1/6) and its turns.
+    rule = np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3)
+    inner = (rule @ small).reshape(-1, 2)
+    return np.column_stack([1.0 - inner.sum(axis=1), inner])
+
+
+def _normalised(points: NDArray[np.float64], weights: NDArray[np.float64]) -> Support:
+    """Scale the weights to sum 1 and freeze both arrays."""
+    weights = weights / weights.sum()
+    points.setflags(write=False)
+    weights.setflags(write=False)
+    return Support(points, weights)
+
+
+def moment_radius(of: Support) -> float:
+    """Return the radius of gyration of a pressure distribution about the origin, mm."""
+    return math.sqrt(float(of.weights @ (of.points_mm**2).sum(axis=1)))

@@ -1,0 +1,171 @@
+"""What a job file may hold: every section and key with its type, range and default, as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from planner.errors import KeyNameError, ValueRangeError
+from planner.fields import (
+    Either,
+    Field,
+    Integer,
+    Number,
+    Numbers,
+    Text,
+    check_names,
+    missing_names,
+    read_section,
+    shown,
+)
+
+PLACE = Number(-10_000, 10_000)  # a coordinate, mm
+MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
+
+TOP_LEVEL: Mapping[str, Field] = {
+    "seed": Integer(0, 2**63 - 1, default=0),
+}
+
+FIELDS: Mapping[str, Mapping[str, Field]] = {
+    "part": {
+        "name": Text(),
+        "outline_mm": Numbers(PLACE, columns=2),
+        "symmetry": Either("auto", Integer(1, 10_000), default="auto"),
+    },
+    "pressure": {
+        "kind": Text(("boundary", "uniform", "points", "stated"), default="boundary"),
+        "wishart_dof": Integer(3, 1_000_000, default=100),
+    },
+    "friction": {
+        "finger_part_min": Number(0, 2),
+        "finger_part_max": Number(0, 2),
+    },
+    "gripper": {
+        "model": Text(default="robotiq-2f-85"),
+        "finger_length_mm": Number(0, MM, above=True),
+        "finger_width_mm": Number(0, MM, above=True),
+        "opening_mm": Number(0, MM, above=True),
+        "count_open": Integer(0, 255, default=3),
+        "count_closed": Integer(0, 255, default=230),
+        "encoder_noise_mm": Number(0, 10, default=0.15),
+        "speed_mm_s": Number(0, MM, above=True, default=60.0),
+        "force_n": Number(0, 10_000, above=True, default=40.0),
+    },
+    "uncertainty": {
+        "radius_mm": Number(0, MM),
+        "orientation": Text(("unknown",), default=None),
+        "orientation_halfwidth_deg": Number(0, 180, default=None),
+    },
+    "actions": {
+        "angles_deg": Numbers(Number(-360, 360), most=1_000),
+        "centers_mm": Numbers(PLACE, columns=2, most=1_000),
+    },
+    "goal": {
+        "distance_mm": Number(0, 100, above=True),
+        "confidence": Number(0, 1, above=True, below=True),
+    },
+    "search": {
+        "method": Text(("closed-loop",), default="closed-loop"),
+        "depth": Integer(1, 10, default=2),
+        "squeeze_cost": Number(0, 1, default=0.01),
+        "particles": Integer(10, 10_000_000, default=6000),
+        "search_particles": Integer(10, 10_000_000, default=400),
+        "max_depth": Integer(1, 100, default=12),
+    },
+    "cell": {
+        "work_area_mm": Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
+        "retreat_height_mm": Number(0, MM, above=True, default=60.0),
+        "squeeze_height_mm": Number(0, MM, default=8.0),
+        "arm_speed_mm_s": Number(0, 10_000, above=True, default=250.0),
+        "max_force_n": Number(0, 10_000, above=True, default=235.0),
+        "max_speed_mm_s": Number(0, MM, above=True, default=150.0),
+    },
+}
+
+PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
+    "points": {
+        "points_mm": Numbers(PLACE, columns=2, least=2),
+        "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
+    },
+    "stated": {
+        "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3),
+        "rho_mm": Number(0, MM, above=True),
+    },
+}
+"""Further keys of [pressure], by its kind."""
+
+OPTIONAL_SECTIONS = ("pressure", "search", "cell")
+
+
+def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str, Any]]:
+    """Check a parsed job file, key by key; conflicts between keys are the job's business.
+
+    Args:
+        document: the file as nested tables.
+        where: the file, for errors.
+
+    Returns:
+        Section name to key to checked value, defaults filled in; the section "" is the top level.
+
+    Raises:
+        KeyNameError: an unknown or missing key or section.
+        ValueRangeError: a value of the wrong type or out of its range.
+    """
+    check_names(document, (*FIELDS, *TOP_LEVEL), where, "")
+    missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
+    if missing:
+        raise missing_names(missing, where, "")
+    top = {key: value for key, value in document.items() if key in TOP_LEVEL}
+    values = {"": read_section(top, TOP_LEVEL, where, "")}
+    for name, section_fields in FIELDS.items():
+        table = document.get(name, {})
+        if name == "pressure":
+            section_fields = _pressure_fields(table, where)
+        _check_strays(table, section_fields, where, name)
+        values[name] = read_section(table, section_fields, where, name)
+    _fill_orientation(values["uncertainty"], where)
+    return values
+
+
+def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:
+    """Return the keys that the stated kind of pressure takes."""
+    common = FIELDS["pressure"]
+    kind_only = {"kind": table["kind"]} if isinstance(table, dict) and "kind" in table else {}
+    kind = read_section(kind_only, common, where, "pressure")["kind"]
+    return {**common, **PRESSURE_FIELDS.get(kind, {})}
+
+
+def _check_strays(table: Any, section_fields: Mapping[str, Field], where: str, section: str) -> None:
+    """Refuse a key that is valid elsewhere, and say where."""
+    if not isinstance(table, dict):
+        return
+    homes = {key: f"belongs in [{name}]" for name, home in FIELDS.items() for key in home}
+    homes |= {
+        key: f'needs kind = "{kind}" in [pressure]' for kind, home in PRESSURE_FIELDS.items() for key in home
+    }
+    homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section")
+    for key in table:
+        if key in homes and key not in section_fields:
+            error = KeyNameError(
+                f"key {shown(key)} {homes[key]}; move it there", where=where, section=section, value=key
+            )
+            error.names = (key,)
+            raise error
+
+
+def _fill_orientation(uncertainty: dict[str, Any], where: str) -> None:
+    """Turn the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
+    unknown = uncertainty.pop("orientation") is not None
+    stated = uncertainty["orientation_halfwidth_deg"] is not None
+    choice = 'orientation = "unknown" or orientation_halfwidth_deg'
+    if not unknown and not stated:
+        error = KeyNameError(f"missing key orientation; state {choice}", where=where, section="uncertainty")
+        error.names = ("orientation",)
+        raise error
+    if unknown and stated:
+        raise ValueRangeError(
+            f"state {choice}, not both", where=where, section="uncertainty", key="orientation"
+        )
+    if unknown:
+        uncertainty["orientation_halfwidth_deg"] = math.degrees(math.pi)
