@@ -10,11 +10,16 @@ extend outwards by their thickness. Three pairs of features can touch (planning 
 A pair counts only where its normal lies in the normal cones of both features, so that "vertex on face" and
 "corner on edge" at the end of a finger are alternatives and never both; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
+
+Contacts live in two plain arrays, one row a contact, so that the kernels pass few arguments:
+
+    C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
+        GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
+        tangent (UN, UT) [mm], forces (FN, FT);
+    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1, -1), KIND, SIDE (sign of the finger end's x), VERTEX.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,53 +30,40 @@ FACE = 0
 CORNER = 1
 END = 2
 
+RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT = range(11)
+C_COLUMNS = 11
+FINGER, KIND, SIDE, VERTEX = range(4)
+I_COLUMNS = 4
+
 MAX_CONTACTS = 12
 NEARLY_PARALLEL = 0.08
 """Sine of the angle below which an edge counts as parallel to a finger's face."""
 EDGE_SLACK_MM = 1e-9
-
-
-class Contacts(NamedTuple):
-    """Contact buffers; the first `count` rows that `find` returned are valid.
-
-    Attributes:
-        r: (MAX_CONTACTS, 2) contact point minus the part's origin [mm].
-        n: (MAX_CONTACTS, 2) unit normal into the part.
-        gap: (MAX_CONTACTS,) distance along the normal [mm], negative where the bodies overlap.
-        finger: (MAX_CONTACTS,) +1 or -1.
-        kind: (MAX_CONTACTS,) FACE, CORNER or END.
-        side: (MAX_CONTACTS,) sign of the finger end's x for CORNER and END.
-        vertex: (MAX_CONTACTS,) the part's vertex, or the first vertex of its edge.
-    """
-
-    r: Array
-    n: Array
-    gap: Array
-    finger: IntArray
-    kind: IntArray
-    side: IntArray
-    vertex: IntArray
-
-
-def buffers() -> Contacts:
-    """Empty contact buffers."""
-    k = MAX_CONTACTS
-    ints = [np.zeros(k, np.int64) for _ in range(4)]
-    return Contacts(np.zeros((k, 2)), np.zeros((k, 2)), np.zeros(k), *ints)
+END_DEPTH_MM = 0.01
+"""How far behind the inner face a vertex must be to count as beside the finger."""
 
 
 @njit(cache=True, nogil=True)
-def place(outline: Array, q: Array, points: Array) -> None:
-    """Outline in the hand frame at pose q = (x, y, theta); `points` (N, 2) is modified in place."""
+def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
+    """Places the listed vertices of the outline at pose q = (x, y, theta).
+
+    Args:
+        outline: (N, 2) in the part's frame [mm].
+        q: (3,) pose in the hand frame [mm, mm, rad].
+        points: (N, 2), the listed rows are modified in place.
+        listed: (N,) vertex numbers.
+        count: how many of them are valid.
+    """
     c, s = np.cos(q[2]), np.sin(q[2])
-    for i in range(outline.shape[0]):
+    for k in range(count):
+        i = listed[k]
         points[i, 0] = q[0] + c * outline[i, 0] - s * outline[i, 1]
         points[i, 1] = q[1] + s * outline[i, 0] + c * outline[i, 1]
 
 
 @njit(cache=True, nogil=True)
 def _add(
-    contacts: Contacts, count: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
+    C: Array, I: IntArray, count: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
     ry: float, nx: float, ny: float,
 ) -> int:  # fmt: skip
     """Appends one contact, or replaces the widest gap where the buffers are full."""
@@ -79,133 +71,72 @@ def _add(
     if count >= MAX_CONTACTS:
         slot = 0
         for k in range(MAX_CONTACTS):
-            if contacts.gap[k] > contacts.gap[slot]:
+            if C[k, GAP] > C[slot, GAP]:
                 slot = k
-        if contacts.gap[slot] <= gap:
+        if C[slot, GAP] <= gap:
             return count
         count -= 1
-    contacts.r[slot, 0], contacts.r[slot, 1] = rx, ry
-    contacts.n[slot, 0], contacts.n[slot, 1] = nx, ny
-    contacts.gap[slot] = gap
-    contacts.finger[slot], contacts.kind[slot] = finger, kind
-    contacts.side[slot], contacts.vertex[slot] = side, vertex
+    C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
+    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
     return count + 1
 
 
 @njit(cache=True, nogil=True)
-def _known(contacts: Contacts, count: int, finger: int, kind: int, vertex: int) -> bool:
-    for k in range(count):
-        if contacts.vertex[k] == vertex and contacts.kind[k] == kind and contacts.finger[k] == finger:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
 def _add_face(
-    contacts: Contacts, count: int, points: Array, q: Array, i: int, finger: int, face: float, h: float,
-    margin: float,
+    C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, finger: int, face: float,
+    h: float, margin: float,
 ) -> int:  # fmt: skip
-    """Adds vertex i on the inner face, where it is under the face and near."""
+    """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
     gap = finger * (face - points[i, 1])
     inside = h - abs(points[i, 0])
     if inside < 0.0 or gap > margin or gap < -margin or (gap < 0.0 and inside < -gap):
         return count
-    if _known(contacts, count, finger, FACE, i):
-        return count
-    rx, ry = points[i, 0] - q[0], points[i, 1] - q[1]
-    return _add(contacts, count, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger))
+    for k in range(count):
+        if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
+            return count
+    rx, ry = points[i, 0] - x, points[i, 1] - y
+    return _add(C, I, count, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger))
 
 
 @njit(cache=True, nogil=True)
-def _find_faces(
-    contacts: Contacts, count: int, points: Array, q: Array, finger: int, face: float, h: float, margin: float
-) -> int:
-    """Local minima of the gap under the face, and the lower neighbour of each."""
-    n = points.shape[0]
-    for i in range(n):
-        y = finger * points[i, 1]
-        if finger * face - y > margin:
-            continue
-        before, after = (i - 1) % n, (i + 1) % n
-        y_before, y_after = finger * points[before, 1], finger * points[after, 1]
-        if y < y_before or y < y_after:
-            continue
-        known = count
-        count = _add_face(contacts, count, points, q, i, finger, face, h, margin)
-        if count == known and abs(points[i, 0]) > h:
-            continue
-        neighbour = before if y_before > y_after else after
-        count = _add_face(contacts, count, points, q, neighbour, finger, face, h, margin)
-        if y_before == y_after:
-            count = _add_face(contacts, count, points, q, before, finger, face, h, margin)
-    return count
-
-
-@njit(cache=True, nogil=True)
-def _find_corners(
-    contacts: Contacts, count: int, points: Array, q: Array, finger: int, face: float, h: float, margin: float
-) -> int:
-    """Edges of the part at the two inner corners of a finger."""
-    n = points.shape[0]
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        low, high = min(x0, x1) - margin, max(x0, x1) + margin
-        if (low > h or high < h) and (low > -h or high < -h):
-            continue
-        if max(finger * y0, finger * y1) < finger * face - margin:
-            continue
-        ex, ey = x1 - x0, y1 - y0
-        length = np.sqrt(ex * ex + ey * ey)
-        ex, ey = ex / length, ey / length
-        if -finger * ex < -NEARLY_PARALLEL:
-            continue
-        for side in (-1, 1):
-            if side * ey > NEARLY_PARALLEL:
-                continue
-            dx, dy = side * h - x0, face - y0
-            gap = dx * ey - dy * ex
-            along = dx * ex + dy * ey
-            if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
-                continue
-            rx, ry = side * h - gap * ey - q[0], face + gap * ex - q[1]
-            count = _add(contacts, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex)
-    return count
-
-
-@njit(cache=True, nogil=True)
-def _find_ends(
-    contacts: Contacts, count: int, points: Array, q: Array, finger: int, face: float, h: float,
-    thickness: float, margin: float, depth: float,
+def _add_corners(
+    C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, j: int, finger: int,
+    face: float, h: float, margin: float,
 ) -> int:  # fmt: skip
-    """Vertices beside a finger, deeper than `depth` behind its inner face, near one of its ends."""
-    n = points.shape[0]
-    for i in range(n):
-        behind = finger * (points[i, 1] - face)
-        if behind < depth or behind > thickness:
+    """Adds the edge from vertex i to j at the two inner corners of a finger."""
+    x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+    ex, ey = x1 - x0, y1 - y0
+    length = np.sqrt(ex * ex + ey * ey)
+    ex, ey = ex / length, ey / length
+    if finger * ex > NEARLY_PARALLEL:
+        return count
+    for side in (-1, 1):
+        if side * ey > NEARLY_PARALLEL:
             continue
-        side = 1 if points[i, 0] > 0.0 else -1
-        gap = side * points[i, 0] - h
-        if gap > margin or gap < -margin or (gap < 0.0 and behind < -gap):
+        dx, dy = side * h - x0, face - y0
+        gap = dx * ey - dy * ex
+        along = dx * ex + dy * ey
+        if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
             continue
-        before, after = (i - 1) % n, (i + 1) % n
-        if side * points[before, 0] < side * points[i, 0] or side * points[after, 0] < side * points[i, 0]:
-            continue
-        rx, ry = points[i, 0] - q[0], points[i, 1] - q[1]
-        count = _add(contacts, count, gap, finger, END, side, i, rx, ry, float(side), 0.0)
+        rx, ry = side * h - gap * ey - x, face + gap * ex - y
+        count = _add(C, I, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex)
     return count
 
 
 @njit(cache=True, nogil=True)
 def find(
-    contacts: Contacts, points: Array, q: Array, top: float, bottom: float, h: float, thickness: float,
-    margin: float,
+    C: Array, I: IntArray, points: Array, listed: IntArray, listed_count: int, q: Array, top: float,
+    bottom: float, h: float, thickness: float, margin: float,
 ) -> int:  # fmt: skip
     """Finds all pairs of features that are within `margin` of touching.
 
+    On the inner face only local minima of the gap count, and the lower neighbour of each.
+
     Args:
-        contacts: buffers, modified in place.
+        C, I: contact buffers, modified in place.
         points: (N, 2) outline in the hand frame, counter-clockwise [mm].
+        listed: (N,) the vertices to look at; they and their neighbours must be placed.
+        listed_count: how many of them are valid.
         q: (3,) the part's pose in the hand frame [mm, mm, rad].
         top: y of the upper finger's inner face [mm].
         bottom: y of the lower finger's inner face [mm].
@@ -216,13 +147,36 @@ def find(
     Returns:
         The number of contacts.
     """
+    n = points.shape[0]
     count = 0
-    depth = 0.01
-    for finger in (1, -1):
-        face = top if finger == 1 else bottom
-        count = _find_faces(contacts, count, points, q, finger, face, h, margin)
-        count = _find_corners(contacts, count, points, q, finger, face, h, margin)
-        count = _find_ends(contacts, count, points, q, finger, face, h, thickness, margin, depth)
+    for m in range(listed_count):
+        i = listed[m]
+        j = i + 1 if i + 1 < n else 0
+        b = i - 1 if i > 0 else n - 1
+        xi, xj, yi, yj, yb = points[i, 0], points[j, 0], points[i, 1], points[j, 1], points[b, 1]
+        spans = (min(xi, xj) - margin <= h and max(xi, xj) + margin >= h) or (
+            min(xi, xj) - margin <= -h and max(xi, xj) + margin >= -h
+        )
+        for finger in (1, -1):
+            face = top if finger == 1 else bottom
+            reach = finger * face - margin
+            y, before, after = finger * yi, finger * yb, finger * yj
+            if y >= reach and y >= before and y >= after and abs(xi) <= h:
+                count = _add_face(C, I, count, points, q[0], q[1], i, finger, face, h, margin)
+                if before >= after:
+                    count = _add_face(C, I, count, points, q[0], q[1], b, finger, face, h, margin)
+                if after >= before:
+                    count = _add_face(C, I, count, points, q[0], q[1], j, finger, face, h, margin)
+            if spans and (y >= reach or after >= reach):
+                count = _add_corners(C, I, count, points, q[0], q[1], i, j, finger, face, h, margin)
+            behind = y - finger * face
+            if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:
+                side = 1 if xi > 0.0 else -1
+                gap = side * xi - h
+                local = side * points[b, 0] >= side * xi and side * xj >= side * xi
+                if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
+                    rx, ry = xi - q[0], yi - q[1]
+                    count = _add(C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0)
     return count
 
 
@@ -279,6 +233,12 @@ def penetration(points: Array, finger: int, face: float, h: float, thickness: fl
     if inside_left:
         deepest = max(deepest, _edge_distance(points, -h, face))
     return deepest
+
+
+@njit(cache=True, nogil=True)
+def overlap(points: Array, top: float, bottom: float, h: float, thickness: float) -> float:
+    """Deepest penetration of the part by either finger [mm]; arguments as in `find`."""
+    return max(penetration(points, 1, top, h, thickness), penetration(points, -1, bottom, h, thickness))
 
 
 @njit(cache=True, nogil=True)

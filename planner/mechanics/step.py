@@ -9,8 +9,8 @@ factor that the forces absorb, so for contacts with wrench directions N_i (norma
     0 <= f_t- _|_ -(T_i . V - u_t) + lambda_i   >= 0                                     (4)
     0 <= lambda_i _|_ mu f_n - f_t+ - f_t-      >= 0                                     (5)
 
-where V is a displacement and u the finger's; the gap in eq. 3 lets contacts close within the step and
-removes drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f_y, tau / rho).
+where V is a displacement and u the finger's; the gap in eq. 3 closes contacts within the step and removes
+drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f_y, tau / rho).
 """
 
 from __future__ import annotations
@@ -21,44 +21,51 @@ import numpy as np
 from numba import njit
 
 from planner.arrays import Array, IntArray
-from planner.mechanics.contacts import CORNER, FACE, MAX_CONTACTS, Contacts
+from planner.mechanics.contacts import (
+    CORNER,
+    FINGER,
+    FN,
+    FT,
+    GAP,
+    KIND,
+    MAX_CONTACTS,
+    N2,
+    NX,
+    NY,
+    RX,
+    RY,
+    SIDE,
+    T2,
+    UN,
+    UT,
+)
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
+from planner.mechanics.pair import form, motion, one_contact, two_contacts
 
-GAP_TOLERANCE_MM = 1e-7
+TOUCHING_MM = 1e-3
+"""Contacts with a smaller gap enter the step; the others are awaited as events."""
+OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
 
 class StepWork(NamedTuple):
-    """Workspace of `solve`.
+    """Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G."""
 
-    Attributes:
-        N, T: (MAX_CONTACTS, 3) normal and tangent wrench directions, normalised.
-        u: (MAX_CONTACTS, 2) the finger's displacement along normal and tangent [mm].
-        M, q, tableau, basis, z: the LCP.
-        active: (MAX_CONTACTS,) the contacts in the LCP.
-        force: (MAX_CONTACTS, 2) f_n and f_t of the last solution, in units of A's inverse.
-    """
-
-    N: Array
-    T: Array
-    u: Array
     M: Array
     q: Array
     tableau: Array
     basis: IntArray
     z: Array
     active: IntArray
-    force: Array
+    G: Array
 
 
 def workspace() -> StepWork:
     """A fresh workspace."""
-    k, n = MAX_CONTACTS, 4 * MAX_CONTACTS
+    n = 4 * MAX_CONTACTS
     return StepWork(
-        N=np.zeros((k, 3)), T=np.zeros((k, 3)), u=np.zeros((k, 2)),
-        M=np.zeros((n, n)), q=np.zeros(n), tableau=np.zeros((n, 2 * n + 2)),
-        basis=np.zeros(n, np.int64), z=np.zeros(n),
-        active=np.zeros(k, np.int64), force=np.zeros((k, 2)),
+        M=np.zeros((n, n)), q=np.zeros(n), tableau=np.zeros((n, 2 * n + 2)), basis=np.zeros(n, np.int64),
+        z=np.zeros(n), active=np.zeros(MAX_CONTACTS, np.int64), G=np.zeros((4, 4)),
     )  # fmt: skip
 
 
@@ -77,98 +84,68 @@ def rotate_surface(A: Array, theta: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def directions(
-    contacts: Contacts, count: int, rho: float, top_advance: float, bottom_advance: float, work: StepWork
-) -> None:
-    """Wrench directions and finger displacements of all contacts, into `work` (the Jacobian of eq. 2)."""
+def directions(C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float) -> None:
+    """Moments and finger displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
     for k in range(count):
-        nx, ny = contacts.n[k, 0], contacts.n[k, 1]
-        rx, ry = contacts.r[k, 0], contacts.r[k, 1]
-        work.N[k, 0], work.N[k, 1], work.N[k, 2] = nx, ny, (rx * ny - ry * nx) / rho
-        work.T[k, 0], work.T[k, 1], work.T[k, 2] = -ny, nx, (rx * nx + ry * ny) / rho
-        advance = -top_advance if contacts.finger[k] == 1 else bottom_advance
-        work.u[k, 0], work.u[k, 1] = advance * ny, advance * nx
+        nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
+        C[k, N2], C[k, T2] = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
+        advance = -top_advance if I[k, FINGER] == 1 else bottom_advance
+        C[k, UN], C[k, UT] = advance * ny, advance * nx
 
 
 @njit(cache=True, nogil=True)
-def _apply(A: Array, f: Array, out: Array) -> None:
-    for i in range(3):
-        out[i] = A[i, 0] * f[0] + A[i, 1] * f[1] + A[i, 2] * f[2]
+def turn(C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float) -> None:
+    """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
+    angle = half[2] - q[2]
+    c, s = np.cos(angle), np.sin(angle)
+    for k in range(count):
+        if I[k, KIND] == CORNER:
+            nx, ny = C[k, NX], C[k, NY]
+            nx, ny = c * nx - s * ny, s * nx + c * ny
+            face = top if I[k, FINGER] == 1 else bottom
+            C[k, NX], C[k, NY] = nx, ny
+            C[k, RX] = I[k, SIDE] * h + C[k, GAP] * nx - half[0]
+            C[k, RY] = face + C[k, GAP] * ny - half[1]
+        else:
+            rx, ry = C[k, RX], C[k, RY]
+            C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
 
 
 @njit(cache=True, nogil=True)
-def _form(A: Array, f: Array, g: Array) -> float:
-    """f . A g."""
-    return float(
-        f[0] * (A[0, 0] * g[0] + A[0, 1] * g[1] + A[0, 2] * g[2])
-        + f[1] * (A[1, 0] * g[0] + A[1, 1] * g[1] + A[1, 2] * g[2])
-        + f[2] * (A[2, 0] * g[0] + A[2, 1] * g[1] + A[2, 2] * g[2])
-    )
-
-
-@njit(cache=True, nogil=True)
-def _motion(A: Array, work: StepWork, m: int, V: Array) -> None:
-    """V = A F (eq. 1) for the forces of the m active contacts; `V` is modified in place."""
-    F0, F1, F2 = 0.0, 0.0, 0.0
-    for a in range(m):
-        k = work.active[a]
-        fn, ft = work.force[k, 0], work.force[k, 1]
-        F0 += fn * work.N[k, 0] + ft * work.T[k, 0]
-        F1 += fn * work.N[k, 1] + ft * work.T[k, 1]
-        F2 += fn * work.N[k, 2] + ft * work.T[k, 2]
-    for i in range(3):
-        V[i] = A[i, 0] * F0 + A[i, 1] * F1 + A[i, 2] * F2
-
-
-@njit(cache=True, nogil=True)
-def _one_contact(A: Array, mu: float, gap: float, work: StepWork) -> int:
-    """Closed form for one contact: stick, else slide along the edge of the friction cone."""
-    k = work.active[0]
-    N, T = work.N[k], work.T[k]
-    a, b, c = _form(A, N, N), _form(A, N, T), _form(A, T, T)
-    un, ut = work.u[k, 0] - gap, work.u[k, 1]
-    determinant = a * c - b * b
-    fn, ft = (c * un - b * ut) / determinant, (a * ut - b * un) / determinant
-    if abs(ft) <= mu * fn:
-        work.force[k, 0], work.force[k, 1] = fn, ft
-        return SOLVED
-    for sign in (1.0 if ft > 0.0 else -1.0, -1.0 if ft > 0.0 else 1.0):
-        fn = un / (a + sign * mu * b)
-        slip = fn * (b + sign * mu * c) - ut
-        if fn >= 0.0 and sign * slip <= 1e-12:
-            work.force[k, 0], work.force[k, 1] = fn, sign * mu * fn
-            return SOLVED
-    return RAY
-
-
-@njit(cache=True, nogil=True)
-def _assemble(A: Array, mu: Array, contacts: Contacts, work: StepWork, m: int) -> None:
+def _assemble(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int) -> None:
     """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m)."""
-    M, q = work.M, work.q
+    M, q, active = work.M, work.q, work.active
+    for i in range(4 * m):
+        for j in range(4 * m):
+            M[i, j] = 0.0
     for a in range(m):
-        k = work.active[a]
+        k = active[a]
+        nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
         for b in range(m):
-            j = work.active[b]
-            nn, nt = _form(A, work.N[k], work.N[j]), _form(A, work.N[k], work.T[j])
-            tn, tt = _form(A, work.T[k], work.N[j]), _form(A, work.T[k], work.T[j])
-            M[a, b], M[a, m + b], M[a, 2 * m + b], M[a, 3 * m + b] = nn, nt, -nt, 0.0
-            M[m + a, b], M[m + a, m + b], M[m + a, 2 * m + b], M[m + a, 3 * m + b] = tn, tt, -tt, 0.0
-            for c in range(3):
-                M[2 * m + a, c * m + b] = -M[m + a, c * m + b]
-            M[2 * m + a, 3 * m + b] = 0.0
-            for c in range(4):
-                M[3 * m + a, c * m + b] = 0.0
+            j = active[b]
+            px, py, p2, s2 = C[j, NX], C[j, NY], C[j, N2], C[j, T2]
+            nn, nt = form(A, nx, ny, n2, px, py, p2), form(A, nx, ny, n2, -py, px, s2)
+            tn, tt = form(A, -ny, nx, t2, px, py, p2), form(A, -ny, nx, t2, -py, px, s2)
+            M[a, b], M[a, m + b], M[a, 2 * m + b] = nn, nt, -nt
+            M[m + a, b], M[m + a, m + b], M[m + a, 2 * m + b] = tn, tt, -tt
+            M[2 * m + a, b], M[2 * m + a, m + b], M[2 * m + a, 2 * m + b] = -tn, -tt, tt
         M[m + a, 3 * m + a] = M[2 * m + a, 3 * m + a] = 1.0
-        M[3 * m + a, a] = mu[0] if contacts.finger[k] == 1 else mu[1]
+        M[3 * m + a, a] = mu_top if I[k, FINGER] == 1 else mu_bottom
         M[3 * m + a, m + a] = M[3 * m + a, 2 * m + a] = -1.0
-        q[a] = contacts.gap[k] - work.u[k, 0]
-        q[m + a], q[2 * m + a], q[3 * m + a] = -work.u[k, 1], work.u[k, 1], 0.0
+        q[a] = C[k, GAP] - C[k, UN]
+        q[m + a], q[2 * m + a], q[3 * m + a] = -C[k, UT], C[k, UT], 0.0
 
 
 @njit(cache=True, nogil=True)
-def _many_contacts(A: Array, mu: Array, contacts: Contacts, work: StepWork, m: int) -> int:
-    """Lemke's method on the m active contacts, with the residual checked."""
-    _assemble(A, mu, contacts, work, m)
+def _all_touching(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork,
+                  V: Array) -> int:  # fmt: skip
+    """Lemke's method on all touching contacts, with the residual checked."""
+    m = 0
+    for k in range(count):
+        if C[k, GAP] <= TOUCHING_MM:
+            work.active[m] = k
+            m += 1
+    _assemble(A, mu_top, mu_bottom, C, I, work, m)
     status = lemke(work.M, work.q, 4 * m, work.tableau, work.basis, work.z)
     if status != SOLVED:
         return status
@@ -176,87 +153,93 @@ def _many_contacts(A: Array, mu: Array, contacts: Contacts, work: StepWork, m: i
         return PIVOT_LIMIT
     for a in range(m):
         k = work.active[a]
-        work.force[k, 0], work.force[k, 1] = work.z[a], work.z[m + a] - work.z[2 * m + a]
+        C[k, FN], C[k, FT] = work.z[a], work.z[m + a] - work.z[2 * m + a]
+    motion(A, C, work.active, m, V)
     return SOLVED
 
 
 @njit(cache=True, nogil=True)
-def solve(A: Array, mu: Array, contacts: Contacts, count: int, work: StepWork, V: Array) -> int:
-    """Solves the step for the contacts whose directions are in `work`.
+def _slack(C: Array, k: int, V: Array) -> float:
+    """Gap of contact k after the displacement V [mm]."""
+    return float(C[k, GAP] - C[k, UN] + C[k, NX] * V[0] + C[k, NY] * V[1] + C[k, N2] * V[2])
 
-    Contacts enter the LCP one by one, the most violated first, until none of the others overlaps: most steps
-    need one or two.
+
+@njit(cache=True, nogil=True)
+def _most_violated(C: Array, count: int, V: Array) -> int:
+    """The touching contact that overlaps most after V; -1 where none does."""
+    worst, found = -OVERLAP_MM, -1
+    for k in range(count):
+        if C[k, GAP] <= TOUCHING_MM:
+            slack = _slack(C, k, V)
+            if slack < worst:
+                worst, found = slack, k
+    return found
+
+
+@njit(cache=True, nogil=True)
+def solve(
+    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
+) -> int:
+    """Solves the step for the touching contacts.
+
+    Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
+    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method.
 
     Args:
-        A: (3, 3) the limit surface's matrix in the hand frame.
-        mu: (2,) friction at the upper and the lower finger.
-        contacts: the contacts, with gaps [mm].
+        A: (3, 3) limit surface matrix in the hand frame.
+        mu_top: friction at the upper finger.
+        mu_bottom: friction at the lower finger.
+        C, I: contacts, completed by `directions`; the forces are modified in place.
         count: how many of them are valid.
-        work: workspace, its N, T and u filled by `directions`; modified in place.
+        work: workspace, modified in place.
         V: (3,) receives the displacement (dx, dy, rho dtheta) [mm].
 
     Returns:
         `SOLVED`, `RAY` (no solution: jammed or grasped) or `PIVOT_LIMIT`.
     """
     V[0] = V[1] = V[2] = 0.0
-    m = 0
-    status = SOLVED
-    for _ in range(count + 1):
-        worst, entering = -GAP_TOLERANCE_MM, -1
-        for k in range(count):
-            if m > 0 and _is_active(work, m, k):
-                continue
-            slack = contacts.gap[k] - work.u[k, 0]
-            slack += work.N[k, 0] * V[0] + work.N[k, 1] * V[1] + work.N[k, 2] * V[2]
-            if slack < worst:
-                worst, entering = slack, k
-        if entering < 0:
+    active = work.active
+    for k in range(count):
+        C[k, FN], C[k, FT] = 0.0, 0.0
+    first = _most_violated(C, count, V)
+    if first < 0:
+        return SOLVED
+    mu_first = mu_top if I[first, FINGER] == 1 else mu_bottom
+    active[0] = first
+    if one_contact(A, C, first, mu_first) == SOLVED:
+        motion(A, C, active, 1, V)
+        second = _most_violated(C, count, V)
+        if second < 0:
             return SOLVED
-        work.active[m] = entering
-        m += 1
-        if m == 1:
-            friction = mu[0] if contacts.finger[entering] == 1 else mu[1]
-            status = _one_contact(A, friction, contacts.gap[entering], work)
-        else:
-            status = _many_contacts(A, mu, contacts, work, m)
-        if status != SOLVED:
-            break
-        _motion(A, work, m, V)
-    if status == SOLVED or m == count:
-        return status
-    # Not even the first contacts can be satisfied; all of them together decide.
+        mu_second = mu_top if I[second, FINGER] == 1 else mu_bottom
+        active[1] = second
+        if two_contacts(A, C, first, second, mu_first, mu_second, work.G) == SOLVED:
+            motion(A, C, active, 2, V)
+            if _most_violated(C, count, V) < 0:
+                return SOLVED
+        C[first, FN], C[first, FT] = 0.0, 0.0
+        active[0] = second
+        if one_contact(A, C, second, mu_second) == SOLVED:
+            motion(A, C, active, 1, V)
+            if _most_violated(C, count, V) < 0:
+                return SOLVED
     for k in range(count):
-        work.active[k] = k
-    status = _many_contacts(A, mu, contacts, work, count)
-    if status == SOLVED:
-        _motion(A, work, count, V)
-    return status
+        C[k, FN], C[k, FT] = 0.0, 0.0
+    return _all_touching(A, mu_top, mu_bottom, C, I, count, work, V)
 
 
 @njit(cache=True, nogil=True)
-def _is_active(work: StepWork, m: int, k: int) -> bool:
-    for a in range(m):
-        if work.active[a] == k:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def turn(contacts: Contacts, count: int, q: Array, half: Array, top: float, bottom: float, h: float) -> None:
-    """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
-    angle = half[2] - q[2]
-    c, s = np.cos(angle), np.sin(angle)
+def event_fraction(C: Array, count: int, V: Array) -> float:
+    """Share of the step after which the first awaited contact touches (linear in the step); 1 where none does."""
+    fraction = 1.0
     for k in range(count):
-        rx, ry = contacts.r[k, 0], contacts.r[k, 1]
-        if contacts.kind[k] == CORNER:
-            nx, ny = contacts.n[k, 0], contacts.n[k, 1]
-            nx, ny = c * nx - s * ny, s * nx + c * ny
-            face = top if contacts.finger[k] == 1 else bottom
-            contacts.n[k, 0], contacts.n[k, 1] = nx, ny
-            contacts.r[k, 0] = contacts.side[k] * h + contacts.gap[k] * nx - half[0]
-            contacts.r[k, 1] = face + contacts.gap[k] * ny - half[1]
-        else:
-            contacts.r[k, 0], contacts.r[k, 1] = c * rx - s * ry, s * rx + c * ry
+        gap = C[k, GAP]
+        if gap > TOUCHING_MM:
+            slack = _slack(C, k, V)
+            if slack < -OVERLAP_MM:
+                fraction = min(fraction, gap / (gap - slack))
+    return fraction
 
 
-__all__ = ["FACE", "PIVOT_LIMIT", "RAY", "SOLVED", "StepWork", "directions", "rotate_surface", "solve", "turn"]
+__all__ = ["PIVOT_LIMIT", "RAY", "SOLVED", "StepWork", "directions", "event_fraction", "rotate_surface", "solve",
+           "turn", "workspace"]  # fmt: skip
