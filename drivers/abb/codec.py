@@ -1,0 +1,155 @@
+"""The open_abb wire protocol as `SERVER.mod` really behaves: lines out, unterminated replies in.
+
+A command is `<code> (<number> )*#`: one space between fields and one before `#`, or the last parameter is
+lost. The server keeps a parameter's old value when a number is garbled, and would move there; so numbers are
+formatted strictly.
+"""
+
+import math
+from typing import NamedTuple
+
+MAX_LINE = 80  # RAPID string limit of one SocketReceive \\Str
+MAX_NUMBERS = 10  # params{10} in SERVER.mod
+MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
+
+PING, MOVE_LINEAR, READ_POSE, SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 0, 1, 3, 6, 7, 8, 9
+CLOSE = 99  # answered by silence
+
+# Code -> how many fields its reply carries. 98 answers free text and is left out.
+REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {3: 7, 4: 6, 5: 6, 32: 1}
+
+Quaternion = tuple[float, float, float, float]
+
+
+class Pose(NamedTuple):
+    """A RAPID pose: mm, and a unit quaternion (w, x, y, z)."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    rotation: Quaternion
+
+
+IDENTITY = Pose(0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
+
+
+class Reply(NamedTuple):
+    """One answer of the server: `done` is its ok flag, `fields` the payload."""
+
+    code: int
+    done: bool
+    fields: tuple[str, ...]
+
+
+class ProtocolError(ValueError):
+    """Something that must not be sent, or an answer that does not fit the question."""
+
+
+def number(value: float, decimals: int) -> str:
+    """Format a number for the wire: fixed point, no exponent, no negative zero.
+
+    Raises:
+        ProtocolError: it is not finite, or larger than anything an arm is told.
+    """
+    if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
+        raise ProtocolError(f"{value} cannot be sent to the arm; give one below {MAX_MAGNITUDE:.0f}")
+    text = f"{value:.{decimals}f}"
+    return text[1:] if float(text) == 0.0 and text.startswith("-") else text
+
+
+def command(code: int, *numbers: str) -> bytes:
+    """One command line, to be sent in one piece.
+
+    Raises:
+        ProtocolError: it has more numbers or characters than the server can take.
+    """
+    line = " ".join((str(code), *numbers, "#"))
+    if len(line) > MAX_LINE or len(numbers) > MAX_NUMBERS:
+        raise ProtocolError(f"command too long, {len(line)} characters and {len(numbers)} numbers: {line}")
+    return line.encode("ascii")
+
+
+def pose_numbers(pose: Pose) -> tuple[str, ...]:
+    """Seven numbers of a pose: mm to 0.001, quaternion to 1e-7.
+
+    Raises:
+        ProtocolError: a number is not finite, or the quaternion not of unit length (RAPID would stop).
+    """
+    length = math.sqrt(sum(part * part for part in pose.rotation))
+    if not abs(length - 1.0) < 1e-6:
+        raise ProtocolError(f"quaternion {pose.rotation} has length {length}; normalise it")
+    position = (number(value, 3) for value in (pose.x_mm, pose.y_mm, pose.z_mm))
+    return (*position, *(number(part, 7) for part in pose.rotation))
+
+
+def hand_rotation(angle_rad: float) -> Quaternion:
+    """Rotation of a hand that points down, turned by `angle_rad`: (0, cos a/2, sin a/2, 0)."""
+    return (0.0, math.cos(angle_rad / 2.0), math.sin(angle_rad / 2.0), 0.0)
+
+
+def hand_angle(rotation: Quaternion) -> float:
+    """Angle in (-pi, pi] of a hand that points down.
+
+    Raises:
+        ProtocolError: the hand does not point down (by more than about 2 degrees).
+    """
+    w, x, y, z = rotation
+    if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
+        raise ProtocolError(f"the hand does not point down (quaternion {rotation}); jog it upright first")
+    angle = 2.0 * math.atan2(y, x)
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def parse_reply(text: str, code: int) -> Reply | None:
+    """The reply to `code` at the start of `text`, or None while it may still be growing.
+
+    Replies have no terminator: one with a payload counts as whole once it has all its fields.
+
+    Raises:
+        ProtocolError: this is no reply to that code.
+    """
+    head, *payload = text.split(" ")
+    if head != str(code)[: len(head)] or (payload and head != str(code)):
+        raise ProtocolError(f"asked {code}, answered {text!r}")
+    if len(payload) < 2:
+        return None
+    flag, fields = payload[0], tuple(payload[1:])
+    if flag not in {"0", "1"}:
+        raise ProtocolError(f"asked {code}, answered {text!r}: no ok flag")
+    wanted = REPLY_FIELDS[code] if flag == "1" else 0
+    if (wanted == 0 and fields != ("",)) or len(fields) > max(wanted, 1):
+        raise ProtocolError(f"asked {code}, answered {text!r}: more than {wanted} fields")
+    if wanted == 0:
+        return Reply(code, flag == "1", ())
+    if len(fields) < wanted or fields[-1] in {"", "-"}:
+        return None
+    return Reply(code, True, fields)
+
+
+def drop_stale(text: str, code: int) -> str:
+    """`text` without whole acknowledgements of other codes at its start.
+
+    A server whose client vanished during a move sends that move's acknowledgement to the next client.
+    """
+    while True:
+        head, *rest = text.split(" ", 2)
+        if len(rest) < 2 or head == str(code) or not head.isdecimal() or rest[0] not in {"0", "1"}:
+            return text
+        if REPLY_FIELDS.get(int(head), 0) != 0 and rest[0] == "1":
+            return text
+        text = rest[1]
+
+
+def parse_pose(reply: Reply) -> Pose:
+    """The pose in a reply to READ_POSE.
+
+    Raises:
+        ProtocolError: a field is not a number.
+    """
+    try:
+        x, y, z, *q = (float(field) for field in reply.fields)
+    except ValueError as error:
+        raise ProtocolError(f"pose reply with a garbled number: {' '.join(reply.fields)}") from error
+    if not all(math.isfinite(value) for value in (x, y, z, *q)):
+        raise ProtocolError(f"pose reply with a number that is not finite: {' '.join(reply.fields)}")
+    return Pose(x, y, z, (q[0], q[1], q[2], q[3]))

@@ -1,0 +1,263 @@
+"""Device logic of a Robotiq 2F gripper: activation, moves, and telling a finished move from a stale flag.
+
+Written against any link that reads and writes the two register blocks. Follows the 2F-85 manual ([M18]
+p54-62) and the order of Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from drivers.clock import Pace
+from drivers.errors import MAJOR, PRIORITY, GripperFault, LinkTimeout, fault_text
+from drivers.robotiq.registers import COUNT_CLOSED, COUNT_OPEN, OPENING_MM, OUTPUT_FIELDS, pack, speed_mm_s
+from drivers.robotiq.state import GripperState, decode
+
+ACTIVATION_S = 15.0  # reset, sweep and report, all told ([SDK] gripper.cpp; 5 s was too short for some)
+ECHO_S = 1.0  # gPR must echo rPR within this ([SDK] gripper.cpp)
+STALE_FLAG_S = 0.2  # how long gOBJ may still tell of the previous move ([SDK] gripper.cpp)
+MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
+EQUAL_COUNTS = 3  # readings in a row with one count before a width is believed
+COMM_SILENCE = 0x09
+
+
+class Link(Protocol):
+    """The two register blocks, on whatever bus."""
+
+    endpoint: str
+
+    def read(self) -> bytes:
+        """The input block, 6 bytes; may repeat itself."""
+        ...
+
+    def write(self, block: bytes) -> None:
+        """Write the output block, 6 bytes, exactly once."""
+        ...
+
+    def close(self) -> None:
+        """Give the link up without moving anything."""
+        ...
+
+
+class Settled(NamedTuple):
+    """How a move ended: where the jaws rest and why, `seconds` (of the device) after it was asked for."""
+
+    position_counts: int
+    object_flag: int
+    current_ma: int
+    echo_counts: int
+    seconds: float
+
+
+class _Move(NamedTuple):
+    """A move on its way: what was asked, when, and the device seconds it may take."""
+
+    position_counts: int
+    written_at: float
+    budget_s: float
+
+
+class Gripper:
+    """A Robotiq 2F gripper. Connecting reads and never writes; every wait has a deadline.
+
+    Args:
+        link: the register blocks.
+        pace: deadlines in the gripper's own seconds.
+
+    Raises:
+        LinkError: it cannot be read.
+    """
+
+    def __init__(self, link: Link, pace: Pace) -> None:
+        self._link = link
+        self._pace = pace
+        self._move: _Move | None = None
+        # Seeded from what the gripper does now, so that the first write cannot move a holding gripper.
+        seen = self.state()
+        self._image = {"rACT": int(seen.enabled), "rGTO": int(seen.going), "rPR": seen.echo_counts}
+
+    @property
+    def endpoint(self) -> str:
+        """The port as it was named."""
+        return self._link.endpoint
+
+    def state(self) -> GripperState:
+        """Read the gripper now.
+
+        Raises:
+            LinkError: it cannot be read.
+        """
+        seen = decode(self._link.read())
+        if seen.fault == COMM_SILENCE:
+            # Fault 9 tells of the silence before this very request; the next reading tells of now.
+            seen = decode(self._link.read())
+        return seen
+
+    def activate(self, *, after_fault: bool = False) -> None:
+        """Reset and activate: the jaws sweep fully open and closed, whatever they hold is dropped.
+
+        A gripper that is active already is left alone: nothing is written.
+
+        Args:
+            after_fault: also recover from a latched fault; without it one is reported, never cleared
+            silently.
+
+        Raises:
+            GripperFault: a major fault is latched, something blocked the sweep, or 15 s were not enough.
+            LinkError: the gripper cannot be reached.
+        """
+        seen = self.state()
+        latched = fault_text(seen.fault).severity == MAJOR if seen.fault else False
+        if latched and not after_fault:
+            raise GripperFault.from_code(seen.fault, "asked to activate")
+        if seen.activated and not latched:
+            return
+        deadline = self._pace.deadline(ACTIVATION_S)
+        if latched or not seen.activating:
+            self._send({})
+            self._until(lambda now: not now.enabled, deadline, "resetting", _accept_any)
+            self._send({"rACT": 1})
+        self._until(lambda now: now.activated, deadline, "activating", _refuse_major)
+
+    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+        """Ask for a position; `wait` tells how it ended.
+
+        Args:
+            position_counts: rPR, 0 open to 255 closed.
+            speed_counts: rSP, 0 slowest (20 mm/s) to 255 (150 mm/s).
+            force_counts: rFR, 0 weakest to 255.
+
+        Raises:
+            GripperFault: it is not active, or has a fault.
+            LinkError: it cannot be reached.
+        """
+        self._move = None
+        seen = self.state()
+        _require_ready(seen, "asked to move")
+        request = {"rACT": 1, "rGTO": 1, "rPR": position_counts, "rSP": speed_counts, "rFR": force_counts}
+        stroke_mm = abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
+        move = _Move(position_counts, self._pace.now(), stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S)
+        self._send(request)
+        self._move = move
+
+    def wait(self) -> Settled:
+        """Wait until the last move has ended and the count stands still.
+
+        In the SDK's order: gPR echoes the request; gOBJ had its chance to drop to 0 (it can lag the echo,
+        and a short move may never show it); gOBJ is no longer 0; three readings in a row give one count.
+
+        Raises:
+            GripperFault: no move was asked for, the request is not echoed, or the move does not end in time.
+            LinkError: the gripper cannot be reached.
+        """
+        if self._move is None:
+            raise GripperFault("no move to wait for; call move() first")
+        move, self._move = self._move, None
+        deadline = self._pace.deadline(ECHO_S)
+        self._until(
+            lambda now: now.echo_counts == move.position_counts,
+            deadline,
+            "taking the request",
+            _require_ready,
+        )
+        stale_until = move.written_at + STALE_FLAG_S / self._pace.time_scale
+        deadline = self._pace.deadline(move.budget_s)
+        seen = self._checked("moving")
+        while not seen.moving and self._pace.now() < stale_until:
+            seen = self._checked("moving")
+        seen = self._until(lambda now: now.going and not now.moving, deadline, "moving", _require_ready)
+        seen = self._steady(seen, deadline)
+        if seen.echo_counts != move.position_counts:
+            raise GripperFault("the gripper's request changed during the move; is another program using it?")
+        return Settled(
+            seen.position_counts,
+            seen.object_flag,
+            seen.current_ma,
+            seen.echo_counts,
+            self._pace.elapsed(move.written_at),
+        )
+
+    def stop(self) -> None:
+        """Stop the jaws where they are; the request stays, a held part stays held."""
+        self._move = None
+        seen = self.state()
+        # Writing rACT to a gripper that lost power would start the activation sweep; it does not move anyway.
+        if seen.enabled:
+            self._send({**self._image, "rACT": 1, "rGTO": 0, "rPR": seen.echo_counts})
+
+    def close(self) -> None:
+        """Close the link; nothing moves."""
+        self._link.close()
+
+    def _send(self, image: dict[str, int]) -> None:
+        """Write the command image; after a lost answer, look before writing it again."""
+        block = pack(OUTPUT_FIELDS, image)
+        try:
+            self._link.write(block)
+        except LinkTimeout:
+            if not self._arrived(image):
+                self._link.write(block)
+        self._image = image
+
+    def _arrived(self, image: dict[str, int]) -> bool:
+        seen = self.state()
+        if image.get("rGTO", 0) == 1:
+            _require_ready(seen, "repeating a write whose answer was lost")
+        wanted = (image.get("rACT", 0) == 1, image.get("rGTO", 0) == 1, image.get("rPR", 0))
+        return (seen.enabled, seen.going, seen.echo_counts) == wanted
+
+    def _checked(self, doing: str) -> GripperState:
+        seen = self.state()
+        _require_ready(seen, doing)
+        return seen
+
+    def _until(
+        self,
+        done: Callable[[GripperState], bool],
+        deadline: float,
+        doing: str,
+        check: Callable[[GripperState, str], None],
+    ) -> GripperState:
+        """Poll until `done`, a state that `check` refuses, or the deadline."""
+        while True:
+            late = self._pace.now() > deadline
+            seen = self.state()
+            if done(seen):
+                return seen
+            check(seen, doing)
+            if late:
+                raise GripperFault(f"gripper not done {doing} in time; last seen {_sketch(seen)}", seen.fault)
+
+    def _steady(self, seen: GripperState, deadline: float) -> GripperState:
+        """Read until the count has been the same three times in a row."""
+        equal = 1
+        while equal < EQUAL_COUNTS:
+            last, seen = seen, self._checked("settling")
+            equal = equal + 1 if seen.position_counts == last.position_counts and not seen.moving else 1
+            if equal < EQUAL_COUNTS and self._pace.now() > deadline:
+                raise GripperFault(f"gripper count does not settle; last seen {_sketch(seen)}", seen.fault)
+        return seen
+
+
+def _accept_any(seen: GripperState, doing: str) -> None:
+    """A reset clears whatever fault there is."""
+
+
+def _refuse_major(seen: GripperState, doing: str) -> None:
+    if seen.fault and fault_text(seen.fault).severity == MAJOR:
+        raise GripperFault.from_code(seen.fault, doing)
+
+
+def _require_ready(seen: GripperState, doing: str) -> None:
+    if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:
+        raise GripperFault.from_code(seen.fault, doing)
+    if not seen.activated:
+        raise GripperFault(
+            f"gripper not active while {doing}; clear the jaws and activate it (--activate)", 0x07
+        )
+
+
+def _sketch(seen: GripperState) -> str:
+    return (
+        f"gOBJ {seen.object_flag}, request {seen.echo_counts}, position {seen.position_counts}, "
+        f"fault 0x{seen.fault:02X}"
+    )

@@ -1,0 +1,96 @@
+"""The gripper's register map as data: 6 bytes each way, the same on every bus.
+
+Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
+edition, p. 43 and 55; [SDK] Robotiq's C++ SDK, `status.hpp`, `command.hpp`. Byte 2k of a block is the high
+byte of register k.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class Field(NamedTuple):
+    """`width` bits of byte `byte`, from bit `shift` up; `source` names the page that says so."""
+
+    name: str
+    byte: int
+    shift: int
+    width: int
+    source: str
+
+
+BLOCK_BYTES = 6  # of 16; the rest is reserved and zero
+BLOCK_REGISTERS = BLOCK_BYTES // 2
+
+# Host -> gripper.
+OUTPUT_FIELDS = (
+    Field("rACT", 0, 0, 1, "[M16] p43 ACTION REQUEST: 1 activates, 0 resets and clears faults"),
+    Field("rGTO", 0, 3, 1, "[M16] p43 ACTION REQUEST: 1 goes to rPR, 0 stops"),
+    Field("rATR", 0, 4, 1, "[M16] p43 ACTION REQUEST: 1 releases slowly, then fault 0x0F"),
+    Field("rARD", 0, 5, 1, "[M18] p62 ACTION REQUEST: auto-release 0 closes, 1 opens (2F-200: the reverse)"),
+    Field("rPR", 3, 0, 8, "[M18] p62 POSITION REQUEST: 0 open, 255 closed"),
+    Field("rSP", 4, 0, 8, "[M18] p62 SPEED: 0 slowest, 255 fastest"),
+    Field("rFR", 5, 0, 8, "[M18] p62 FORCE: 0 weakest, 255 strongest"),
+)
+
+# Gripper -> host.
+INPUT_FIELDS = (
+    Field("gACT", 0, 0, 1, "[M18] p62 GRIPPER STATUS: echo of rACT"),
+    Field("gGTO", 0, 3, 1, "[M18] p62 GRIPPER STATUS: echo of rGTO; 0 while activating or releasing"),
+    Field("gSTA", 0, 4, 2, "[M18] p62 GRIPPER STATUS: 0 reset, 1 activating, 3 active"),
+    Field(
+        "gOBJ", 0, 6, 2, "[M18] p62 GRIPPER STATUS: 0 moving, 1 contact opening, 2 contact closing, 3 at rPR"
+    ),
+    Field("gFLT", 2, 0, 4, "[SDK] fault_status.hpp: gripper fault, equality and not bit flags"),
+    Field("kFLT", 2, 4, 4, "[SDK] fault_status.hpp: fault of the Universal Controller"),
+    Field("gPR", 3, 0, 8, "[M18] p62 echo of rPR"),
+    Field("gPO", 4, 0, 8, "[M18] p62 POSITION: encoder, 0 open, 255 closed"),
+    Field("gCU", 5, 0, 8, "[M18] p62 CURRENT: 10 mA a count"),
+)
+
+CURRENT_MA_PER_COUNT = 10
+
+STA_RESET, STA_ACTIVATING, STA_ACTIVE = 0, 1, 3
+OBJ_MOVING, OBJ_CONTACT_OPENING, OBJ_CONTACT_CLOSING, OBJ_AT_REQUEST = 0, 1, 2, 3
+
+# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP.
+SPEED_MIN_MM_S, SPEED_MAX_MM_S = 20.0, 150.0
+OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
+
+
+def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
+    """Lay named values into a block of 6 bytes; fields without a value are 0.
+
+    Raises:
+        ValueError: a name is not in the block, or a value does not fit its bits.
+    """
+    block = bytearray(BLOCK_BYTES)
+    by_name = {field.name: field for field in fields}
+    for name, value in values.items():
+        if name not in by_name:
+            raise ValueError(f"no register field {name}; there are {', '.join(by_name)}")
+        field = by_name[name]
+        if not 0 <= value < 1 << field.width:
+            raise ValueError(f"{name} = {value} does not fit {field.width} bits")
+        block[field.byte] |= value << field.shift
+    return bytes(block)
+
+
+def unpack(fields: tuple[Field, ...], block: bytes) -> dict[str, int]:
+    """Read named values out of a block of 6 bytes (or more: the rest is reserved)."""
+    return {field.name: block[field.byte] >> field.shift & (1 << field.width) - 1 for field in fields}
+
+
+def to_registers(block: bytes) -> tuple[int, ...]:
+    """Pair bytes into 16-bit registers, high byte first."""
+    return tuple(block[i] << 8 | block[i + 1] for i in range(0, len(block), 2))
+
+
+def to_bytes(registers: tuple[int, ...]) -> bytes:
+    """Split 16-bit registers into bytes, high byte first."""
+    return b"".join(register.to_bytes(2, "big") for register in registers)
+
+
+def speed_mm_s(speed_counts: int) -> float:
+    """Jaw speed in mm/s for an rSP of 0..255, linear ([SDK] device_profile.hpp)."""
+    return SPEED_MIN_MM_S + (SPEED_MAX_MM_S - SPEED_MIN_MM_S) * speed_counts / 255.0
