@@ -1,0 +1,204 @@
+"""The journal of a run: append-only JSON lines, each holding the SHA-256 of the line before it.
+
+A record is on the disk when `Journal.record` returns. The first record embeds the table, so that the file
+alone is enough to check every decision; the last one, of kind `end`, tells a finished run from a broken one.
+"""
+
+import base64
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from runtime.errors import JournalError
+
+VERSION = 1
+GENESIS = "0" * 64
+MAX_LINE_BYTES = 8 << 20
+RESERVED = frozenset({"seq", "time", "kind", "previous"})
+
+
+class Journal:
+    """A journal being written; one file a run, never an existing one.
+
+    Attributes:
+        path: the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Create the file.
+
+        Args:
+            path: where; must not exist.
+
+        Raises:
+            JournalError: it exists, or cannot be created.
+        """
+        self.path = path
+        self._previous = GENESIS
+        self._seq = 0
+        try:
+            self._file = os.open(
+                path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644
+            )
+            _sync_directory(path.parent)
+        except FileExistsError:
+            raise JournalError(path, "exists and is not overwritten; name another with --journal") from None
+        except OSError as error:
+            raise _unwritable(path, error) from error
+
+    def header(self, table: bytes, fields: Mapping[str, object]) -> None:
+        """Write the first record: the table's bytes and their digest, and what else tells the run apart.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
+        embedded = {
+            "journal_version": VERSION,
+            "table_sha256": hashlib.sha256(table).hexdigest(),
+            "table_base64": base64.b64encode(table).decode("ascii"),
+        }
+        self.record("header", {**fields, **embedded})
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        """Append one record and bring it to the disk.
+
+        Args:
+            kind: what it tells.
+            fields: values JSON can hold, none of them named `seq`, `time`, `kind` or `previous`.
+
+        Raises:
+            JournalError: it cannot be written: full disk, lost mount, closed journal.
+            ValueError: a field has a reserved name or is not a number JSON can hold.
+        """
+        if clash := RESERVED & fields.keys():
+            raise ValueError(f"reserved field names: {sorted(clash)}")
+        frame = {"seq": self._seq, "time": _now(), "kind": kind, **fields, "previous": self._previous}
+        line = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
+        try:
+            _write_all(self._file, line + b"\n")
+            os.fsync(self._file)
+        except OSError as error:
+            raise _unwritable(self.path, error) from error
+        self._previous = hashlib.sha256(line).hexdigest()
+        self._seq += 1
+
+    def close(self) -> None:
+        """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """What a journal that verifies is about.
+
+    Attributes:
+        records: number of records.
+        table: the embedded table's bytes.
+        closed: whether the run wrote its last record.
+    """
+
+    records: int
+    table: bytes
+    closed: bool
+
+
+def verify(path: Path) -> Verified:
+    """Check every line of a journal: whole, numbered, chained, and the table as its digest says.
+
+    Raises:
+        JournalError: naming the first line that does not verify.
+    """
+    count, closed, table = 0, False, b""
+    for entry in records(path):
+        if closed:
+            raise JournalError(path, "a record follows the last one of the run", count + 1)
+        if count == 0:
+            table = _embedded_table(path, entry)
+        count += 1
+        closed = entry["kind"] == "end"
+    if count == 0:
+        raise JournalError(path, "is empty")
+    return Verified(count, table, closed)
+
+
+def records(path: Path) -> Iterator[dict[str, object]]:
+    """The records of a journal, each checked against the chain before it is given out.
+
+    Raises:
+        JournalError: the file cannot be read, or naming the first line that does not verify.
+    """
+    previous = GENESIS
+    try:
+        with path.open("rb") as file:
+            number = 0
+            while line := file.readline(MAX_LINE_BYTES):
+                number += 1
+                yield _checked(path, number, line, previous)
+                previous = hashlib.sha256(line[:-1]).hexdigest()
+    except OSError as error:
+        raise JournalError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
+    if not line.endswith(b"\n"):
+        raise JournalError(path, "cut short; the run ended while it was written", number)
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        raise JournalError(path, "is not JSON; it was changed after it was written", number) from None
+    if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
+        raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
+    if entry["seq"] != number - 1:
+        raise JournalError(path, f"has sequence number {entry['seq']}, expected {number - 1}", number)
+    if entry["previous"] != previous:
+        raise JournalError(path, "does not follow the line before it; one of them was changed", number)
+    return entry
+
+
+def _embedded_table(path: Path, entry: Mapping[str, object]) -> bytes:
+    if entry["kind"] != "header" or entry.get("journal_version") != VERSION:
+        raise JournalError(path, f"is not a journal header of version {VERSION}", 1)
+    try:
+        table = base64.b64decode(str(entry.get("table_base64")), validate=True)
+    except ValueError:
+        raise JournalError(path, "the embedded table is not base64", 1) from None
+    if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
+        raise JournalError(path, "the embedded table is not the one of its digest", 1)
+    return table
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _write_all(file: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(file, data) :]
+
+
+def _sync_directory(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _unwritable(path: Path, error: OSError) -> JournalError:
+    return JournalError(path, f"cannot be written: {error.strerror}; free the disk or name another file")

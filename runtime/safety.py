@@ -1,0 +1,155 @@
+"""The checks before every motion, and the scaling of the table's units to the gripper's counts."""
+
+from math import hypot, isfinite, remainder, tau
+
+from runtime.errors import GripperStateError, MotionRefusedError, TableError
+from runtime.ports import Arm, Gripper, GripperState, Pose, Settled
+from runtime.table import Calibration, Limits, Table
+
+# Speed is the rate of the opening, force the nominal grip force, both linear over 0..255 (devices.md 1.6).
+SLOWEST_UM_S, FASTEST_UM_S = 20_000, 150_000
+WEAKEST_MN, STRONGEST_MN = 20_000, 235_000
+CLOSED_COUNTS = 255
+
+# The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (devices.md 4.3).
+PLACED_MM = 0.5
+PLACED_RAD = 0.01
+OPENED_COUNTS = 2
+
+MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
+
+
+def check_table(table: Table) -> None:
+    """Check that the gripper can do what the table asks, before anything is connected.
+
+    Raises:
+        TableError: naming the first node whose speed or force lies outside the gripper's range.
+    """
+    for index, node in enumerate(table.nodes):
+        speed, force = node.squeeze.speed_um_s, node.squeeze.force_mn
+        if not SLOWEST_UM_S <= speed <= FASTEST_UM_S:
+            raise TableError(
+                f"node {index} closes at {speed / 1000:g} mm/s; the gripper does "
+                f"{SLOWEST_UM_S / 1000:g}..{FASTEST_UM_S / 1000:g}, change gripper.speed_mm_s and recompile"
+            )
+        if not WEAKEST_MN <= force <= STRONGEST_MN:
+            raise TableError(
+                f"node {index} squeezes with {force / 1000:g} N; the gripper does "
+                f"{WEAKEST_MN / 1000:g}..{STRONGEST_MN / 1000:g}, change gripper.force_n and recompile"
+            )
+
+
+def speed_counts(speed_um_s: int) -> int:
+    """The fastest speed setting that is not faster than asked, 0..255."""
+    return _scale(speed_um_s, SLOWEST_UM_S, FASTEST_UM_S)
+
+
+def force_counts(force_mn: int) -> int:
+    """The strongest force setting that is not stronger than asked, 0..255."""
+    return _scale(force_mn, WEAKEST_MN, STRONGEST_MN)
+
+
+def opening_counts(opening_um: int, calibration: Calibration) -> int:
+    """The position to request so that the jaws are at least `opening_um` apart, or as far as they go."""
+    wide = [count for count, width in enumerate(calibration.widths_um) if width >= opening_um]
+    full = opening_um >= calibration.widths_um[0]
+    return wide[-1] if wide and not full else 0
+
+
+def ready_gripper(gripper: Gripper) -> GripperState:
+    """Read the gripper and check that it may be moved.
+
+    Raises:
+        GripperStateError: not activated, in fault, or still moving.
+    """
+    state = gripper.state()
+    if state.fault:
+        raise GripperStateError(
+            f"the gripper reports fault 0x{state.fault:02X}; look at its LED, remove the cause, "
+            "then start again with --activate"
+        )
+    if not state.activated:
+        raise GripperStateError(
+            "the gripper is not activated; clear the space between the fingers, "
+            "then start again with --activate"
+        )
+    if state.moving:
+        raise GripperStateError("the gripper moves without having been asked to; who else commands it?")
+    return state
+
+
+def check_target(pose: Pose, limits: Limits) -> None:
+    """Check where the arm is about to be sent.
+
+    Raises:
+        MotionRefusedError: not a number, outside the work area, or at a height nobody planned for.
+    """
+    x_mm, y_mm, z_mm, angle_rad = pose
+    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
+    if not all(isfinite(value) for value in pose):
+        raise MotionRefusedError(f"the arm was to be sent to {pose}, which is no place")
+    if not (x_min <= x_mm <= x_max and y_min <= y_mm <= y_max):
+        raise MotionRefusedError(
+            f"({x_mm:.2f}, {y_mm:.2f}) mm is outside the work area "
+            f"x {x_min:g}..{x_max:g}, y {y_min:g}..{y_max:g} mm"
+        )
+    if not limits.squeeze_height_um / 1000 <= z_mm <= limits.retreat_height_um / 1000:
+        raise MotionRefusedError(
+            f"height {z_mm:.2f} mm is outside {limits.squeeze_height_um / 1000:g} (squeeze) to "
+            f"{limits.retreat_height_um / 1000:g} mm (retreat)"
+        )
+    if abs(angle_rad) > tau:
+        raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than a whole turn")
+
+
+def check_placed(arm: Arm, target: Pose) -> None:
+    """Read the arm and check that it stands where it was sent.
+
+    Raises:
+        MotionRefusedError: it does not, so nothing may be moved next.
+    """
+    x_mm, y_mm, z_mm, angle_rad = arm.pose()
+    off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])
+    off_rad = abs(remainder(angle_rad - target[3], tau))
+    # Written so that a reading that is no number fails too.
+    if not (off_mm <= PLACED_MM and off_rad <= PLACED_RAD):
+        raise MotionRefusedError(
+            f"the arm stands {off_mm:.2f} mm and {off_rad:.3f} rad off the place it was sent to; "
+            "check the controller before the next run"
+        )
+
+
+def check_fresh(settled: Settled, requested_counts: int) -> None:
+    """Check that a settled reading belongs to the request.
+
+    Raises:
+        GripperStateError: it belongs to another request, is no encoder count, or is not settled.
+    """
+    if settled.echo_counts != requested_counts:
+        raise GripperStateError(
+            f"stale reading: the gripper answers request {settled.echo_counts}, asked was {requested_counts}"
+        )
+    if not 0 <= settled.position_counts <= CLOSED_COUNTS:
+        raise GripperStateError(f"position {settled.position_counts} is no encoder count")
+    if settled.object_flag not in (OPENING_CONTACT, CLOSING_CONTACT, ARRIVED):
+        raise GripperStateError("the gripper reports a motion as finished and as going on")
+
+
+def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
+    """Check that the jaws opened as far as requested; the collision proof of the descent counts on it.
+
+    Raises:
+        GripperStateError: the reading is stale, or the jaws are blocked.
+    """
+    check_fresh(settled, requested_counts)
+    asked_um = calibration.width_um(requested_counts)
+    stopped_um = calibration.width_um(settled.position_counts)
+    if stopped_um < calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS)):
+        raise GripperStateError(
+            f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
+            "remove what blocks them"
+        )
+
+
+def _scale(value: int, least: int, most: int) -> int:
+    return min(max((value - least) * 255 // (most - least), 0), 255)
