@@ -15,23 +15,24 @@ Contacts live in two plain arrays, one row a contact, so that the kernels pass f
 
     C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
-        tangent (UN, UT) [mm], forces (FN, FT);
+        tangent (UN, UT) [mm], forces (FN, FT), the slip along the tangent (-NY, NX) after which the pair of
+        features ends (LOW, HIGH) [mm];
     I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1, -1), KIND, SIDE (sign of the finger end's x), VERTEX.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from planner.arrays import Array, IntArray
+from planner.kernel import kernel
 
 FACE = 0
 CORNER = 1
 END = 2
 
-RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT = range(11)
-C_COLUMNS = 11
+RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT, LOW, HIGH = range(13)
+C_COLUMNS = 13
 FINGER, KIND, SIDE, VERTEX = range(4)
 I_COLUMNS = 4
 
@@ -43,7 +44,7 @@ END_DEPTH_MM = 0.01
 """How far behind the inner face a vertex must be to count as beside the finger."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
     """Places the listed vertices of the outline at pose q = (x, y, theta).
 
@@ -61,10 +62,10 @@ def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int)
         points[i, 1] = q[1] + s * outline[i, 0] + c * outline[i, 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add(
     C: Array, I: IntArray, count: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
-    ry: float, nx: float, ny: float,
+    ry: float, nx: float, ny: float, low: float, high: float,
 ) -> int:  # fmt: skip
     """Appends one contact, or replaces the widest gap where the buffers are full."""
     slot = count
@@ -77,11 +78,12 @@ def _add(
             return count
         count -= 1
     C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
+    C[slot, LOW], C[slot, HIGH] = low, high
     I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
     return count + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_face(
     C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, finger: int, face: float,
     h: float, margin: float,
@@ -95,10 +97,11 @@ def _add_face(
         if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
             return count
     rx, ry = points[i, 0] - x, points[i, 1] - y
-    return _add(C, I, count, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger))
+    along = finger * points[i, 0]
+    return _add(C, I, count, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger), -h - along, h - along)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_corners(
     C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, j: int, finger: int,
     face: float, h: float, margin: float,
@@ -119,11 +122,11 @@ def _add_corners(
         if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
             continue
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
-        count = _add(C, I, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex)
+        count = _add(C, I, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find(
     C: Array, I: IntArray, points: Array, listed: IntArray, listed_count: int, q: Array, top: float,
     bottom: float, h: float, thickness: float, margin: float,
@@ -176,11 +179,11 @@ def find(
                 local = side * points[b, 0] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
                     rx, ry = xi - q[0], yi - q[1]
-                    count = _add(C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0)
+                    count = _add(C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0, -np.inf, np.inf)
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
     """Distance a finger can close before it touches the part: exact, by rays along y.
 
@@ -208,7 +211,7 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def penetration(points: Array, finger: int, face: float, h: float, thickness: float) -> float:
     """Depth to which part and finger box overlap [mm]; 0 where they do not.
 
@@ -235,13 +238,13 @@ def penetration(points: Array, finger: int, face: float, h: float, thickness: fl
     return deepest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def overlap(points: Array, top: float, bottom: float, h: float, thickness: float) -> float:
     """Deepest penetration of the part by either finger [mm]; arguments as in `find`."""
     return max(penetration(points, 1, top, h, thickness), penetration(points, -1, bottom, h, thickness))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _edge_distance(points: Array, x: float, y: float) -> float:
     """Distance of a point to the outline [mm]."""
     n = points.shape[0]

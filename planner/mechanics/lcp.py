@@ -10,9 +10,9 @@ which are degenerate by nature, neither cycle nor depend on rounding.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from planner.arrays import Array
+from planner.kernel import kernel
 
 SOLVED = 0
 RAY = 1
@@ -22,7 +22,7 @@ PIVOT_TOLERANCE = 1e-11
 PIVOTS_PER_ROW = 12
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _leaving_row(tableau: Array, basis: Array, n: int, entering: int) -> int:
     """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
 
@@ -54,7 +54,7 @@ def _leaving_row(tableau: Array, basis: Array, n: int, entering: int) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
     """Gauss-Jordan elimination of `column` on `row`; `tableau` is modified in place."""
     width = 2 * n + 2
@@ -73,7 +73,7 @@ def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
         tableau[i, column] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lemke(M: Array, q: Array, n: int, tableau: Array, basis: Array, z: Array) -> int:
     """Solves w = M z + q, w >= 0, z >= 0, z . w = 0.
 
@@ -122,7 +122,7 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: Array, z: Array) ->
     return PIVOT_LIMIT
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def residual(M: Array, q: Array, z: Array, n: int) -> float:
     """Largest violation of w >= 0, z >= 0 and z . w = 0 (the last divided by the larger of z and w, or 1)."""
     worst = 0.0

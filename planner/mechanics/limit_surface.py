@@ -18,13 +18,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.job import Job
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import support
-
-Array = NDArray[np.float64]
 
 DIRECTIONS = 400
 """Twists that friction is integrated over for a fit."""
@@ -64,21 +62,29 @@ def of_job(job: Job) -> LimitSurface:
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float, directions: int = DIRECTIONS) -> LimitSurface:
     """Fit the ellipsoid to a pressure distribution.
 
+    Fitted about the centre of pressure and then expressed about the origin: so the result does not depend on
+    where the frame lies, and a force through the centre of pressure turns the part as little as it should.
+
     Args:
         points: (M, 2) support points in the part's frame, mm.
         weights: (M,) shares of the load, summing to 1.
         rho_mm: normalising length.
         directions: number of twists to integrate friction over.
     """
+    centre = weights @ points
     twists = twist_directions(directions)
-    return LimitSurface(fit(wrenches(points, weights, rho_mm, twists), twists), rho_mm)
+    A = fit(wrenches(points - centre, weights, rho_mm, twists), twists)
+    # F about the centre = shift @ F about the origin, and H is the same number.
+    shift = np.eye(3)
+    shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
+    return LimitSurface(_frozen(shift.T @ A @ shift), rho_mm)
 
 
 def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
     """Integrate Coulomb friction over a pressure distribution: the wrench that makes the part slide.
 
     Each support point carries friction of its share of mu N along its velocity (Goyal et al., the paper's
-    reference [20]). A point at rest may carry any smaller friction: it is given none, the middle of its range.
+    reference [20]). A point at rest may carry any smaller friction: it is given none, the middle.
 
     Args:
         points: (M, 2) support points, mm.
@@ -141,13 +147,8 @@ def fit(F: Array, V: Array) -> Array:
     target = np.concatenate([np.ones(len(level)), np.zeros(across.shape[0] * 3)])
     coefficients = np.linalg.lstsq(rows, target, rcond=None)[0]
     eigenvalues, vectors = np.linalg.eigh(np.einsum("b,bij->ij", coefficients, basis))
-    if eigenvalues[0] < MIN_EIGENVALUE:
-        eigenvalues = np.maximum(eigenvalues, MIN_EIGENVALUE)
-        A = np.asarray((vectors * eigenvalues) @ vectors.T)
-    else:
-        A = np.einsum("b,bij->ij", coefficients, basis)
-    A.setflags(write=False)
-    return A
+    raised = np.maximum(eigenvalues, MIN_EIGENVALUE)
+    return _frozen((vectors * raised) @ vectors.T)
 
 
 def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
@@ -188,3 +189,10 @@ def mean_twist_error(A: Array, F: Array, V: Array) -> float:
     """
     cosine = (twist(A, F) * V).sum(axis=1) / np.linalg.norm(V, axis=1)
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())
+
+
+def _frozen(A: Array) -> Array:
+    """Return A made symmetric to the last bit, read-only."""
+    symmetric = 0.5 * (A + A.T)
+    symmetric.setflags(write=False)
+    return symmetric

@@ -9,16 +9,16 @@ right signs. Two contacts that both stick have one condition too many and are co
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from planner.arrays import Array, IntArray
+from planner.kernel import kernel
 from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def form(
     A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float
 ) -> float:
@@ -30,7 +30,7 @@ def form(
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
 
@@ -60,7 +60,7 @@ def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     return RAY
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
     """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
     for p in range(4):
@@ -75,7 +75,7 @@ def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
             G[r, p] = G[p, r]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _both_slide(
     C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array
 ) -> bool:
@@ -98,7 +98,7 @@ def _both_slide(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _one_sticks(
     C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array
 ) -> bool:
@@ -125,7 +125,7 @@ def _one_sticks(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
     """Solves eqs 1-5 for contacts i and j, both pressed.
 
@@ -152,7 +152,7 @@ def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G
     return RAY
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
     """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
     F0, F1, F2 = 0.0, 0.0, 0.0

@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from planner.arrays import Array, IntArray
+from planner.kernel import kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
 from planner.mechanics.step import (
@@ -36,9 +36,9 @@ STATUS_NAMES = ("untouched", "slipped", "grasped", "jammed")
 
 PENETRATION_MM = 0.01
 """Overlap at which a step is refused."""
-LARGEST_TURN = 0.2
+LARGEST_TURN = 0.1
 """Largest rotation in one step [rad]."""
-EULER_ERROR = 0.25
+EULER_ERROR = 0.05
 """Largest difference between Euler and midpoint step, as a share of the nominal step."""
 SMALLEST_STEP = 1.0 / 256.0
 MAX_STEPS = 20_000
@@ -70,7 +70,7 @@ def squeeze_workspace(vertices: int) -> SqueezeWork:
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _advance(
     A: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, top: float, bottom: float, h: float,
     step_top: float, step_bottom: float, count: int, work: SqueezeWork,
@@ -101,7 +101,7 @@ def _advance(
     return SOLVED, np.sqrt((V[0] - v0) ** 2 + (V[1] - v1) ** 2 + (V[2] - v2) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _list_near(points: Array, top: float, bottom: float, near: IntArray, placed: IntArray) -> tuple[int, int]:
     """Lists the vertices near the fingers' faces, and those with their neighbours; returns both counts."""
     n = points.shape[0]
@@ -124,7 +124,7 @@ def _list_near(points: Array, top: float, bottom: float, near: IntArray, placed:
     return near_count, placed_count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _overlap(C: Array, count: int) -> float:
     """Deepest overlap among the contacts found [mm]."""
     deepest = 0.0
@@ -133,7 +133,7 @@ def _overlap(C: Array, count: int) -> float:
     return deepest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _held_as(
     A: Array, rho: float, q: Array, top: float, bottom: float, h: float, thickness: float, near_count: int,
     work: SqueezeWork,
@@ -148,7 +148,7 @@ def _held_as(
     return JAMMED if solve(work.A, 0.0, 0.0, C, I, count, work.step, work.V) == SOLVED else GRASPED
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def squeeze(
     outline: Array, reach: float, A: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
     step: float, q: Array, work: SqueezeWork,
@@ -246,12 +246,12 @@ def squeeze(
         top, bottom = new_top, new_bottom
         if top - bottom <= 1e-6:
             return 0.0, SLIPPED, 0
-        size = min(2.0 * size, step)
+        size = min(step, size * min(2.0, 0.8 * np.sqrt(EULER_ERROR * step / (error + 1e-12))))
     held = _held_as(A, rho, q, top, bottom, h, thickness, near_count, work)
     return top - bottom, held, 1 if status == SOLVED else 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def squeeze_many(
     outline: Array, A: Array, rho: float, mu: Array, jaws: Array, step: float, poses: Array, width: Array,
     status: IntArray, forced: IntArray, work: SqueezeWork,

@@ -18,16 +18,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from planner.arrays import Array, IntArray
+from planner.kernel import kernel
 from planner.mechanics.contacts import (
     CORNER,
     FINGER,
     FN,
     FT,
     GAP,
+    HIGH,
     KIND,
+    LOW,
     MAX_CONTACTS,
     N2,
     NX,
@@ -44,6 +46,8 @@ from planner.mechanics.pair import form, motion, one_contact, two_contacts
 
 TOUCHING_MM = 1e-3
 """Contacts with a smaller gap enter the step; the others are awaited as events."""
+PAST_END_MM = 1e-4
+"""How far a contact goes past the end of its feature, so that the next feature takes over."""
 OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
@@ -69,7 +73,7 @@ def workspace() -> StepWork:
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rotate_surface(A: Array, theta: float, out: Array) -> None:
     """A in the hand frame for a part turned by theta; `out` (3, 3) is modified in place."""
     c, s = np.cos(theta), np.sin(theta)
@@ -83,7 +87,7 @@ def rotate_surface(A: Array, theta: float, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = out[0, 2], out[1, 2], A[2, 2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def directions(C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float) -> None:
     """Moments and finger displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
     for k in range(count):
@@ -93,7 +97,7 @@ def directions(C: Array, I: IntArray, count: int, rho: float, top_advance: float
         C[k, UN], C[k, UT] = advance * ny, advance * nx
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turn(C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float) -> None:
     """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
     angle = half[2] - q[2]
@@ -111,7 +115,7 @@ def turn(C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, b
             C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _assemble(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int) -> None:
     """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m)."""
     M, q, active = work.M, work.q, work.active
@@ -136,7 +140,7 @@ def _assemble(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, 
         q[m + a], q[2 * m + a], q[3 * m + a] = -C[k, UT], C[k, UT], 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _all_touching(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork,
                   V: Array) -> int:  # fmt: skip
     """Lemke's method on all touching contacts, with the residual checked."""
@@ -158,13 +162,13 @@ def _all_touching(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArr
     return SOLVED
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slack(C: Array, k: int, V: Array) -> float:
     """Gap of contact k after the displacement V [mm]."""
     return float(C[k, GAP] - C[k, UN] + C[k, NX] * V[0] + C[k, NY] * V[1] + C[k, N2] * V[2])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _most_violated(C: Array, count: int, V: Array) -> int:
     """The touching contact that overlaps most after V; -1 where none does."""
     worst, found = -OVERLAP_MM, -1
@@ -176,7 +180,7 @@ def _most_violated(C: Array, count: int, V: Array) -> int:
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
@@ -228,9 +232,12 @@ def solve(
     return _all_touching(A, mu_top, mu_bottom, C, I, count, work, V)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def event_fraction(C: Array, count: int, V: Array) -> float:
-    """Share of the step after which the first awaited contact touches (linear in the step); 1 where none does."""
+    """Share of the step (linear in it) up to the first event; 1 where there is none.
+
+    Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
+    """
     fraction = 1.0
     for k in range(count):
         gap = C[k, GAP]
@@ -238,6 +245,11 @@ def event_fraction(C: Array, count: int, V: Array) -> float:
             slack = _slack(C, k, V)
             if slack < -OVERLAP_MM:
                 fraction = min(fraction, gap / (gap - slack))
+        elif C[k, FN] > 0.0:
+            slip = C[k, NX] * V[1] - C[k, NY] * V[0] + C[k, T2] * V[2] - C[k, UT]
+            limit = C[k, HIGH] if slip > 0.0 else -C[k, LOW]
+            if abs(slip) > limit + PAST_END_MM:
+                fraction = min(fraction, (limit + PAST_END_MM) / abs(slip))
     return fraction
 
 

@@ -1,0 +1,47 @@
+"""The one place that compiles kernels: numba, cached on disk.
+
+Numba notices a change in the file of a cached function, but not in the files of the functions it calls. The
+cache folder is therefore named after the content of all kernels (and numba's version): stale machine code
+cannot be picked up, and an installation that is not writable still caches, in the user's cache folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+CACHE_VARIABLE = "SQUEEZETREE_CACHE_DIR"
+
+
+def cache_folder() -> Path:
+    """The user's cache folder of this project; `SQUEEZETREE_CACHE_DIR` overrides it."""
+    stated = os.environ.get(CACHE_VARIABLE)
+    if stated:
+        return Path(stated)
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "squeezetree"
+
+
+def _fingerprint() -> str:
+    """Digest of everything the machine code depends on."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        text = source.read_bytes()
+        if b"@kernel" in text:
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+numba.config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
+
+
+def kernel(function: F) -> F:
+    """Compiles a function closed over arrays: no Python objects, no lock, cached on disk."""
+    return cast(F, numba.njit(cache=True, nogil=True)(function))
