@@ -123,6 +123,9 @@ def _add_corners(
             continue
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
         count = _add(C, I, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
+        if abs(ey) <= NEARLY_PARALLEL:
+            count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
+            count = _add_face(C, I, count, points, x, y, j, finger, face, h, margin)
     return count
 
 

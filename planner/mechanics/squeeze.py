@@ -81,14 +81,14 @@ def _advance(
     """
     C, I, V, Ah = work.C, work.I, work.V, work.A
     rotate_surface(A, q[2], Ah)
-    directions(C, I, count, rho, 0.5 * step_top, 0.5 * step_bottom)
+    directions(C, I, count, rho, step_top, step_bottom)
     status = solve(Ah, mu_top, mu_bottom, C, I, count, work.step, V)
     if status != SOLVED:
         return status, -1.0
-    v0, v1, v2 = 2.0 * V[0], 2.0 * V[1], 2.0 * V[2]
-    work.half[0] = q[0] + V[0]
-    work.half[1] = q[1] + V[1]
-    work.half[2] = q[2] + V[2] / rho
+    v0, v1, v2 = V[0], V[1], V[2]
+    work.half[0] = q[0] + 0.5 * v0
+    work.half[1] = q[1] + 0.5 * v1
+    work.half[2] = q[2] + 0.5 * v2 / rho
     turn(C, I, count, q, work.half, top - 0.5 * step_top, bottom + 0.5 * step_bottom, h)
     rotate_surface(A, work.half[2], Ah)
     directions(C, I, count, rho, step_top, step_bottom)
