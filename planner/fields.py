@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import KeyNameError, ValueRangeError
 
 REQUIRED: Final = object()
@@ -137,7 +137,7 @@ class Numbers:
     most: int = 10_000
     default: Any = REQUIRED
 
-    def read(self, value: Any) -> NDArray[np.float64]:
+    def read(self, value: Any) -> Array:
         """Return a read-only array, (K,) or (K, columns)."""
         if not isinstance(value, list | tuple):
             raise RefusedError(f"must be a list {self._shape()}, not {shown(value)}")
@@ -188,7 +188,7 @@ def read_section(table: Any, fields: Mapping[str, Field], where: str, section: s
     return {key: _read_field(table, key, field, where, section) for key, field in fields.items()}
 
 
-def check_names(found: Iterable[str], valid: Iterable[str], where: str, section: str, hint: str = "") -> None:
+def check_names(found: Iterable[str], valid: Iterable[str], where: str, section: str) -> None:
     """Refuse the first name that is not valid, with the nearest valid one.
 
     Raises:
@@ -198,7 +198,7 @@ def check_names(found: Iterable[str], valid: Iterable[str], where: str, section:
     for name in found:
         if name not in valid:
             advice = _meant(name, valid) or f"; valid are {', '.join(valid)}"
-            problem = f"unknown {'key' if section else 'key or section'} {shown(name)}{hint or advice}"
+            problem = f"unknown {'key' if section else 'key or section'} {shown(name)}{advice}"
             error = KeyNameError(problem, where=where, section=section, value=name)
             error.names = (name,)
             raise error

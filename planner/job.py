@@ -17,16 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner import job_checks
+from planner.arrays import Array
 from planner.errors import InputFileError, TomlError
 from planner.part import symmetry
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 from planner.schema import read_document
-
-Corner = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +105,7 @@ class Actions:
     """
 
     angles_deg: tuple[float, ...]
-    centers_mm: NDArray[np.float64]
+    centers_mm: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +155,7 @@ class Cell:
         max_speed_mm_s: largest closing speed the cell allows.
     """
 
-    work_area_mm: tuple[Corner, Corner]
+    work_area_mm: tuple[tuple[float, float], tuple[float, float]]
     retreat_height_mm: float
     squeeze_height_mm: float
     arm_speed_mm_s: float

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import FitError, JobError, OutlineError, ValueRangeError
 from planner.part import outline, symmetry
 
@@ -18,7 +18,7 @@ ON_PART_MM = 1e-3
 """How far outside the outline a support point may lie, for rounded drawings."""
 
 
-def place_outline(points: NDArray[np.float64], where: str, drawn: bool) -> outline.Canonical:
+def place_outline(points: Array, where: str, drawn: bool) -> outline.Canonical:
     """Return the outline in the part's frame and the shift that took it there.
 
     Raises:
@@ -30,9 +30,7 @@ def place_outline(points: NDArray[np.float64], where: str, drawn: bool) -> outli
         raise error.at(where, "part", "outline_mm") from None
 
 
-def place_supports(
-    pressure: dict[str, Any], part_outline: outline.Outline, shift: NDArray[np.float64], where: str
-) -> None:
+def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array, where: str) -> None:
     """Move the support points along with the outline, fill in and normalise their weights (in place).
 
     Raises:
@@ -125,7 +123,7 @@ def _check_fit(part_outline: outline.Outline, opening_mm: float, where: str) -> 
         raise FitError(problem, where=where, section="gripper", key="opening_mm", value=opening_mm)
 
 
-def _check_supports(points: NDArray[np.float64], part_outline: outline.Outline, where: str) -> None:
+def _check_supports(points: Array, part_outline: outline.Outline, where: str) -> None:
     area = shapely.polygons(part_outline)
     beside = ~shapely.dwithin(area, shapely.points(points), ON_PART_MM)
     if beside.any():
@@ -138,7 +136,7 @@ def _check_supports(points: NDArray[np.float64], part_outline: outline.Outline, 
         raise _conflict(problem, where, "pressure", "points_mm", points.tolist())
 
 
-def _check_ellipsoid(A: NDArray[np.float64], where: str) -> None:
+def _check_ellipsoid(A: Array, where: str) -> None:
     if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
         problem = "must be a symmetric positive definite 3 x 3 matrix"
         raise _conflict(problem, where, "pressure", "ellipsoid", A.tolist())

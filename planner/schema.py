@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any
 
 from planner.errors import KeyNameError, ValueRangeError
@@ -112,6 +112,7 @@ def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str
         KeyNameError: an unknown or missing key or section.
         ValueRangeError: a value of the wrong type or out of its range.
     """
+    _check_strays(document, (*FIELDS, *TOP_LEVEL), where, "")
     check_names(document, (*FIELDS, *TOP_LEVEL), where, "")
     missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
     if missing:
@@ -136,20 +137,19 @@ def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:
     return {**common, **PRESSURE_FIELDS.get(kind, {})}
 
 
-def _check_strays(table: Any, section_fields: Mapping[str, Field], where: str, section: str) -> None:
+def _check_strays(table: Any, valid: Container[str], where: str, section: str) -> None:
     """Refuse a key that is valid elsewhere, and say where."""
     if not isinstance(table, dict):
         return
-    homes = {key: f"belongs in [{name}]" for name, home in FIELDS.items() for key in home}
-    homes |= {
-        key: f'needs kind = "{kind}" in [pressure]' for kind, home in PRESSURE_FIELDS.items() for key in home
-    }
-    homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section")
+    homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
+    for kind, home in PRESSURE_FIELDS.items():
+        homes |= dict.fromkeys(
+            home, f'goes with kind = "{kind}" in [pressure]; change the kind or drop the key'
+        )
+    homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section; move it there")
     for key in table:
-        if key in homes and key not in section_fields:
-            error = KeyNameError(
-                f"key {shown(key)} {homes[key]}; move it there", where=where, section=section, value=key
-            )
+        if key in homes and key not in valid:
+            error = KeyNameError(f"key {shown(key)} {homes[key]}", where=where, section=section, value=key)
             error.names = (key,)
             raise error
 

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 import re
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Array
 from planner.errors import OutlineError
 
-Outline = NDArray[np.float64]
+Outline: TypeAlias = Array
 
 REPEAT_MM = 1e-6
 """Vertices closer than this are one vertex written twice."""
@@ -33,7 +34,7 @@ class Canonical(NamedTuple):
     """
 
     outline_mm: Outline
-    shift_mm: NDArray[np.float64]
+    shift_mm: Array
 
 
 def canonical(points: ArrayLike) -> Canonical:
@@ -90,7 +91,7 @@ def area(outline: Outline) -> float:
     return 0.5 * math.fsum(_cross_terms(outline - outline[0]))
 
 
-def centroid(outline: Outline) -> NDArray[np.float64]:
+def centroid(outline: Outline) -> Array:
     """Return the area centroid (2,) in mm."""
     # Relative to a vertex, so that an outline drawn far from the origin loses no digits;
     # fsum, so that the text of a job does not depend on the machine's order of summation.
@@ -147,7 +148,7 @@ def convex_hull(outline: Outline) -> Outline:
     return np.asarray(shapely.get_coordinates(hull)[:-1], dtype=np.float64)
 
 
-def _cross_terms(outline: Outline) -> NDArray[np.float64]:
+def _cross_terms(outline: Outline) -> Array:
     """Return x_i y_(i+1) - x_(i+1) y_i for each edge, (N,): twice its triangle with the origin."""
     following = np.roll(outline, -1, axis=0)
     return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])

@@ -13,8 +13,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.part.outline import Outline
 
 Kind = Literal["boundary", "uniform", "points", "stated"]
@@ -39,9 +39,9 @@ class Pressure:
 
     kind: Kind
     wishart_dof: int
-    points_mm: NDArray[np.float64] | None = None
-    weights: NDArray[np.float64] | None = None
-    ellipsoid: NDArray[np.float64] | None = None
+    points_mm: Array | None = None
+    weights: Array | None = None
+    ellipsoid: Array | None = None
     rho_mm: float | None = None
 
 
@@ -53,8 +53,8 @@ class Support(NamedTuple):
         weights: (M,) positive, summing to 1.
     """
 
-    points_mm: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    points_mm: Array
+    weights: Array
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:
@@ -108,7 +108,7 @@ def _area_support(outline: Outline) -> Support:
     return _normalised(np.concatenate(points), np.concatenate(weights))
 
 
-def _split_triangle(count: int) -> NDArray[np.float64]:
+def _split_triangle(count: int) -> Array:
     """Return barycentric coordinates (3 count^2, 3) of three points in each of count^2 equal triangles."""
     i, j = (index.ravel() for index in np.mgrid[:count, :count])
     upright = np.column_stack([i, j])[i + j < count]
@@ -123,14 +123,9 @@ def _split_triangle(count: int) -> NDArray[np.float64]:
     return np.column_stack([1.0 - inner.sum(axis=1), inner])
 
 
-def _normalised(points: NDArray[np.float64], weights: NDArray[np.float64]) -> Support:
+def _normalised(points: Array, weights: Array) -> Support:
     """Scale the weights to sum 1 and freeze both arrays."""
     weights = weights / weights.sum()
     points.setflags(write=False)
     weights.setflags(write=False)
     return Support(points, weights)
-
-
-def moment_radius(of: Support) -> float:
-    """Return the radius of gyration of a pressure distribution about the origin, mm."""
-    return math.sqrt(float(of.weights @ (of.points_mm**2).sum(axis=1)))

@@ -1,0 +1,107 @@
+"""The outline against closed forms, its invariants under rigid motion, and what it refuses."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.errors import OutlineError
+from planner.part import outline
+
+L_SHAPE = np.array([[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]], dtype=float)
+TRIANGLE = np.array([[0, 0], [36, 0], [0, 26]], dtype=float)
+RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+
+
+def moved(points: np.ndarray, angle: float, shift: tuple[float, float]) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return points @ np.array([[c, s], [-s, c]]) + shift
+
+
+@pytest.mark.parametrize("drawn", [L_SHAPE, TRIANGLE, RECTANGLE], ids=["L", "triangle", "rectangle"])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.0, 3.0), (5000.0, -4000.0)])
+def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
+    for points in (drawn + shift, (drawn + shift)[::-1]):
+        result = outline.canonical(points)
+        assert outline.area(result.outline_mm) > 0
+        assert np.hypot(*outline.centroid(result.outline_mm)) < 1e-11
+        assert np.allclose(result.outline_mm[0], points[0] + result.shift_mm, atol=0)
+        assert {tuple(p) for p in result.outline_mm} == {tuple(p) for p in points + result.shift_mm + 0.0}
+        assert not result.outline_mm.flags.writeable
+
+
+def test_a_canonical_outline_is_kept_to_the_last_bit():
+    result = outline.canonical(moved(L_SHAPE, 0.7, (100.0, -3.0))).outline_mm
+    assert np.array_equal(outline.checked(result), result)
+
+
+def test_area_and_centroid_of_an_l_are_those_of_its_two_boxes():
+    area = 32 * 12 + 12 * 14
+    centroid = (np.array([16, 6]) * 32 * 12 + np.array([6, 19]) * 12 * 14) / area
+    assert outline.area(L_SHAPE) == area
+    assert outline.area(L_SHAPE[::-1]) == -area
+    assert np.allclose(outline.centroid(L_SHAPE), centroid, rtol=1e-15)
+
+
+def test_radius_of_gyration_matches_closed_forms_and_the_published_value():
+    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(math.sqrt((30**2 + 21**2) / 12), rel=1e-14)
+    # The authors' released mechanics use this rho for the 30 x 21 mm rectangle.
+    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(10.5711873, abs=1e-7)
+    angles = np.linspace(0, math.tau, 720, endpoint=False)
+    disc = 20 * np.column_stack([np.cos(angles), np.sin(angles)])
+    assert outline.radius_of_gyration(disc) == pytest.approx(20 / math.sqrt(2), rel=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.9])
+def test_sizes_do_not_depend_on_where_the_part_lies(angle):
+    for points in (L_SHAPE, TRIANGLE, RECTANGLE):
+        turned = moved(points, angle, (3.0, -2.0))
+        assert outline.diameter(turned) == pytest.approx(outline.diameter(points), rel=1e-12)
+        assert outline.min_width(turned) == pytest.approx(outline.min_width(points), rel=1e-12)
+        assert outline.width(turned, angle + 0.4) == pytest.approx(outline.width(points, 0.4), rel=1e-12)
+
+
+def test_min_width_is_the_least_of_all_widths():
+    assert outline.min_width(RECTANGLE) == pytest.approx(21.0)
+    # The least height of a triangle stands on its longest side.
+    assert outline.min_width(TRIANGLE) == pytest.approx(36 * 26 / math.hypot(36, 26))
+    for points in (L_SHAPE, TRIANGLE, RECTANGLE):
+        widths = [outline.width(points, angle) for angle in np.linspace(0, math.pi, 3601)]
+        least = outline.min_width(points)
+        assert least <= min(widths) + 1e-12
+        assert least == pytest.approx(min(widths), abs=outline.diameter(points) * math.pi / 3600)
+        assert outline.diameter(points) == pytest.approx(max(widths), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ([[0, 0], [10, 10], [10, 0], [0, 10]], "crosses itself at (5, 5)"),
+        ([[0, 0], [10, 10], [10, 0], [0, 8]], "crosses itself at (4.44444, 4.44444)"),
+        ([[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]], "touches itself at (2, 0)"),
+        ([[0, 0], [1, 1], [2, 2], [5, 5]], "lie on one line"),
+        ([[0, 0], [4, 0], [2, 0], [2, 3]], "crosses itself at (4, 0)"),
+        ([[0, 0], [1, 0]], "has 2 vertices; give at least 3"),
+        ([], "not a list of [x, y] pairs"),
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], "not a list of [x, y] pairs"),
+        ([[0, 0], [1, 0], "a"], "not a list of [x, y] pairs"),
+        ([[0, 0], [1, 0], [math.nan, 1]], "vertex 3 is not finite"),
+        ([[0, 0], [math.inf, 0], [1, 1]], "vertex 2 is not finite"),
+        ([[0, 0], [1, 0], [1, 1], [0, 0]], "vertices 1 and 4 are the same point (0, 0); drop the last one"),
+        ([[0, 0], [1, 0], [1, 0], [1, 1]], "vertices 2 and 3 are the same point (1, 0); drop one"),
+        ([[0, 0], [5, 5], [9, 0], [9, 9], [5, 5], [0, 9]], "vertices 2 and 5 are the same point"),
+    ],
+)
+def test_refuses_what_is_not_a_simple_polygon(points, words):
+    with pytest.raises(OutlineError) as caught:
+        outline.canonical(points)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.value is not None
+
+
+def test_checked_refuses_an_outline_off_centre_or_clockwise():
+    with pytest.raises(OutlineError, match="counter-clockwise"):
+        outline.checked(RECTANGLE[::-1])
+    with pytest.raises(OutlineError, match=r"0\.5 mm from the origin"):
+        outline.checked(RECTANGLE + np.array([0.3, 0.4]))

@@ -1,0 +1,68 @@
+"""Quadrature of the pressure: exact moments, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.part import outline
+from planner.part.pressure import Pressure, support
+
+SHAPES = {
+    "rectangle": [[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]],
+    "triangle": [[0, 0], [36, 0], [0, 26]],
+    "L": [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]],
+    "C": [[0, 0], [30, 0], [30, 5], [6, 5], [6, 25], [30, 25], [30, 30], [0, 30]],
+    "sliver": [[0, 0], [200, 0], [200, 0.5], [0, 0.5]],
+    "curve": [[15 * math.cos(t / 40), 9 * math.sin(t / 40)] for t in range(251)],
+}
+
+
+def second_moments(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.einsum("m,mi,mj->ij", weights, points, points)
+
+
+@pytest.fixture(params=SHAPES)
+def part(request):
+    return outline.canonical(SHAPES[request.param]).outline_mm
+
+
+@pytest.mark.parametrize("kind", ["boundary", "uniform"])
+def test_weights_are_positive_and_sum_to_one(part, kind):
+    points, weights = support(Pressure(kind, 100), part)
+    assert points.shape == (len(weights), 2)
+    assert (weights > 0).all()
+    assert weights.sum() == pytest.approx(1.0, rel=1e-14)
+    assert 400 <= len(weights) <= 4000
+
+
+def test_uniform_pressure_has_the_moments_of_the_area(part):
+    points, weights = support(Pressure("uniform", 100), part)
+    size = outline.diameter(part)
+    assert np.abs(weights @ points).max() < 1e-13 * size
+    assert np.trace(second_moments(points, weights)) == pytest.approx(
+        outline.radius_of_gyration(part) ** 2, rel=1e-12
+    )
+
+
+def test_boundary_pressure_has_the_moments_of_the_edges(part):
+    points, weights = support(Pressure("boundary", 100), part)
+    ends = np.roll(part, -1, axis=0)
+    lengths = np.hypot(*(ends - part).T)
+    middles, halves = (part + ends) / 2, (ends - part) / 2
+    share = lengths / lengths.sum()
+    expected = second_moments(middles, share) + second_moments(halves, share) / 3
+    assert weights @ points == pytest.approx(share @ middles, abs=1e-12)
+    assert np.allclose(second_moments(points, weights), expected, rtol=1e-12, atol=1e-10)
+
+
+def test_points_are_taken_as_given():
+    points, weights = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([0.25, 0.75])
+    result = support(Pressure("points", 100, points_mm=points, weights=weights), np.empty((0, 2)))
+    assert result.points_mm is points
+    assert result.weights is weights
+
+
+def test_a_stated_limit_surface_has_no_support():
+    with pytest.raises(ValueError, match="stated"):
+        support(Pressure("stated", 100, ellipsoid=np.eye(3), rho_mm=10.0), np.empty((0, 2)))

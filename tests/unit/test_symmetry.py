@@ -1,0 +1,66 @@
+"""Rotational order of outlines whose symmetry is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.part import outline, symmetry
+
+
+def ring(n: int, rx: float, ry: float | None = None) -> np.ndarray:
+    angles = np.arange(n) * math.tau / n
+    return np.column_stack([rx * np.cos(angles), (rx if ry is None else ry) * np.sin(angles)])
+
+
+def star(points: int, inner: float, outer: float) -> np.ndarray:
+    angles = np.arange(2 * points) * math.pi / points
+    radii = np.where(np.arange(2 * points) % 2, inner, outer)
+    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+
+
+RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+KNOWN = {
+    "rectangle": (RECTANGLE, 2),
+    "square": (ring(4, 20), 4),
+    "equilateral triangle": (ring(3, 20), 3),
+    "right triangle": ([[0, 0], [36, 0], [0, 26]], 1),
+    "isosceles triangle": ([[-14, 0], [14, 0], [0, 34]], 1),
+    "L": ([[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]], 1),
+    "parallelogram": ([[0, 0], [30, 0], [40, 15], [10, 15]], 2),
+    "hexagon": (ring(6, 15), 6),
+    "five-pointed star": (star(5, 8, 20), 5),
+    "ellipse": (ring(96, 18, 11), 2),
+    "nearly round ellipse": (ring(240, 15, 14.8), 2),
+    "disc": (ring(90, 15), 90),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_order_of_known_shapes_at_any_angle(name, angle):
+    points, expected = KNOWN[name]
+    c, s = math.cos(angle), math.sin(angle)
+    part = outline.canonical(np.asarray(points) @ np.array([[c, s], [-s, c]]) + [4.0, -1.0]).outline_mm
+    assert symmetry.order(part) == expected
+    for n in range(1, expected + 1):
+        if expected % n == 0:
+            assert symmetry.has_order(part, n)
+
+
+def test_tolerance_decides_how_square_a_square_must_be():
+    for excess, expected in ((0.01, 4), (0.1, 2)):
+        part = RECTANGLE * [1.0, (30 + excess) / 21]
+        assert symmetry.order(part) == expected
+        assert symmetry.order(part, tolerance_mm=0.2) == 4
+
+
+def test_vertices_on_an_edge_do_not_hide_a_symmetry():
+    extra = np.insert(RECTANGLE, 1, [3.0, -10.5], axis=0)
+    assert symmetry.order(extra) == 2
+
+
+def test_order_refuses_what_only_a_small_turn_allows():
+    # Each turn by 1 / 240 moves this boundary by less than the tolerance; sixty of them do not.
+    part = KNOWN["nearly round ellipse"][0]
+    assert not symmetry.has_order(part, 240)
