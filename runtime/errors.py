@@ -2,13 +2,16 @@
 
 ```
 CellError
-├── TableFileError     3   the table file is missing or cannot be read
-├── TableError        30   the table's content is refused
-├── JournalError      24   the journal cannot be written, or does not verify
-├── GripperStateError 21   the gripper is not in a state to move, or its reading is not fresh
-├── MotionRefusedError 22  a motion was refused before it was sent
-├── CellStartError    31   the simulated cell did not start
-└── WorldError         6   a rehearsal cannot be built from what it was given
+├── UsageError             2   arguments that contradict one another
+├── TableFileError         3   the table file is missing or cannot be read
+├── PartRejectedError     10   a part was rejected: no width of the table matches
+├── PartUnresolvedError   11   a part stayed unresolved: the table cannot tell its pose
+├── GripperStateError     21   the gripper is not in a state to move, or its reading is not fresh
+├── MotionRefusedError    22   a motion was refused before it was sent
+├── JournalError          24   the journal cannot be written, or does not verify
+├── TableError            30   the table's content is refused
+├── CellStartError        31   the simulated cell did not start
+└── StoppedError          40   the operator stopped the run
 ```
 
 Every class carries `exit_code`, the process exit code of the command that ends with it. Errors of the drivers
@@ -89,7 +92,25 @@ class CellStartError(CellError):
     exit_code = 31
 
 
-class WorldError(CellError):
-    """A rehearsal was asked for without a table to draw its widths from."""
+class UsageError(CellError):
+    """Arguments that argparse alone cannot judge: they contradict one another, or cannot be used."""
 
-    exit_code = 6
+    exit_code = 2
+
+
+class PartRejectedError(CellError):
+    """A part was rejected: nothing between the fingers, or a width that no outcome of the squeeze has."""
+
+    exit_code = 10
+
+
+class PartUnresolvedError(CellError):
+    """A part ended at a leaf that the table does not call resolved."""
+
+    exit_code = 11
+
+
+class StoppedError(CellError):
+    """The operator stopped the run; the cell was left in the declared safe state."""
+
+    exit_code = 40

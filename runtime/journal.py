@@ -1,16 +1,19 @@
 """The journal of a run: append-only JSON lines, each holding the SHA-256 of the line before it.
 
-A record is on the disk when `Journal.record` returns. The first record embeds the table, so that the file
-alone is enough to check every decision; the last one, of kind `end`, tells a finished run from a broken one.
+A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
+that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
+broke off.
 """
 
 import base64
+import fcntl
 import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -24,33 +27,41 @@ RESERVED = frozenset({"seq", "time", "kind", "previous"})
 
 
 class Journal:
-    """A journal being written; one file a run, never an existing one.
+    """A journal being written. An existing one is verified and continued, never overwritten.
 
     Attributes:
         path: the file.
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file.
-
-        Args:
-            path: where; must not exist.
+        """Create the file, or verify it and go on at its end.
 
         Raises:
-            JournalError: it exists, or cannot be created.
+            JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
-        self._previous = GENESIS
-        self._seq = 0
+        self._previous, self._seq = GENESIS, 0
         try:
-            self._file = os.open(
-                path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644
-            )
-            _sync_directory(path.parent)
-        except FileExistsError:
-            raise JournalError(path, "exists and is not overwritten; name another with --journal") from None
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise _unwritable(path, error) from error
+        try:
+            self._claim()
+        except BaseException:
+            self.close()
+            raise
+
+    def _claim(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _sync_directory(self.path.parent)
+        except BlockingIOError:
+            raise JournalError(self.path, "is being written by another process; name another file") from None
+        except OSError as error:
+            raise _unwritable(self.path, error) from error
+        if os.fstat(self._file).st_size:
+            held = verify(self.path)
+            self._previous, self._seq = held.head, held.records
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Write the first record: the table's bytes and their digest, and what else tells the run apart.
@@ -109,32 +120,37 @@ class Verified:
 
     Attributes:
         records: number of records.
-        table: the embedded table's bytes.
-        closed: whether the run wrote its last record.
+        runs: number of runs, each begun by a header.
+        table: the bytes of the table embedded for the last run.
+        closed: whether the last run wrote its last record.
+        head: SHA-256 of the last line, what the next record has to hold.
     """
 
     records: int
+    runs: int
     table: bytes
     closed: bool
+    head: str
 
 
 def verify(path: Path) -> Verified:
-    """Check every line of a journal: whole, numbered, chained, and the table as its digest says.
+    """Check every line of a journal: whole, numbered, chained, the tables as their digests say.
 
     Raises:
         JournalError: naming the first line that does not verify.
     """
-    count, closed, table = 0, False, b""
-    for entry in records(path):
-        if closed:
-            raise JournalError(path, "a record follows the last one of the run", count + 1)
-        if count == 0:
-            table = _embedded_table(path, entry)
-        count += 1
-        closed = entry["kind"] == "end"
-    if count == 0:
+    number, runs, closed, table, head = 0, 0, True, b"", GENESIS
+    for entry, digest in _chain(path):
+        number, head = number + 1, digest
+        if entry["kind"] == "header":
+            table, runs, closed = _embedded_table(path, number, entry), runs + 1, False
+        elif closed:
+            raise JournalError(path, "does not belong to a run; a header was expected", number)
+        else:
+            closed = entry["kind"] == "end"
+    if number == 0:
         raise JournalError(path, "is empty")
-    return Verified(count, table, closed)
+    return Verified(number, runs, table, closed, head)
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
@@ -143,14 +159,20 @@ def records(path: Path) -> Iterator[dict[str, object]]:
     Raises:
         JournalError: the file cannot be read, or naming the first line that does not verify.
     """
-    previous = GENESIS
+    return (entry for entry, _ in _chain(path))
+
+
+def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
+    """Each record with the SHA-256 of its line."""
+    head = GENESIS
     try:
         with path.open("rb") as file:
-            number = 0
-            while line := file.readline(MAX_LINE_BYTES):
-                number += 1
-                yield _checked(path, number, line, previous)
-                previous = hashlib.sha256(line[:-1]).hexdigest()
+            for number in count(1):
+                if not (line := file.readline(MAX_LINE_BYTES)):
+                    return
+                entry = _checked(path, number, line, head)
+                head = hashlib.sha256(line[:-1]).hexdigest()
+                yield entry, head
     except OSError as error:
         raise JournalError(path, f"cannot be read: {error.strerror}") from error
 
@@ -171,15 +193,15 @@ def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, o
     return entry
 
 
-def _embedded_table(path: Path, entry: Mapping[str, object]) -> bytes:
-    if entry["kind"] != "header" or entry.get("journal_version") != VERSION:
-        raise JournalError(path, f"is not a journal header of version {VERSION}", 1)
+def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> bytes:
+    if entry.get("journal_version") != VERSION:
+        raise JournalError(path, f"is not a header of journal version {VERSION}", number)
     try:
         table = base64.b64decode(str(entry.get("table_base64")), validate=True)
     except ValueError:
-        raise JournalError(path, "the embedded table is not base64", 1) from None
+        raise JournalError(path, "the embedded table is not base64", number) from None
     if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
-        raise JournalError(path, "the embedded table is not the one of its digest", 1)
+        raise JournalError(path, "the embedded table is not the one of its digest", number)
     return table
 
 

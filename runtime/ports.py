@@ -72,8 +72,8 @@ class Gripper(Protocol):
     def state(self) -> GripperState:
         """Read the status, once."""
 
-    def activate(self) -> bool:
-        """Run the activation sweep, fingers fully open and closed; False if it was active before."""
+    def activate(self) -> None:
+        """Run the activation sweep, fingers fully open and closed; nothing if it is active already."""
 
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
         """Request a position, once, and return without waiting."""
@@ -146,10 +146,13 @@ class Auditor(Protocol):
 
 
 class Clock(Protocol):
-    """Time as the cell lives it; a scaled cell's seconds pass faster than ours."""
+    """Deadlines in the cell's own seconds, which a simulated cell may live faster than we do."""
 
     def now(self) -> float:
-        """Seconds since some fixed moment, never going back."""
+        """The moment it is, never going back."""
+
+    def deadline(self, seconds: float) -> float:
+        """The moment by which a motion of so many cell seconds is over, the link's own time included."""
 
 
 class Journal(Protocol):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Self
 
+from runtime.errors import PartRejectedError, PartUnresolvedError, StoppedError
 from runtime.table import Squeeze
 
 
@@ -19,7 +20,12 @@ class Outcome(Enum):
 
 
 # Exit codes of the outcomes that are not faults; a fault brings its own.
-EXIT_CODES = {Outcome.LEAF: 0, Outcome.REJECT: 10, Outcome.UNRESOLVED: 11, Outcome.STOPPED: 40}
+EXIT_CODES = {
+    Outcome.LEAF: 0,
+    Outcome.REJECT: PartRejectedError.exit_code,
+    Outcome.UNRESOLVED: PartUnresolvedError.exit_code,
+    Outcome.STOPPED: StoppedError.exit_code,
+}
 
 
 class Step(NamedTuple):

@@ -1,0 +1,171 @@
+"""What a run tells its reader: one line a squeeze, one a part, one at the end; or one JSON object a part."""
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import Protocol
+
+from runtime.geometry import Pose2, placement, predicted_pose
+from runtime.results import Outcome, PartResult, Step
+from runtime.table import PPM, Table
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where a simulated part really lies, and how far the prediction is off.
+
+    Attributes:
+        true: mm, mm, rad.
+        error_mm: distance by the goal's metric, or None without a prediction.
+        crashes: times open fingers were placed onto this cell's parts so far.
+    """
+
+    true: Pose2
+    error_mm: float | None
+    crashes: int
+
+
+class Console(Protocol):
+    """Told what happens, in order."""
+
+    def note(self, sentence: str) -> None:
+        """Something the reader should know."""
+
+    def step(self, part: int, step: Step) -> None:
+        """One squeeze."""
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """One part's end."""
+
+    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+        """The run's end."""
+
+
+class Lines:
+    """Plain lines for people, on standard output."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+
+    def note(self, sentence: str) -> None:
+        """Print a sentence."""
+        print(sentence, flush=True)
+
+    def step(self, part: int, step: Step) -> None:
+        """Print pose commanded, width read, node reached."""
+        x_mm, y_mm, angle_rad = placement(step.squeeze)
+        print(
+            f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
+            f"{degrees(angle_rad):.1f} deg; width {step.width_um / 1000:.2f} mm "
+            f"(count {step.position_counts}) -> {_reached(step)}",
+            flush=True,
+        )
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """Print leaf, predicted pose, success probability, and the true error where it is known."""
+        told = f"part {result.part}: {result.outcome.name}"
+        if result.leaf is not None:
+            leaf = self._table.leaves[result.leaf]
+            told += (
+                f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {leaf.success_ppm / PPM:.4f}"
+            )
+        if seen is not None and seen.error_mm is not None:
+            told += f"; true error {seen.error_mm:.2f} mm"
+        told += "".join(f"; {sentence}" for sentence in _sentences(result))
+        print(told, flush=True)
+
+    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+        """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
+        outcomes = Counter(result.outcome for result, _ in results)
+        told = [f"{outcomes[outcome]} {outcome.name}" for outcome in Outcome if outcomes[outcome]]
+        sightings = [seen for _, seen in results if seen is not None]
+        if sightings:
+            goal_mm = self._table.goal.distance_um / 1000
+            within = sum(is_within(self._table, seen) is True for seen in sightings)
+            told.append(f"{within} within {goal_mm:g} mm")
+            told.append(f"{sightings[-1].crashes} crashes")
+        squeezes = sum(len(result.steps) for result, _ in results)
+        told.append(f"{squeezes / max(len(results), 1):.2f} squeezes a part")
+        print(f"{len(results)} parts: {', '.join(told)}; journal {journal}", flush=True)
+
+
+class Objects:
+    """One JSON object a part on standard output; sentences go to standard error."""
+
+    def __init__(self, table: Table, journal: Path) -> None:
+        self._table = table
+        self._journal = journal
+
+    def note(self, sentence: str) -> None:
+        """Print a sentence where no parser reads it."""
+        print(sentence, file=sys.stderr, flush=True)
+
+    def step(self, part: int, step: Step) -> None:
+        """Nothing: a part's object holds its squeezes."""
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """Print the part's object."""
+        print(json.dumps(as_object(self._table, result, seen, self._journal)), flush=True)
+
+    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+        """Nothing: the objects say it all."""
+
+
+def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
+    """One part for machines. `audit` is the auditor's verdict, null without one; units are in the names.
+
+    Args:
+        table: for the leaf's pose and success.
+        result: the part's result.
+        seen: where it really lies, None on a real cell.
+        journal: where its record is.
+    """
+    leaf = None if result.leaf is None else table.leaves[result.leaf]
+    return {
+        "part": result.part,
+        "outcome": result.outcome.value,
+        "leaf": result.leaf,
+        "path": [step.node for step in result.steps],
+        "position_counts": [step.position_counts for step in result.steps],
+        "widths_mm": [step.width_um / 1000 for step in result.steps],
+        "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
+        "success_probability": None if leaf is None else leaf.success_ppm / PPM,
+        "audit": None,
+        "true_pose": None if seen is None else _pose_object(seen.true),
+        "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
+        "within_goal": is_within(table, seen),
+        "crashes": None if seen is None else seen.crashes,
+        "reason": result.reason,
+        "safe_state": list(result.safe_state),
+        "exit_code": result.exit_code,
+        "journal": str(journal),
+    }
+
+
+def is_within(table: Table, seen: Sighting | None) -> bool | None:
+    """Whether a simulated part meets the goal; None where that is not known."""
+    if seen is None or seen.error_mm is None:
+        return None
+    return seen.error_mm < table.goal.distance_um / 1000
+
+
+def _reached(step: Step) -> str:
+    if step.target is None:
+        return f"REJECT, {step.reason}"
+    return f"node {step.target}" if step.target >= 0 else f"leaf {~step.target}"
+
+
+def _sentences(result: PartResult) -> list[str]:
+    return [*([result.reason] if result.reason else []), *result.safe_state]
+
+
+def _pose(pose: Pose2) -> str:
+    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):.1f} deg"
+
+
+def _pose_object(pose: Pose2) -> dict[str, float]:
+    return {"x_mm": pose[0], "y_mm": pose[1], "theta_rad": pose[2]}

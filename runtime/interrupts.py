@@ -1,0 +1,34 @@
+"""Ctrl-C and SIGTERM as one stop request that is heard once, so that nothing interrupts the safe sequence."""
+
+import signal
+import sys
+from types import FrameType, TracebackType
+from typing import Self
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopRequests:
+    """While entered, the first of `SIGNALS` raises KeyboardInterrupt, a later one is only acknowledged."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: dict[signal.Signals, signal._HANDLER] = {}
+
+    def __enter__(self) -> Self:
+        self._before = {number: signal.signal(number, self._hear) for number in SIGNALS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _hear(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        if self._asked:
+            print("stopping already", file=sys.stderr, flush=True)
+            return
+        self._asked = True
+        raise KeyboardInterrupt

@@ -1,0 +1,119 @@
+"""A world without physics: widths drawn from the table's own statistics, to rehearse a table with.
+
+It shows that runtime, gripper and arm play together; about the part it knows no more than the table does, so
+a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
+"""
+
+from math import isclose, remainder, sqrt, tau
+from random import Random
+
+from runtime.errors import UsageError
+from runtime.geometry import Pose2, compose, placement, predicted_pose, relative
+from runtime.table import Branch, Calibration, Leaf, Node, Table, count_map
+from runtime.table_model import COVARIANCE_ANGLE_URAD, COVARIANCE_LENGTH_UM
+
+# The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
+SAME_MM, SAME_RAD = 0.1, 0.01
+NOISE_SIGMAS = 3.0
+
+
+def make(job: object, seed: int) -> "Rehearsal":
+    """The rehearsal world of a table, as `module:factory` names it.
+
+    Args:
+        job: the table; a job alone has no statistics to draw from.
+        seed: of the draws.
+
+    Raises:
+        UsageError: `job` is no table.
+    """
+    if not isinstance(job, Table):
+        raise UsageError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+    return Rehearsal(job, seed)
+
+
+class Rehearsal:
+    """Walks the tree: a branch by its probability, a width inside it, at a leaf the pose and its spread.
+
+    A squeeze that does not continue the part of the one before begins with a new part at the root.
+
+    Args:
+        table: the table.
+        seed: of the draws.
+    """
+
+    def __init__(self, table: Table, seed: int) -> None:
+        self._table = table
+        self._random = Random(seed)
+        self._calibration = Calibration.linear(table.gripper)
+        # Nodes that may come next, the drawn one first, and where the part lies meanwhile.
+        self._next: list[int] = []
+        self._lies: Pose2 | None = None
+
+    def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
+        """One squeeze.
+
+        Args:
+            pose_hand: the part in the hand frame, mm, mm, rad.
+
+        Returns:
+            Its pose afterwards, the width in mm without encoder noise, and "grasped".
+        """
+        node = self._table.nodes[self._node_of(pose_hand)]
+        branch = self._random.choices(
+            node.branches, weights=[branch.probability_ppm for branch in node.branches]
+        )[0]
+        frame = placement(node.squeeze)
+        if branch.target >= 0:
+            final = pose_hand
+            self._lies = compose(frame, pose_hand)
+            others = [other.target for other in node.branches if other is not branch and other.target >= 0]
+            self._next = [branch.target, *others]
+        else:
+            final = relative(frame, self._spread(self._table.leaves[~branch.target]))
+            self._lies = None
+        return final, self._width_um(node, branch) / 1000, "grasped"
+
+    def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
+        """Never: the table proved its placements against a part this world does not have."""
+        del pose_hand, opening_mm
+        return False
+
+    def _node_of(self, pose_hand: Pose2) -> int:
+        """The node being executed: a child of the last one if the part lies where it lay, else the root."""
+        if self._lies is not None:
+            for index in self._next:
+                seen = compose(placement(self._table.nodes[index].squeeze), pose_hand)
+                if _same(seen, self._lies):
+                    return index
+        return 0
+
+    def _width_um(self, node: Node, branch: Branch) -> float:
+        """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
+        outcomes = count_map(node, self._calibration)
+        mine = node.branches.index(branch)
+        widths = [
+            self._calibration.width_um(count) for count, outcome in enumerate(outcomes) if outcome == mine
+        ]
+        low, high = min(widths), max(widths)
+        room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
+        return self._random.uniform(low + room, high - room)
+
+    def _spread(self, leaf: Leaf) -> Pose2:
+        """The predicted pose and an error of the leaf's spread, each axis by itself."""
+        x, y, theta = predicted_pose(leaf)
+        length_mm, angle_rad = COVARIANCE_LENGTH_UM / 1000, COVARIANCE_ANGLE_URAD / 1e6
+        xx, _, yy, _, _, tt = leaf.covariance
+        return (
+            x + self._random.gauss(0.0, sqrt(xx) * length_mm),
+            y + self._random.gauss(0.0, sqrt(yy) * length_mm),
+            theta + self._random.gauss(0.0, sqrt(tt) * angle_rad),
+        )
+
+
+def _same(one: Pose2, other: Pose2) -> bool:
+    return (
+        isclose(one[0], other[0], abs_tol=SAME_MM)
+        and isclose(one[1], other[1], abs_tol=SAME_MM)
+        and abs(remainder(one[2] - other[2], tau)) < SAME_RAD
+    )

@@ -1,0 +1,121 @@
+"""A run of many parts: feed, execute, compare with the truth where there is one, sum up."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+from runtime.console import Console, Sighting
+from runtime.errors import JournalError, StoppedError
+from runtime.executor import Cell, Executor
+from runtime.geometry import goal_distance_mm, predicted_pose
+from runtime.ports import Gripper, Scene
+from runtime.results import Outcome, PartResult
+from runtime.safety import ready_gripper
+from runtime.table import Table
+
+CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
+Result = tuple[PartResult, Sighting | None]
+Results = Sequence[Result]
+
+
+def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
+    """Make sure that the gripper may be moved; only `activate` lets the fingers sweep.
+
+    Args:
+        gripper: connected, not yet moved.
+        console: told before the fingers move.
+        activate: whether an inactive gripper may be activated.
+
+    Raises:
+        GripperStateError: it is not active and must not be activated, or reports a fault.
+    """
+    if activate and not gripper.state().activated:
+        console.note("activating the gripper: the fingers open and close fully")
+        gripper.activate()
+    ready_gripper(gripper)
+
+
+def run_journalled(
+    table: Table, cell: Cell, scene: Scene | None, console: Console, *, count: int, activate: bool
+) -> Results:
+    """Prepare the gripper, run the parts, and write the run's last record however it ends.
+
+    Args:
+        table: the table, proved.
+        cell: the devices and the journal, its header written.
+        scene: the simulated cell's feeder and eye, None on a real one.
+        console: told as it happens.
+        count: number of parts.
+        activate: whether an inactive gripper may be activated.
+
+    Returns:
+        A result a part, with the truth where a scene knows it.
+
+    Raises:
+        JournalError: the last record cannot be written.
+        Exception: an error before the first part, or between two, once it is recorded.
+    """
+    results: list[Result] = []
+    try:
+        prepare_gripper(cell.gripper, console, activate=activate)
+        for result in run_parts(table, cell, scene, console, count):
+            results.append(result)
+    except BaseException as error:
+        with suppress(JournalError):
+            cell.journal.record("end", _end_fields(results, _code(error), str(error) or type(error).__name__))
+        raise
+    cell.journal.record("end", _end_fields(results, exit_code(results), None))
+    return results
+
+
+def run_parts(
+    table: Table, cell: Cell, scene: Scene | None, console: Console, count: int
+) -> Iterator[Result]:
+    """Execute the table on `count` parts, or until a fault or a stop.
+
+    Args:
+        table: the table, proved.
+        cell: the devices and the journal.
+        scene: the simulated cell's feeder and eye, None on a real one.
+        console: told as it happens.
+        count: number of parts.
+
+    Yields:
+        A result a part, with the truth where a scene knows it.
+    """
+    executor = Executor(table, cell, console.step)
+    for number in range(1, count + 1):
+        if scene is not None:
+            scene.next_part()
+        result = executor.run_part(number)
+        seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
+        console.part(result, seen)
+        yield result, seen
+        if result.outcome not in CONTINUING:
+            return
+
+
+def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
+    """Compare a part's predicted pose with the truth."""
+    truth = scene.truth()
+    true = (truth.x_mm, truth.y_mm, truth.theta_rad)
+    error_mm = None
+    if result.outcome is Outcome.LEAF and result.leaf is not None:
+        error_mm = goal_distance_mm(table.goal, predicted_pose(table.leaves[result.leaf]), true)
+    return Sighting(true, error_mm, truth.crashes)
+
+
+def exit_code(results: Results) -> int:
+    """The gravest of the parts' exit codes: they are numbered by gravity, 0 if every part reached a leaf."""
+    return max((result.exit_code for result, _ in results), default=0)
+
+
+def _code(error: BaseException) -> int:
+    if isinstance(error, KeyboardInterrupt):
+        return StoppedError.exit_code
+    code = getattr(error, "exit_code", 1)
+    return code if isinstance(code, int) else 1
+
+
+def _end_fields(results: Results, code: int, reason: str | None) -> dict[str, object]:
+    outcomes = [result.outcome.value for result, _ in results]
+    return {"parts": len(outcomes), "outcomes": outcomes, "exit_code": code, "reason": reason}
