@@ -206,9 +206,10 @@ def check_names(found: Iterable[str], valid: Iterable[str], where: str, section:
 
 def missing_names(names: list[str], where: str, section: str) -> KeyNameError:
     """Return the error that asks for keys or sections which must be stated."""
-    what = ("key" if section else "section") + ("s" if len(names) > 1 else "")
-    error = KeyNameError(f"missing {what} {', '.join(names)}; add {'them' if len(names) > 1 else 'it'}",
-                         where=where, section=section)  # fmt: skip
+    plural = len(names) > 1
+    what = ("key" if section else "section") + ("s" if plural else "")
+    problem = f"missing {what} {', '.join(names)}; add {'them' if plural else 'it'}"
+    error = KeyNameError(problem, where=where, section=section)
     error.names = tuple(names)
     return error
 
