@@ -1,0 +1,140 @@
+"""Decision tables for tests: one small enough to draw, and random ones of any size."""
+
+import hashlib
+from dataclasses import replace
+from random import Random
+
+from runtime.table import (
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Node,
+    Prediction,
+    Squeeze,
+    Table,
+)
+
+GRIPPER = GripperSpec("Robotiq 2F-85", 85_000, 27_500, 9_500, 3, 230, 150)
+GOAL = GoalSpec(distance_um=3_000, confidence_ppm=990_000, rho_um=10_571, symmetry=2)
+LIMITS = Limits(4, 60_000, 60_000, (-60_000, -60_000, 60_000, 60_000), 60_000, 10_000, 400_000)
+NO_JOB = hashlib.sha256(b"no job").digest()
+JAWS = (85_000, 60_000, 40_000)
+TIGHT = (2, 0, 2, 0, 0, 1)
+
+
+def small_table() -> Table:
+    """Two squeezes of a rectangle: across, and if that is ambiguous along.
+
+    ```
+    node 0 (0 deg)  -> 20..22 mm: leaf 0
+                    -> 29..31 mm: node 1 (90 deg) -> 20..22 mm: leaf 1
+                                                  -> 35..37 mm: leaf 2, not resolved
+    ```
+    """
+    root = Node(
+        Squeeze(0, 0, 0, *JAWS, 12_000),
+        (
+            Branch(20_000, 21_000, 22_000, 600_000, ~0),
+            Branch(29_000, 30_000, 31_000, 400_000, 1),
+        ),
+    )
+    second = Node(
+        Squeeze(1_000, -2_000, 1_570_796, *JAWS, 9_000),
+        (
+            Branch(20_000, 21_000, 22_000, 750_000, ~1),
+            Branch(35_000, 36_000, 37_000, 250_000, ~2),
+        ),
+    )
+    leaves = (
+        Leaf(0, 500, 0, TIGHT, 999_000, 6_000, True),
+        Leaf(-1_200, -2_000, 1_571_000, TIGHT, 995_000, 3_000, True),
+        Leaf(0, 0, 643_000, (90, -4, 60, 3, 0, 40), 610_000, 1_000, False),
+    )
+    predicted = Prediction(958_000, 10_000, 1_400_000)
+    return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
+
+
+def with_job(table: Table, job: str) -> Table:
+    """The same table with a job embedded."""
+    return replace(table, job=job, job_digest=hashlib.sha256(job.encode()).digest())
+
+
+def with_node(table: Table, index: int, node: Node) -> Table:
+    """The same table with one node replaced."""
+    return replace(table, nodes=(*table.nodes[:index], node, *table.nodes[index + 1 :]))
+
+
+def with_leaf(table: Table, index: int, leaf: Leaf) -> Table:
+    """The same table with one leaf replaced."""
+    return replace(table, leaves=(*table.leaves[:index], leaf, *table.leaves[index + 1 :]))
+
+
+def random_table(seed: int, nodes: int) -> Table:
+    """A table of so many nodes, numbered breadth first, with two to four branches each."""
+    random = Random(seed)
+    records: list[Node] = []
+    leaves: list[Leaf] = []
+    made = 1
+    for index in range(nodes):
+        targets = []
+        for number in range(random.randint(2, 4)):
+            if made < nodes and (random.random() < 0.5 or (made == index + 1 and number == 0)):
+                targets.append(made)
+                made += 1
+            else:
+                targets.append(~len(leaves))
+                leaves.append(_random_leaf(random))
+        records.append(Node(_random_squeeze(random), _random_branches(random, targets)))
+    limits = replace(LIMITS, max_depth=64)
+    predicted = Prediction(999_000, 20_000, 2_860_000, 300)
+    return Table(
+        "squeezetree test", NO_JOB, GRIPPER, GOAL, limits, tuple(records), tuple(leaves), predicted, None
+    )
+
+
+def renumbered(table: Table, seed: int) -> Table:
+    """The same tree with its nodes (but the root) and leaves numbered at random."""
+    random = Random(seed)
+    nodes = [0, *random.sample(range(1, len(table.nodes)), len(table.nodes) - 1)]  # new number of each
+    leaves = random.sample(range(len(table.leaves)), len(table.leaves))
+
+    def moved(branch: Branch) -> Branch:
+        target = nodes[branch.target] if branch.target >= 0 else ~leaves[~branch.target]
+        return branch._replace(target=target)
+
+    moved_nodes = [node._replace(branches=tuple(map(moved, node.branches))) for node in table.nodes]
+    return replace(
+        table,
+        nodes=tuple(node for _, node in sorted(zip(nodes, moved_nodes, strict=True))),
+        leaves=tuple(leaf for _, leaf in sorted(zip(leaves, table.leaves, strict=True))),
+    )
+
+
+def _random_squeeze(random: Random) -> Squeeze:
+    angle = random.choice([0, 785_398, 1_570_796, 2_356_194])
+    x, y = (random.choice([0, 10_000, -10_000]) for _ in range(2))
+    return Squeeze(x, y, angle, *JAWS, random.randint(0, 20_000))
+
+
+def _random_branches(random: Random, targets: list[int]) -> tuple[Branch, ...]:
+    cuts = sorted(random.randint(0, 1_000_000) for _ in targets[1:])
+    shares = [high - low for low, high in zip([0, *cuts], [*cuts, 1_000_000], strict=True)]
+    branches, reached = [], random.randint(10_000, 20_000)
+    for target, share in zip(targets, shares, strict=True):
+        low = reached + random.randint(0, 4_000)
+        expected = low + random.randint(400, 1_200)
+        reached = expected + random.randint(400, 1_200)
+        branches.append(Branch(low, expected, reached, share, target))
+    return tuple(branches)
+
+
+def _random_leaf(random: Random) -> Leaf:
+    x, y = (random.randint(-12_000, 12_000) for _ in range(2))
+    covariance = (random.randint(0, 120), random.randint(-40, 40), random.randint(0, 120))
+    covariance += (random.randint(-30, 30), random.randint(-30, 30), random.randint(0, 60))
+    theta = random.randint(-3_141_592, 3_141_592)
+    return Leaf(
+        x, y, theta, covariance, 1_000_000 - random.choice([0, 0, 5_000]), random.randint(0, 300), True
+    )
