@@ -21,6 +21,12 @@ ANSWER_S = 2.0  # commands that do not move
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
 TURN_SPEED_DEG_S = 90.0
+CONNECT_TRIES = 3
+NOTHING_OWED = Reply(codec.PING, True, ())
+
+
+class _CutOffError(ArmError):
+    """The server hung up; on a fresh connection that is no news."""
 
 
 class ArmPose(NamedTuple):
@@ -53,6 +59,8 @@ class Arm:
         self._socket = connection
         self._pace = pace
         self._unknown = ""  # why the state is unknown
+        self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
+        self._text = ""
         self._speed = math.nan
         self._at: ArmPose | None = None
         self._drain()
@@ -139,14 +147,19 @@ class Arm:
             )
         line = codec.command(code, *numbers)
         try:
-            self._socket.sendall(line)
-            reply = self._await_reply(code, self._pace.deadline(budget_s))
+            # After an interrupt the server may still be busy with the last command: it cannot listen before.
+            reply = self._await_reply(*self._owed) if self._owed else NOTHING_OWED
+            if reply is not None:
+                self._owed = (code, self._pace.deadline(budget_s))
+                self._socket.sendall(line)
+                reply = self._await_reply(*self._owed)
         except OSError as error:
-            raise self._lose("the connection broke", line) from error
+            raise self._lose("the connection broke", line, _CutOffError) from error
         except ProtocolError as error:
             raise self._lose(f"an answer that does not fit: {error}", line) from error
         if reply is None:
             raise self._lose(f"{budget_s:.1f} s of silence after {line.decode()!r}", line)
+        self._owed = None
         if not reply.done:
             raise ArmError(
                 f"arm at {self.endpoint} refused {line.decode()!r} as a bad message", line.decode()
@@ -154,16 +167,16 @@ class Arm:
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
-        text = ""
         while (left := deadline - self._pace.now()) > 0.0:
-            reply = codec.parse_reply(text, code) if text else None
+            reply = codec.parse_reply(self._text, code) if self._text else None
             if reply is not None and not (reply.fields and self._readable(QUIET_S)):
+                self._text = ""
                 return reply
             if self._readable(left):
                 piece = self._receive()
                 if not piece:
                     raise ConnectionResetError("closed by the arm")
-                text = codec.drop_stale(text + piece, code)
+                self._text = codec.drop_stale(self._text + piece, code)
         return None
 
     def _readable(self, seconds: float) -> bool:
@@ -172,10 +185,10 @@ class Arm:
     def _receive(self) -> str:
         return self._socket.recv(256).decode("latin-1")
 
-    def _lose(self, reason: str, line: bytes) -> ArmError:
+    def _lose(self, reason: str, line: bytes, kind: type[ArmError] = ArmError) -> ArmError:
         self._unknown = reason
         self._socket.close()
-        return ArmError(
+        return kind(
             f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the arm and its program",
             line.decode("ascii"),
         )
@@ -191,10 +204,21 @@ def travel_s(start: ArmPose, target: ArmPose, speed_mm_s: float) -> float:
 def connect(host: str, port: int, pace: Pace, tool: Pose = IDENTITY, work_object: Pose = IDENTITY) -> Arm:
     """Connect to an open_abb server, drain it and send all settings; nothing moves.
 
+    The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
+    again.
+
     Raises:
         PortError: nobody accepts the connection.
         ArmError: whoever answers is no open_abb server, or serves another client.
     """
+    for _ in range(CONNECT_TRIES - 1):
+        with contextlib.suppress(_CutOffError):
+            return _connect_once(host, port, pace, tool, work_object)
+        pace.pause(ACCEPT_S)
+    return _connect_once(host, port, pace, tool, work_object)
+
+
+def _connect_once(host: str, port: int, pace: Pace, tool: Pose, work_object: Pose) -> Arm:
     endpoint = f"tcp://{host}:{port}"
     try:
         connection = socket.create_connection((host, port), timeout=5.0)

@@ -22,6 +22,7 @@ from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq.registers import BLOCK_REGISTERS, to_bytes, to_registers
 
 GAP_S = 0.005  # manuals ask for 5 ms between commands: the gripper refreshes at 200 Hz ([M16] p55)
+LATE_S = 0.02  # wall; how long a late answer is waited for before the line counts as quiet
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 BAUD = 115200
 
@@ -126,26 +127,30 @@ class ModbusLink:
             self._pace.clock.sleep(wait)
         if self._out_of_step:
             self._drain()
+        self._out_of_step = True  # until this transaction is answered, or after an interrupt
         self.transactions += 1
 
     def _drain(self) -> None:
-        """Throw away a late answer before it is taken for the next; serial clients do so themselves."""
-        self._out_of_step = False
-        if isinstance(self._client, ModbusTcpClient) and self._client.socket is not None:
-            self._client.socket.setblocking(False)
-            with contextlib.suppress(OSError):
+        """Throw away a late answer before it is taken for the next one."""
+        self._pace.clock.sleep(LATE_S)
+        with contextlib.suppress(OSError):
+            if isinstance(self._client, ModbusSerialClient):
+                if self._client.socket is not None:
+                    self._client.socket.reset_input_buffer()
+            elif self._client.socket is not None:
+                self._client.socket.setblocking(False)
                 while self._client.socket.recv(4096):
                     pass
 
     def _check(self, reply: ModbusPDU, function: int) -> None:
         self._free_at = self._pace.now() + GAP_S / self._pace.time_scale
         if reply.function_code & 0x7F != function:
-            self._out_of_step = True
             raise LinkTimeout(
                 f"gripper at {self.endpoint} answered function {reply.function_code} to {function}: "
                 "an answer was late; check the wiring",
                 self.endpoint,
             )
+        self._out_of_step = False
         if reply.isError():
             raise LinkError(
                 f"gripper at {self.endpoint} refused function {reply.function_code & 0x7F} (exception "
@@ -161,7 +166,6 @@ class ModbusLink:
             return LinkError(
                 f"gripper link {self.endpoint} broke; check cable, adapter and power", self.endpoint
             )
-        self._out_of_step = True
         return LinkTimeout(
             f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check its power, "
             f"slave id {self._wiring.unit} and wiring",

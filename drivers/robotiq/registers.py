@@ -76,7 +76,7 @@ def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
     return bytes(block)
 
 
-def unpack(fields: tuple[Field, ...], block: bytes) -> dict[str, int]:
+def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int]:
     """Read named values out of a block of 6 bytes (or more: the rest is reserved)."""
     return {field.name: block[field.byte] >> field.shift & (1 << field.width) - 1 for field in fields}
 

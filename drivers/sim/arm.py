@@ -1,0 +1,236 @@
+"""The open_abb server with an IRB 120 behind it, over simulated time; no sockets here.
+
+Behaviour from `RAPID/SERVER.mod`: settings outlive clients, stale parameters move the arm, moves are
+acknowledged when they are over, what RAPID cannot recover from ends in silence.
+"""
+
+import bisect
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from drivers.abb.codec import IDENTITY, Pose, Quaternion
+from drivers.sim import kinematics, rapid
+from drivers.sim.kinematics import compose, invert
+
+MAX_BUFFER = 512
+JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
+UNIT_TOLERANCE = 1e-3  # how far from unit length RAPID takes a quaternion
+INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
+HOME_MM = (0.0, 0.0, 100.0)  # where the hand hangs at start, pointing down
+HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
+
+
+class Answer(NamedTuple):
+    """What an instruction comes to: `text` sent at `ready_s`, or none; `closing` hangs up silently."""
+
+    text: str | None
+    ready_s: float
+    closing: bool = False
+
+
+class Leg(NamedTuple):
+    """A motion of the flange in the base frame."""
+
+    start: Pose
+    target: Pose
+    start_s: float
+    seconds: float
+
+    def at(self, now_s: float) -> Pose:
+        """Where the flange is."""
+        if now_s >= self.start_s + self.seconds:
+            return self.target
+        return kinematics.between(self.start, self.target, max(now_s - self.start_s, 0.0) / self.seconds)
+
+
+class HaltError(Exception):
+    """A fault that stops RAPID execution: the connection stays open and mute."""
+
+
+class ArmModel:
+    """The server's state and the arm's.
+
+    Args:
+        base: the arm's base frame in the world, so that the table's middle is within reach.
+    """
+
+    def __init__(self, base: Pose) -> None:
+        self.halted = ""
+        self.moves = 0
+        self._base = base
+        self._message = rapid.Message()
+        self._tool = IDENTITY
+        self._work_object = IDENTITY
+        self._speed = (100.0, 50.0)  # mm/s, deg/s
+        self._zone_mm = 0.3
+        self._buffer: list[tuple[Pose, tuple[float, float]]] = []
+        self._external = (0.0,) * 6
+        self._circle: Pose | None = None
+        here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
+        self._legs = [Leg(here, here, 0.0, 0.0)]
+
+    def pose_at(self, now_s: float) -> Pose:
+        """Where the hand is, in the client's tool and work object."""
+        flange = compose(self._base, self._flange_at(now_s))
+        return compose(invert(self._work_object), compose(flange, self._tool))
+
+    def execute(self, text: str, now_s: float) -> Answer:
+        """One received string; the model answers as if it had listened only now.
+
+        Raises:
+            RapidError: the server's error handler runs: it hangs up and listens again.
+        """
+        self._message.parse(text)
+        message = self._message
+        counts, run = self._instructions().get(message.code, ((), None))
+        code = rapid.to_string(message.code, 0)
+        if run is None or message.count not in counts:
+            return Answer(f"{code} 0 ", now_s)
+        if message.code == 99:
+            return Answer(None, now_s, closing=True)
+        try:
+            payload, ready_s = run(tuple(message.parameters[: message.count]), now_s)
+        except HaltError as halt:
+            self.halted = str(halt)
+            return Answer(None, math.inf)
+        return Answer(f"{code} 1 {payload}", ready_s)
+
+    def _instructions(
+        self,
+    ) -> dict[float, tuple[tuple[int, ...], "Callable[[tuple[float, ...], float], tuple[str, float]]"]]:
+        """Code -> (parameter counts taken, what it does): the TEST of SERVER.mod main."""
+        return {
+            0: ((0,), lambda _, now: ("", now)),
+            1: ((7,), self._move_linear),
+            2: ((6,), self._move_joints),
+            3: ((0,), lambda _, now: (_pose_text(self.pose_at(now)), now)),
+            4: ((0,), lambda _, now: (self._joints_text(now), now)),
+            5: ((0,), lambda _, now: (" ".join(rapid.to_string(v, 2)[:8] for v in self._external), now)),
+            6: ((7,), self._set_tool),
+            7: ((7,), self._set_work_object),
+            8: ((2, 4), self._set_speed),
+            9: ((4,), self._set_zone),
+            30: ((7,), self._append),
+            31: ((0,), self._clear),
+            32: ((0,), lambda _, now: (rapid.to_string(len(self._buffer), 2), now)),
+            33: ((0,), self._run_buffer),
+            34: ((6,), self._move_external),
+            35: ((7,), self._set_circle_point),
+            36: ((7,), self._move_circle),
+            98: ((0,), lambda _, now: (INFO, now)),
+            99: ((0,), lambda _, now: ("", now)),
+        }
+
+    # -- settings ---------------------------------------------------------------------------------
+
+    def _set_tool(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._tool = _unit(_pose(values))
+        return "", now_s
+
+    def _set_work_object(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._work_object = _unit(_pose(values))
+        return "", now_s
+
+    def _set_speed(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._speed = (values[0], values[1])
+        return "", now_s
+
+    def _set_zone(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
+        return "", now_s
+
+    def _append(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
+            self._buffer.append((_pose(values), self._speed))
+        return "", now_s
+
+    def _clear(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._buffer.clear()
+        return "", now_s
+
+    def _set_circle_point(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._circle = _pose(values)
+        return "", now_s
+
+    # -- motion -----------------------------------------------------------------------------------
+
+    def _flange_at(self, now_s: float) -> Pose:
+        index = bisect.bisect_right([leg.start_s for leg in self._legs], now_s) - 1
+        return self._legs[max(index, 0)].at(now_s)
+
+    def _flange_target(self, tip: Pose) -> Pose:
+        """Flange pose in the base frame that brings the tool to `tip` in the work object."""
+        world = compose(compose(self._work_object, _unit(tip)), invert(self._tool))
+        return compose(invert(self._base), world)
+
+    def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
+        """Add a motion after what is under way; returns when it ends."""
+        if kinematics.inverse(target) is None:
+            raise HaltError("50050 position outside reach")
+        self._legs = [*self._legs[-8:], Leg(self._flange_at(now_s), target, now_s, seconds)]
+        self.moves += 1
+        return now_s + seconds
+
+    def _line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> tuple[float, float]:
+        """One MoveL: when the next instruction may start, and when the motion is over."""
+        target = self._flange_target(tip)
+        if min(speed) <= 0.0:
+            raise HaltError("50204 speed is not positive")
+        here = self.pose_at(now_s)
+        path_mm = math.dist(here[:3], tip[:3])
+        turn_deg = math.degrees(kinematics.turn_between(here.rotation, _unit(tip).rotation))
+        seconds = max(path_mm / speed[0], turn_deg / speed[1])
+        end_s = self._drive(target, seconds, now_s)
+        # A fly-by point lets the program go on when its zone is entered, at most half way.
+        early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
+        return end_s - early, end_s
+
+    def _move_linear(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        return "", self._line(_pose(values), self._speed, now_s)[0]
+
+    def _run_buffer(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        for tip, speed in self._buffer:
+            now_s = self._line(tip, speed, now_s)[0]
+        return "", now_s
+
+    def _move_circle(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        """MoveC, driven as two chords through the via-point."""
+        if self._circle is None:
+            raise HaltError("50066 circle point not defined")
+        for tip in (self._circle, _pose(values)):
+            now_s = self._line(tip, self._speed, now_s)[1]
+        return "", now_s
+
+    def _move_joints(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        if not kinematics.within_limits(values):
+            raise HaltError("50027 joint out of range")
+        now = kinematics.inverse(self._flange_at(now_s)) or values
+        widest = max(abs(a - b) for a, b in zip(values, now, strict=True))
+        return "", self._drive(kinematics.forward(values), widest / JOINT_SPEED_DEG_S, now_s)
+
+    def _move_external(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._external = (values[0], values[1], values[2], values[3], values[4], values[5])
+        return "", now_s
+
+    def _joints_text(self, now_s: float) -> str:
+        joints = kinematics.inverse(self._flange_at(now_s)) or (0.0,) * 6
+        return " ".join(rapid.to_string(angle, 2) for angle in joints)
+
+
+def _pose(values: tuple[float, ...]) -> Pose:
+    x, y, z, a, b, c, d = values
+    return Pose(x, y, z, (a, b, c, d))
+
+
+def _unit(pose: Pose) -> Pose:
+    length = math.sqrt(sum(part * part for part in pose.rotation))
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        raise HaltError("40512 orientation value is not normalised")
+    w, x, y, z = (part / length for part in pose.rotation)
+    return Pose(*pose[:3], (w, x, y, z))
+
+
+def _pose_text(pose: Pose) -> str:
+    position = (rapid.to_string(value, 2) for value in pose[:3])
+    return " ".join((*position, *(rapid.to_string(part, 3) for part in pose.rotation)))

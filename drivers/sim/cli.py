@@ -1,0 +1,107 @@
+"""`grasp-cell`: a simulated cell that answers the real devices' bytes."""
+
+import argparse
+import json
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from drivers.sim.cell import Cell
+from drivers.sim.scene import REHEARSAL, Setting, load, warm_up
+
+EPILOG = """example:
+  grasp-cell --tree trees/rectangle/rectangle.msgpack --json
+  {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001", "scene": "tcp://127.0.0.1:40002", "world": ...}
+
+The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9), the arm an open_abb server, the scene a
+line protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}.
+
+exit codes:
+  0 asked to end (SIGTERM, quit, stdin closed)   2 usage   3 file missing   4-7 job file refused
+  30 table refused   31 the cell cannot start   130 interrupted (Ctrl-C)
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(
+        prog="grasp-cell",
+        description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    source = made.add_mutually_exclusive_group(required=True)
+    source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job")
+    source.add_argument("--job", type=Path, metavar="JOB.toml", help="part and world from a job file")
+    made.add_argument(
+        "--world",
+        metavar="MODULE:FACTORY",
+        help=f"the physics (default planner.world:make; without the planner extra {REHEARSAL})",
+    )
+    made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default 0)")
+    made.add_argument(
+        "--time-scale", type=_scale, default=1.0, metavar="S", help="simulated seconds per second (default 1)"
+    )
+    made.add_argument("--json", action="store_true", help="print the endpoints as one JSON object")
+    made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
+    made.add_argument("--debug", action="store_true", help="show tracebacks")
+    return made
+
+
+def _scale(text: str) -> float:
+    value = float(text)
+    if not (0.0 < value < math.inf):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run grasp-cell; returns its exit code."""
+    options = parser().parse_args(arguments)
+    try:
+        return serve(options)
+    except KeyboardInterrupt:
+        print("grasp-cell: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        if options.debug:
+            raise
+        line = " ".join(str(error).split()) or type(error).__name__
+        print(f"grasp-cell: {line}", file=sys.stderr)
+        # Tables and jobs bring their own codes; anything else kept the cell from starting.
+        return int(getattr(error, "exit_code", 31))
+
+
+def serve(options: argparse.Namespace) -> int:
+    """Load, start, tell the endpoints, and stay until asked to end."""
+    setting: Setting = load(options.tree, options.job, options.world)
+    if options.world is None and not setting.truthful:
+        print(
+            "grasp-cell: no planner here; widths are drawn from the table's own statistics", file=sys.stderr
+        )
+    warm_up(setting, options.seed)
+    with Cell(setting, options.seed, options.time_scale) as cell:
+        signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
+        if options.until_stdin_closes:
+            threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
+        if options.json:
+            print(json.dumps(cell.endpoints), flush=True)
+        else:
+            print("\n".join(f"{name:8}{value}" for name, value in cell.endpoints.items()), flush=True)
+        cell.stopped.wait()
+    return 0
+
+
+def _watch_stdin(stopped: threading.Event) -> None:
+    # Unbuffered: a buffered reader's lock, held in a blocked read, would abort the interpreter's exit.
+    while os.read(0, 4096):
+        pass
+    stopped.set()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,148 @@
+"""The scene's line protocol, both ends: stand-in for the feeder, and the eye that knows where the part lies.
+
+One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
+status (pose null where the world has no pose to tell); `{"do":"quit"}` ends the cell. Nothing of this exists
+in a real cell.
+"""
+
+import contextlib
+import json
+import math
+import select
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from drivers.errors import LinkError, PortError
+
+ANSWER_S = 10.0
+MAX_LINE = 4096
+
+
+class Truth(NamedTuple):
+    """Where the part is now (NaN: the world does not know), and what happened to it."""
+
+    x_mm: float
+    y_mm: float
+    theta_rad: float
+    squeezes: int
+    crashes: int
+    status: str
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a pose at all: a rehearsal has none."""
+        return not math.isnan(self.x_mm)
+
+
+class Scene:
+    """Client of a simulated cell's scene.
+
+    Raises:
+        PortError: nobody accepts the connection.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self.endpoint = f"tcp://{host}:{port}"
+        try:
+            self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
+        except OSError as error:
+            raise PortError(
+                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
+            ) from error
+        self._file = self._socket.makefile("rb")
+
+    def next_part(self) -> int:
+        """Take the part away and bring the next; returns its number.
+
+        Raises:
+            LinkError: the cell is gone, or refuses.
+        """
+        return int(str(self._ask("next_part")["part"]))
+
+    def truth(self) -> Truth:
+        """Where the part really is.
+
+        Raises:
+            LinkError: the cell is gone, or refuses.
+        """
+        said = self._ask("truth")
+        x, y, theta = (
+            math.nan if said[name] is None else float(str(said[name]))
+            for name in ("x_mm", "y_mm", "theta_rad")
+        )
+        return Truth(x, y, theta, int(str(said["squeezes"])), int(str(said["crashes"])), str(said["status"]))
+
+    def close(self) -> None:
+        """Hang up; the cell stays."""
+        self._file.close()
+        self._socket.close()
+
+    def _ask(self, what: str) -> Mapping[str, object]:
+        try:
+            self._socket.sendall(json.dumps({"do": what}).encode() + b"\n")
+            said = json.loads(self._file.readline(MAX_LINE) or "null")
+        except (OSError, ValueError) as error:
+            raise LinkError(f"scene {self.endpoint} broke: {error}", self.endpoint) from error
+        if not isinstance(said, dict) or "error" in said:
+            reason = said.get("error") if isinstance(said, dict) else "the cell is gone"
+            raise LinkError(f"scene {self.endpoint}: {reason}", self.endpoint)
+        return said
+
+
+class SceneServer:
+    """Answers scene requests on a TCP port, one thread a client.
+
+    Args:
+        answer: request -> reply.
+        stopped: tells that the cell stops.
+    """
+
+    def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
+        self._answer = answer
+        self._stopped = stopped
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._threads = [threading.Thread(target=self._accept, name="scene", daemon=True)]
+
+    def start(self) -> None:
+        """Serve until the cell stops."""
+        self._threads[0].start()
+
+    def close(self) -> None:
+        """Wait for the end; the cell's stop event must be set."""
+        for thread in self._threads:
+            if thread.is_alive() and thread is not threading.current_thread():
+                thread.join()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        while not self._stopped.is_set():
+            if select.select([self._listener], [], [], 0.1)[0]:
+                client, _ = self._listener.accept()
+                thread = threading.Thread(target=self._serve, args=(client,), name="scene", daemon=True)
+                self._threads.append(thread)
+                thread.start()
+
+    def _serve(self, client: socket.socket) -> None:
+        pending = b""
+        with client, contextlib.suppress(OSError):
+            while not self._stopped.is_set():
+                if not select.select([client], [], [], 0.1)[0]:
+                    continue
+                data = client.recv(MAX_LINE)
+                pending += data
+                if not data or len(pending) > MAX_LINE:
+                    return
+                *lines, pending = pending.split(b"\n")
+                for line in lines:
+                    client.sendall(json.dumps(self._reply(line)).encode() + b"\n")
+
+    def _reply(self, line: bytes) -> Mapping[str, object]:
+        try:
+            request = json.loads(line)
+            what = request["do"]
+        except (ValueError, TypeError, KeyError):
+            return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
+        return self._answer(str(what))

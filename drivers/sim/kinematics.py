@@ -1,0 +1,133 @@
+"""Poses, and the joints of an IRB 120-3/0.58 (product manual 3HAC035960, dimensions and working range).
+
+Poses are (x, y, z, (w, x, y, z)), mm and unit quaternions; joints in degrees.
+"""
+
+import math
+
+from drivers.abb.codec import Pose, Quaternion
+
+BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET, FOREARM, WRIST_TO_FLANGE = 290.0, 270.0, 70.0, 302.0, 72.0
+LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), (-400, 400))
+_REACH = math.hypot(FOREARM, ELBOW_OFFSET)  # elbow to wrist centre
+_LIFT = math.atan2(ELBOW_OFFSET, FOREARM)
+
+Vector = tuple[float, float, float]
+Joints = tuple[float, ...]
+
+
+def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
+    """Hamilton product: first q, then p."""
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    return (
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
+    )
+
+
+def conjugate(q: Quaternion) -> Quaternion:
+    """The inverse rotation."""
+    return (q[0], -q[1], -q[2], -q[3])
+
+
+def rotate(q: Quaternion, v: Vector) -> Vector:
+    """Turn a vector."""
+    _, x, y, z = multiply(multiply(q, (0.0, *v)), conjugate(q))
+    return (x, y, z)
+
+
+def compose(a: Pose, b: Pose) -> Pose:
+    """Pose b, given in the frame a."""
+    x, y, z = rotate(a.rotation, b[:3])
+    return Pose(a.x_mm + x, a.y_mm + y, a.z_mm + z, multiply(a.rotation, b.rotation))
+
+
+def invert(a: Pose) -> Pose:
+    """The pose that undoes a."""
+    back = conjugate(a.rotation)
+    x, y, z = rotate(back, (-a.x_mm, -a.y_mm, -a.z_mm))
+    return Pose(x, y, z, back)
+
+
+def turn_between(p: Quaternion, q: Quaternion) -> float:
+    """Angle of the shortest rotation from p to q, rad."""
+    return 2.0 * math.acos(min(abs(sum(a * b for a, b in zip(p, q, strict=True))), 1.0))
+
+
+def between(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose on the straight way from a to b: position linear, rotation along the shortest arc."""
+    sign = 1.0 if sum(p * q for p, q in zip(a.rotation, b.rotation, strict=True)) >= 0.0 else -1.0
+    half = turn_between(a.rotation, b.rotation) / 2.0
+    near, far = 1.0 - share, share
+    if half > 1e-9:
+        near, far = math.sin(near * half) / math.sin(half), math.sin(far * half) / math.sin(half)
+    mixed = [near * p + sign * far * q for p, q in zip(a.rotation, b.rotation, strict=True)]
+    length = math.sqrt(sum(part * part for part in mixed))
+    w, i, j, k = (part / length for part in mixed)
+    x, y, z = (p + (q - p) * share for p, q in zip(a[:3], b[:3], strict=True))
+    return Pose(x, y, z, (w, i, j, k))
+
+
+def _about(axis: int, angle_rad: float) -> Quaternion:
+    parts = [math.cos(angle_rad / 2.0), 0.0, 0.0, 0.0]
+    parts[1 + axis] = math.sin(angle_rad / 2.0)
+    return (parts[0], parts[1], parts[2], parts[3])
+
+
+_FLANGE = _about(1, math.pi / 2.0)  # the flange's z is the sixth axis, which lies along x at zero
+
+
+def forward(joints_deg: Joints) -> Pose:
+    """Flange pose in the base frame."""
+    j1, j2, j3, j4, j5, j6 = (math.radians(angle) for angle in joints_deg)
+    at = Pose(0.0, 0.0, BASE_TO_SHOULDER, _about(2, j1))
+    for axis, angle, link in (
+        (1, j2, (0.0, 0.0, UPPER_ARM)),
+        (1, j3, (FOREARM, 0.0, ELBOW_OFFSET)),
+        (0, j4, (0.0, 0.0, 0.0)),
+        (1, j5, (0.0, 0.0, 0.0)),
+        (0, j6, (WRIST_TO_FLANGE, 0.0, 0.0)),
+    ):
+        at = compose(compose(at, Pose(0.0, 0.0, 0.0, _about(axis, angle))), Pose(*link, (1.0, 0.0, 0.0, 0.0)))
+    return Pose(*at[:3], multiply(at.rotation, _FLANGE))
+
+
+def within_limits(joints_deg: Joints) -> bool:
+    """Whether every axis is inside its working range."""
+    return all(low <= angle <= high for angle, (low, high) in zip(joints_deg, LIMITS_DEG, strict=True))
+
+
+def inverse(flange: Pose) -> Joints | None:
+    """Joints that bring the flange there, elbow up and facing the target; None if out of reach."""
+    rotation = multiply(flange.rotation, conjugate(_FLANGE))
+    out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
+    x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]
+    radius, height = math.hypot(x, y), z - BASE_TO_SHOULDER
+    distance = math.hypot(radius, height)
+    if not abs(UPPER_ARM - _REACH) < distance < UPPER_ARM + _REACH:
+        return None
+    cosine = (UPPER_ARM**2 + distance**2 - _REACH**2) / (2.0 * UPPER_ARM * distance)
+    elevation = math.atan2(height, radius) + math.acos(max(-1.0, min(1.0, cosine)))
+    forearm = math.atan2(height - UPPER_ARM * math.sin(elevation), radius - UPPER_ARM * math.cos(elevation))
+    j1, j2, pitch = math.atan2(y, x), math.pi / 2.0 - elevation, _LIFT - forearm
+    wrist = multiply(conjugate(multiply(_about(2, j1), _about(1, pitch))), rotation)
+    arm = (j1, j2, math.remainder(pitch - j2, 2.0 * math.pi))
+    for turn in _wrist_angles(wrist):
+        joints = tuple(math.degrees(angle) for angle in (*arm, *turn))
+        if within_limits(joints):
+            return joints
+    return None
+
+
+def _wrist_angles(wrist: Quaternion) -> list[Vector]:
+    """Both ways to write a rotation as X-Y-X turns, the one with less turn of axis 4 first."""
+    along, side, up = (rotate(wrist, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    bend = math.acos(max(-1.0, min(1.0, along[0])))
+    if math.sin(bend) < 1e-9:  # axes 4 and 6 in line: leave 4 at zero
+        return [(0.0, bend, math.atan2(side[2], side[1]))]
+    j4, j6 = math.atan2(along[1], -along[2]), math.atan2(side[0], up[0])
+    flipped = tuple(math.remainder(angle + math.pi, 2.0 * math.pi) for angle in (j4, j6))
+    return sorted([(j4, bend, j6), (flipped[0], -bend, flipped[1])], key=lambda turn: abs(turn[0]))

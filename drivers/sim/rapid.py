@@ -1,0 +1,76 @@
+"""RAPID as SERVER.mod uses it: string functions, single-precision numbers, the message parser."""
+
+import math
+import re
+import struct
+
+MAX_PARAMETERS = 10  # VAR num params{10}
+_VALUE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
+
+
+class RapidError(Exception):
+    """A RAPID runtime error that the server's error handler catches."""
+
+
+def to_value(text: str) -> float | None:
+    """StrToVal for a num: single precision, or None where RAPID answers FALSE."""
+    if not _VALUE.fullmatch(text):
+        return None
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", float(text)))[0])
+    except OverflowError:
+        return None
+
+
+def to_string(value: float, decimals: int) -> str:
+    """NumToStr: rounded half away from zero, as many decimals as asked for."""
+    scaled = math.floor(abs(value) * 10.0**decimals + 0.5)
+    text = f"{scaled / 10.0**decimals:.{decimals}f}"
+    return f"-{text}" if value < 0 and scaled else text
+
+
+def match(text: str, position: int, pattern: str) -> int:
+    """StrMatch: 1-based place of `pattern` from `position` on; one past the end if there is none."""
+    found = text.find(pattern, position - 1)
+    return found + 1 if found >= 0 else len(text) + 1
+
+
+class Message:
+    """The parser's state, which outlives each message: SERVER.mod's globals.
+
+    Attributes:
+        code: instructionCode, kept when a head is malformed.
+        parameters: params{1..10}; a number that cannot be read leaves the old value in place.
+        count: nParams; -1 for a malformed message.
+    """
+
+    def __init__(self) -> None:
+        self.code = 0.0
+        self.parameters = [0.0] * MAX_PARAMETERS
+        self.count = 0
+
+    def parse(self, text: str) -> None:
+        """Take one received string (SERVER.mod PROC ParseMsg).
+
+        Raises:
+            RapidError: more parameters than the array has.
+        """
+        end = match(text, 1, "#")
+        after = match(text, 1, " ") + 1
+        code = to_value(text[: after - 2])
+        if end > len(text) or code is None:
+            self.count = -1
+            return
+        self.code = code
+        count = 0
+        while True:
+            start, after = after, match(text, after, " ") + 1
+            if after > end:
+                break
+            if count == MAX_PARAMETERS:
+                raise RapidError("array index out of bounds: params{11}")
+            value = to_value(text[start - 1 : after - 2])
+            if value is not None:
+                self.parameters[count] = value
+            count += 1
+        self.count = count
