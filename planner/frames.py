@@ -1,0 +1,37 @@
+"""Poses between the hand frame and the world (hand frame: jaws close along y, fingers lie along x)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.arrays import Array
+
+
+def to_hand(poses: Array, placement: Array) -> Array:
+    """Poses in the frame of a hand.
+
+    Args:
+        poses: (..., 3) in the world [mm, mm, rad].
+        placement: (3,) the hand frame in the world.
+
+    Returns:
+        (..., 3) in the hand frame.
+    """
+    c, s = np.cos(placement[2]), np.sin(placement[2])
+    dx, dy = poses[..., 0] - placement[0], poses[..., 1] - placement[1]
+    return np.stack([c * dx + s * dy, c * dy - s * dx, poses[..., 2] - placement[2]], axis=-1)
+
+
+def to_world(poses: Array, placement: Array) -> Array:
+    """Poses in the world, the inverse of `to_hand`; arguments alike."""
+    c, s = np.cos(placement[2]), np.sin(placement[2])
+    x, y = poses[..., 0], poses[..., 1]
+    return np.stack(
+        [placement[0] + c * x - s * y, placement[1] + s * x + c * y, poses[..., 2] + placement[2]], axis=-1
+    )
+
+
+def wrap(angle: Array, order: int = 1) -> Array:
+    """Angles reduced to within half a period of zero, for a part of rotational order `order` [rad]."""
+    period = 2.0 * np.pi / order
+    return np.asarray(angle - period * np.round(angle / period))

@@ -1,0 +1,134 @@
+"""Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
+
+A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and its own
+friction, so the result depends on the arguments alone, never on the number of workers.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.job import Job
+from planner.mechanics import limit_surface
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.squeeze import STATUS_NAMES, squeeze_many, squeeze_workspace
+
+DEFAULT_STEP_MM = 0.4
+CHUNK = 256
+
+
+class Parameters(NamedTuple):
+    """The uncertain mechanics of n roll-outs.
+
+    Attributes:
+        A: (n, 3, 3) limit surface matrices.
+        mu: (n, 2) friction at the upper and the lower finger.
+    """
+
+    A: Array
+    mu: Array
+
+
+class RollOut(NamedTuple):
+    """What n squeezes came to.
+
+    Attributes:
+        poses: (n, 3) final poses in the hand frame [mm, mm, rad].
+        width_mm: (n,) opening at which the fingers stopped.
+        status: (n,) index into `STATUS_NAMES`.
+        given_up: (n,) 1 where the stepping failed and the squeeze was cut short there.
+    """
+
+    poses: Array
+    width_mm: Array
+    status: IntArray
+    given_up: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulator:
+    """The squeeze of one part by one gripper.
+
+    Attributes:
+        outline: (N, 2) the part, counter-clockwise [mm].
+        surface: the nominal limit surface.
+        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+        friction: bounds of the coefficient between finger and part.
+        wishart_dof: degrees of freedom of the limit surface's scatter (paper, IV: n_df).
+        step_mm: nominal closing step of each finger.
+        workers: threads that share the roll-outs.
+    """
+
+    outline: Array
+    surface: LimitSurface
+    jaws: Array
+    friction: tuple[float, float]
+    wishart_dof: int
+    step_mm: float = DEFAULT_STEP_MM
+    workers: int = 1
+
+    @classmethod
+    def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
+        """The simulator of a job, on all cores unless told otherwise."""
+        gripper = job.gripper
+        jaws = np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, 0.5])
+        return cls(
+            outline=np.ascontiguousarray(job.part.outline_mm),
+            surface=limit_surface.of_job(job),
+            jaws=jaws,
+            friction=(job.friction.finger_part_min, job.friction.finger_part_max),
+            wishart_dof=job.pressure.wishart_dof,
+            step_mm=step_mm,
+            workers=workers or os.cpu_count() or 1,
+        )
+
+    def nominal(self, n: int, mu: float) -> Parameters:
+        """Parameters without scatter: the nominal limit surface and one friction value, n times."""
+        return Parameters(np.repeat(self.surface.A[None], n, axis=0), np.full((n, 2), mu))
+
+    def sample(self, n: int, rng: np.random.Generator) -> Parameters:
+        """Random parameters: a Wishart limit surface and a uniform friction for each of n roll-outs."""
+        A = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
+        mu = rng.uniform(*self.friction, size=n)
+        return Parameters(A, np.repeat(mu[:, None], 2, axis=1))
+
+    def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
+        """Squeezes each pose once.
+
+        Args:
+            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
+            parameters: one set for each.
+
+        Returns:
+            Final poses, widths and statuses, independent of the number of workers.
+        """
+        final = np.array(poses, dtype=np.float64, order="C", copy=True)
+        n = len(final)
+        width = np.zeros(n)
+        status, given_up = np.zeros(n, np.int64), np.zeros(n, np.int64)
+
+        def run(start: int) -> None:
+            part = slice(start, start + CHUNK)
+            squeeze_many(
+                self.outline, parameters.A[part], self.surface.rho_mm, parameters.mu[part], self.jaws,
+                self.step_mm, final[part], width[part], status[part], given_up[part],
+                squeeze_workspace(len(self.outline)),
+            )  # fmt: skip
+
+        starts = range(0, n, CHUNK)
+        if self.workers == 1 or n <= CHUNK:
+            for start in starts:
+                run(start)
+        else:
+            with ThreadPoolExecutor(self.workers) as pool:
+                list(pool.map(run, starts))
+        return RollOut(final, width, status, given_up)
+
+
+__all__ = ["DEFAULT_STEP_MM", "STATUS_NAMES", "Parameters", "RollOut", "Simulator"]

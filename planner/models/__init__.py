@@ -1,0 +1,1 @@
+"""Models made from roll-outs (paper V)."""

@@ -1,0 +1,1 @@
+"""Searching for the tree of squeezes (paper VI)."""

@@ -1,0 +1,86 @@
+"""Growing the tree: Algorithm 1 of the paper, with the action chosen by closed-loop look-ahead."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief import replenish
+from planner.goal import Mode
+from planner.models.partition import Partition
+from planner.search.closed_loop import LookAhead
+
+LEAST_PARTICLES = 100
+"""A belief thinner than this is repeated before its next squeeze."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(slots=True, eq=False)
+class TreeNode:
+    """A node of the plan: a belief, and either an action with its outcomes or a predicted pose.
+
+    Attributes:
+        belief: (n, 3) particles in the world.
+        share: probability of getting here.
+        depth: squeezes made so far.
+        mode: the pose that explains most of the belief.
+        placement: (3,) the hand frame to squeeze at; None at a leaf.
+        clearance_mm: least distance between the open fingers there and the believed part.
+        clusters: the partition of the outcomes.
+        children: one node for each cluster.
+    """
+
+    belief: Array
+    share: float
+    depth: int
+    mode: Mode
+    placement: Array | None = None
+    clearance_mm: float = 0.0
+    clusters: Partition | None = None
+    children: list[TreeNode] = field(default_factory=list)
+
+
+def grow(
+    root_belief: Array, look_ahead: LookAhead, max_depth: int, seed: int, progress: Progress | None = None
+) -> TreeNode:
+    """Grows the tree breadth first until every leaf meets the goal or nothing gains any more.
+
+    Args:
+        root_belief: (n, 3) particles of the initial uncertainty.
+        look_ahead: chooses the actions.
+        max_depth: longest path [squeezes].
+        seed: of the job; every node draws from a stream of its own, numbered in order of expansion.
+        progress: called with the number of nodes done and the number waiting.
+    """
+    root = TreeNode(root_belief, 1.0, 0, look_ahead.metric.mode(root_belief))
+    waiting = deque([root])
+    done = 0
+    while waiting:
+        node = waiting.popleft()
+        done += 1
+        if node.mode.ratio < look_ahead.confidence and node.depth < max_depth:
+            _expand(node, look_ahead, np.random.default_rng([seed, done]))
+            waiting.extend(node.children)
+        if progress is not None:
+            progress(done, len(waiting))
+    return root
+
+
+def _expand(node: TreeNode, look_ahead: LookAhead, rng: np.random.Generator) -> None:
+    """Chooses the node's action and adds a child for each cluster of outcomes."""
+    placement, _ = look_ahead.best_action(node.belief, rng)
+    if placement is None:
+        return
+    node.placement = placement
+    node.clearance_mm = look_ahead.clearance(node.belief, placement)
+    belief = replenish(node.belief, LEAST_PARTICLES)
+    outcomes = look_ahead.model.squeeze([(belief, placement)], rng)[0]
+    node.clusters = outcomes.clusters
+    for share, child in zip(outcomes.probability, outcomes.beliefs, strict=True):
+        mode = look_ahead.metric.mode(child)
+        node.children.append(TreeNode(child, node.share * float(share), node.depth + 1, mode))
