@@ -19,12 +19,12 @@ class Sighting:
     """Where a simulated part really lies, and how far the prediction is off.
 
     Attributes:
-        true: mm, mm, rad.
+        true: mm, mm, rad; None in a rehearsal, whose part has no pose.
         error_mm: distance by the goal's metric, or None without a prediction.
         crashes: times open fingers were placed onto this cell's parts so far.
     """
 
-    true: Pose2
+    true: Pose2 | None
     error_mm: float | None
     crashes: int
 
@@ -83,10 +83,11 @@ class Lines:
         outcomes = Counter(result.outcome for result, _ in results)
         told = [f"{outcomes[outcome]} {outcome.name}" for outcome in Outcome if outcomes[outcome]]
         sightings = [seen for _, seen in results if seen is not None]
-        if sightings:
+        if any(seen.true is not None for seen in sightings):
             goal_mm = self._table.goal.distance_um / 1000
             within = sum(is_within(self._table, seen) is True for seen in sightings)
             told.append(f"{within} within {goal_mm:g} mm")
+        if sightings:
             told.append(f"{sightings[-1].crashes} crashes")
         squeezes = sum(len(result.steps) for result, _ in results)
         told.append(f"{squeezes / max(len(results), 1):.2f} squeezes a part")
@@ -135,7 +136,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
         "success_probability": None if leaf is None else leaf.success_ppm / PPM,
         "audit": None,
-        "true_pose": None if seen is None else _pose_object(seen.true),
+        "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
         "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
         "within_goal": is_within(table, seen),
         "crashes": None if seen is None else seen.crashes,

@@ -1,4 +1,7 @@
-"""The journal of a run: append-only JSON lines, each holding the SHA-256 of the line before it.
+"""The journal of a run: append-only JSON lines, chained by their digests.
+
+A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the line
+before, so a changed, missing or inserted line shows.
 
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
@@ -23,7 +26,7 @@ from runtime.errors import JournalError
 VERSION = 1
 GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
-RESERVED = frozenset({"seq", "time", "kind", "previous"})
+RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
 class Journal:
@@ -81,7 +84,7 @@ class Journal:
 
         Args:
             kind: what it tells.
-            fields: values JSON can hold, none of them named `seq`, `time`, `kind` or `previous`.
+            fields: values JSON can hold, none of them under a name in `RESERVED`.
 
         Raises:
             JournalError: it cannot be written: full disk, lost mount, closed journal.
@@ -90,13 +93,14 @@ class Journal:
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
         frame = {"seq": self._seq, "time": _now(), "kind": kind, **fields, "previous": self._previous}
-        line = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
+        body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
+        digest = hashlib.sha256(body).hexdigest()
         try:
-            _write_all(self._file, line + b"\n")
+            _write_all(self._file, body[:-1] + _tail(digest))
             os.fsync(self._file)
         except OSError as error:
             raise _unwritable(self.path, error) from error
-        self._previous = hashlib.sha256(line).hexdigest()
+        self._previous = digest
         self._seq += 1
 
     def close(self) -> None:
@@ -123,7 +127,7 @@ class Verified:
         runs: number of runs, each begun by a header.
         table: the bytes of the table embedded for the last run.
         closed: whether the last run wrote its last record.
-        head: SHA-256 of the last line, what the next record has to hold.
+        head: digest of the last record, what the next one has to hold.
     """
 
     records: int
@@ -163,7 +167,7 @@ def records(path: Path) -> Iterator[dict[str, object]]:
 
 
 def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
-    """Each record with the SHA-256 of its line."""
+    """Each record with its digest."""
     head = GENESIS
     try:
         with path.open("rb") as file:
@@ -171,7 +175,7 @@ def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
                 if not (line := file.readline(MAX_LINE_BYTES)):
                     return
                 entry = _checked(path, number, line, head)
-                head = hashlib.sha256(line[:-1]).hexdigest()
+                head = str(entry["digest"])
                 yield entry, head
     except OSError as error:
         raise JournalError(path, f"cannot be read: {error.strerror}") from error
@@ -180,16 +184,19 @@ def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
     if not line.endswith(b"\n"):
         raise JournalError(path, "cut short; the run ended while it was written", number)
+    body = line[: -len(_tail(GENESIS))] + b"}"
+    if line != body[:-1] + _tail(hashlib.sha256(body).hexdigest()):
+        raise JournalError(path, "does not have its digest; it was changed after it was written", number)
     try:
         entry = json.loads(line)
     except ValueError:
-        raise JournalError(path, "is not JSON; it was changed after it was written", number) from None
+        raise JournalError(path, "is not JSON", number) from None
     if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
         raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
     if entry["seq"] != number - 1:
         raise JournalError(path, f"has sequence number {entry['seq']}, expected {number - 1}", number)
     if entry["previous"] != previous:
-        raise JournalError(path, "does not follow the line before it; one of them was changed", number)
+        raise JournalError(path, "does not follow the line before it", number)
     return entry
 
 
@@ -203,6 +210,11 @@ def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> byt
     if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
         raise JournalError(path, "the embedded table is not the one of its digest", number)
     return table
+
+
+def _tail(digest: str) -> bytes:
+    """What ends a line: its digest, in place of the body's closing brace."""
+    return f',"digest":"{digest}"}}\n'.encode("ascii")
 
 
 def _now() -> str:

@@ -102,7 +102,7 @@ class Arm(Protocol):
 
 
 class Truth(Protocol):
-    """What only a simulated cell knows about its part."""
+    """What only a simulated cell knows about its part; a pose of NaN where its world has none."""
 
     @property
     def x_mm(self) -> float:

@@ -4,13 +4,12 @@ It shows that runtime, gripper and arm play together; about the part it knows no
 a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
 """
 
-from math import isclose, remainder, sqrt, tau
+from math import isclose, remainder, tau
 from random import Random
 
 from runtime.errors import UsageError
-from runtime.geometry import Pose2, compose, placement, predicted_pose, relative
-from runtime.table import Branch, Calibration, Leaf, Node, Table, count_map
-from runtime.table_model import COVARIANCE_ANGLE_URAD, COVARIANCE_LENGTH_UM
+from runtime.geometry import Pose2, compose, placement
+from runtime.table import Branch, Calibration, Node, Table, count_map
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -33,7 +32,7 @@ def make(job: object, seed: int) -> "Rehearsal":
 
 
 class Rehearsal:
-    """Walks the tree: a branch by its probability, a width inside it, at a leaf the pose and its spread.
+    """Walks the tree: a branch by its probability, a width inside it; the part itself never moves.
 
     A squeeze that does not continue the part of the one before begins with a new part at the root.
 
@@ -57,22 +56,18 @@ class Rehearsal:
             pose_hand: the part in the hand frame, mm, mm, rad.
 
         Returns:
-            Its pose afterwards, the width in mm without encoder noise, and "grasped".
+            The same pose, the width in mm without encoder noise, and "grasped".
         """
         node = self._table.nodes[self._node_of(pose_hand)]
         branch = self._random.choices(
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
         )[0]
-        frame = placement(node.squeeze)
-        if branch.target >= 0:
-            final = pose_hand
-            self._lies = compose(frame, pose_hand)
-            others = [other.target for other in node.branches if other is not branch and other.target >= 0]
-            self._next = [branch.target, *others]
-        else:
-            final = relative(frame, self._spread(self._table.leaves[~branch.target]))
-            self._lies = None
-        return final, self._width_um(node, branch) / 1000, "grasped"
+        self._lies = compose(placement(node.squeeze), pose_hand)
+        self._next = sorted(
+            (other.target for other in node.branches if other.target >= 0),
+            key=lambda target: target != branch.target,
+        )
+        return pose_hand, self._width_um(node, branch) / 1000, "grasped"
 
     def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
         """Never: the table proved its placements against a part this world does not have."""
@@ -98,17 +93,6 @@ class Rehearsal:
         low, high = min(widths), max(widths)
         room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
         return self._random.uniform(low + room, high - room)
-
-    def _spread(self, leaf: Leaf) -> Pose2:
-        """The predicted pose and an error of the leaf's spread, each axis by itself."""
-        x, y, theta = predicted_pose(leaf)
-        length_mm, angle_rad = COVARIANCE_LENGTH_UM / 1000, COVARIANCE_ANGLE_URAD / 1e6
-        xx, _, yy, _, _, tt = leaf.covariance
-        return (
-            x + self._random.gauss(0.0, sqrt(xx) * length_mm),
-            y + self._random.gauss(0.0, sqrt(yy) * length_mm),
-            theta + self._random.gauss(0.0, sqrt(tt) * angle_rad),
-        )
 
 
 def _same(one: Pose2, other: Pose2) -> bool:

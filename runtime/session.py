@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from math import isfinite
 
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, StoppedError
@@ -99,6 +100,8 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     truth = scene.truth()
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)
     error_mm = None
+    if not all(map(isfinite, true)):
+        return Sighting(None, None, truth.crashes)
     if result.outcome is Outcome.LEAF and result.leaf is not None:
         error_mm = goal_distance_mm(table.goal, predicted_pose(table.leaves[result.leaf]), true)
     return Sighting(true, error_mm, truth.crashes)
