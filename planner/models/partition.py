@@ -22,7 +22,7 @@ MOST_CLUSTERS = 10
 
 
 class Partition(NamedTuple):
-    """Clusters of counts, from wide to narrow.
+    """Clusters of counts, in the order of rising width: falling counts.
 
     Attributes:
         label: (256,) cluster of each count, -1 for counts never read.
@@ -50,7 +50,8 @@ def partition(counts: IntArray) -> Partition:
     bounds = _best_bounds(values.astype(np.float64), weight[values].astype(np.float64))
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = [], [], [], []
-    for k, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+    segments = list(zip(bounds[:-1], bounds[1:], strict=True))
+    for k, (start, stop) in enumerate(reversed(segments)):
         members = values[start:stop]
         label[members] = k
         mean.append(float(np.average(members, weights=weight[members])))

@@ -52,16 +52,19 @@ def _least_clearance(outline: Array, poses: Array, opening: float, h: float, thi
     return least
 
 
-def least_clearance(outline: Array, jaws: Array, poses: Array, placement: Array) -> float:
+def least_clearance(
+    outline: Array, jaws: Array, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
+) -> float:
     """Distance between the open fingers at a placement and the nearest of the believed parts [mm].
 
-    Measured along the closing direction, with fingers `SIDE_MARGIN_MM` longer at both ends.
+    Measured along the closing direction.
 
     Args:
         outline: (N, 2) the part [mm].
         jaws: opening, finger length, finger thickness [mm].
         poses: (n, 3) believed poses in the world.
         placement: (3,) the hand frame in the world.
+        margin_mm: the fingers count as this much longer at both ends.
 
     Returns:
         At most half the opening; negative where a finger would stand on the part.
@@ -70,6 +73,6 @@ def least_clearance(outline: Array, jaws: Array, poses: Array, placement: Array)
     n = len(outline)
     return float(
         _least_clearance(
-            outline, hand, jaws[0], 0.5 * jaws[1] + SIDE_MARGIN_MM, jaws[2], np.empty((n, 2)), np.arange(n)
+            outline, hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2], np.empty((n, 2)), np.arange(n)
         )
     )

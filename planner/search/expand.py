@@ -45,30 +45,66 @@ class TreeNode:
     children: list[TreeNode] = field(default_factory=list)
 
 
+def root_of(belief: Array, look_ahead: LookAhead) -> TreeNode:
+    """A tree of one node."""
+    return TreeNode(belief, 1.0, 0, look_ahead.metric.mode(belief))
+
+
+def breadth_first(root: TreeNode) -> list[TreeNode]:
+    """All nodes, the root first: the order in which a table numbers them."""
+    order, waiting = [], deque([root])
+    while waiting:
+        node = waiting.popleft()
+        order.append(node)
+        waiting.extend(node.children)
+    return order
+
+
 def grow(
-    root_belief: Array, look_ahead: LookAhead, max_depth: int, seed: int, progress: Progress | None = None
-) -> TreeNode:
-    """Grows the tree breadth first until every leaf meets the goal or nothing gains any more.
+    root: TreeNode, look_ahead: LookAhead, max_depth: int, seed: list[int], progress: Progress | None = None
+) -> None:
+    """Expands the tree's leaves breadth first until each meets the goal or nothing gains any more.
 
     Args:
-        root_belief: (n, 3) particles of the initial uncertainty.
+        root: the tree, modified in place.
         look_ahead: chooses the actions.
         max_depth: longest path [squeezes].
-        seed: of the job; every node draws from a stream of its own, numbered in order of expansion.
+        seed: every node draws from a stream of its own, numbered in order of expansion.
         progress: called with the number of nodes done and the number waiting.
     """
-    root = TreeNode(root_belief, 1.0, 0, look_ahead.metric.mode(root_belief))
-    waiting = deque([root])
+    waiting = deque(node for node in breadth_first(root) if not node.children)
     done = 0
     while waiting:
         node = waiting.popleft()
         done += 1
         if node.mode.ratio < look_ahead.confidence and node.depth < max_depth:
-            _expand(node, look_ahead, np.random.default_rng([seed, done]))
+            _expand(node, look_ahead, np.random.default_rng([*seed, done]))
             waiting.extend(node.children)
         if progress is not None:
             progress(done, len(waiting))
-    return root
+
+
+def learn(root: TreeNode, beliefs: dict[int, Array], look_ahead: LookAhead) -> int:
+    """Gives leaves the larger beliefs that an evaluation found there.
+
+    Args:
+        root: the tree, modified in place.
+        beliefs: poses (n, 3) by the leaf's number, breadth first.
+        look_ahead: knows the goal.
+
+    Returns:
+        The number of leaves that no longer meet the goal.
+    """
+    short = 0
+    leaves = [node for node in breadth_first(root) if not node.children]
+    for number, node in enumerate(leaves):
+        poses = beliefs.get(number)
+        if poses is None or len(poses) <= len(node.belief):
+            continue
+        met = node.mode.ratio >= look_ahead.confidence
+        node.belief, node.mode = poses, look_ahead.metric.mode(poses)
+        short += met and node.mode.ratio < look_ahead.confidence
+    return short
 
 
 def _expand(node: TreeNode, look_ahead: LookAhead, rng: np.random.Generator) -> None:

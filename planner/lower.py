@@ -1,0 +1,204 @@
+"""Lowering: the tree of beliefs becomes the integers of the decision table."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray
+from planner.encoder import Encoder, encoder_of
+from planner.evaluate import Evaluation
+from planner.frames import wrap
+from planner.job import Job
+from planner.part.outline import radius_of_gyration
+from planner.search.expand import TreeNode, breadth_first
+from runtime.table import (
+    PPM,
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Node,
+    Prediction,
+    Squeeze,
+    Table,
+    wilson_upper,
+)
+
+MARGIN_COUNTS = 2
+"""A branch's interval reaches this many counts beyond the widths seen in planning: rare widths, not strangers."""
+
+
+def lower(root: TreeNode, job: Job) -> Table:
+    """Numbers the tree breadth first and writes it down, without evaluation figures yet.
+
+    Args:
+        root: an expanded node.
+        job: the job it was planned for.
+    """
+    encoder = encoder_of(job)
+    inner, leaves = _number(root)
+    nodes = tuple(_node(node, inner, leaves, job, encoder) for node in breadth_first(root) if node.children)
+    ends = tuple(_leaf(node, job) for node in breadth_first(root) if not node.children)
+    return Table(
+        tool=_tool(),
+        job_digest=job.digest(),
+        gripper=_gripper(job),
+        goal=_goal(job),
+        limits=_limits(job, max(node.depth for node in breadth_first(root))),
+        nodes=nodes,
+        leaves=ends,
+        predicted=Prediction(0, 0, 0),
+        job=job.canonical(),
+    )
+
+
+def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
+    """Puts the measured figures into the leaves and the table.
+
+    A leaf whose success the evaluation refutes (Wilson's upper bound below the goal's confidence) is marked
+    unresolved: the runtime then reports that it does not know, instead of a pose.
+
+    Returns:
+        The table and the evaluation, whose `resolved` follows the leaves.
+    """
+    leaves = []
+    for index, leaf in enumerate(table.leaves):
+        here = evaluation.leaf == index
+        trials, hits = int(here.sum()), int((here & (evaluation.error_mm < evaluation.goal_mm)).sum())
+        resolved = leaf.resolved and wilson_upper(hits, trials) >= job.goal.confidence
+        success = round(PPM * hits / trials) if trials else leaf.success_ppm
+        covariance = leaf.covariance
+        if trials > 2:
+            covariance = _covariance(evaluation.poses[here], leaf, job)
+        leaves.append(
+            leaf._replace(success_ppm=success, trials=trials, resolved=resolved, covariance=covariance)
+        )
+    known = np.array([leaf.resolved for leaf in leaves])
+    resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
+    at_leaf = evaluation.leaf >= 0
+    resolved_trials[at_leaf] = known[evaluation.leaf[at_leaf]]
+    evaluation = dataclasses.replace(evaluation, resolved=resolved_trials)
+    figures = evaluation.summary()
+    predicted = Prediction(
+        success_ppm=round(PPM * figures["success_rate"]),
+        trials=figures["trials"],
+        mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
+        reject_ppm=round(PPM * figures["reject_rate"]),
+    )
+    return dataclasses.replace(table, leaves=tuple(leaves), predicted=predicted), evaluation
+
+
+def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:
+    """Indices of inner nodes and of leaves by identity, both breadth first."""
+    inner: dict[int, int] = {}
+    leaves: dict[int, int] = {}
+    for node in breadth_first(root):
+        numbers = inner if node.children else leaves
+        numbers[id(node)] = len(numbers)
+    return inner, leaves
+
+
+def _node(
+    node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Job, encoder: Encoder
+) -> Node:
+    assert node.placement is not None
+    assert node.clusters is not None
+    x, y, angle = node.placement
+    squeeze = Squeeze(
+        x_um=round(1e3 * x),
+        y_um=round(1e3 * y),
+        angle_urad=round(1e6 * float(wrap(angle))),
+        opening_um=round(1e3 * job.gripper.opening_mm),
+        speed_um_s=round(1e3 * job.gripper.speed_mm_s),
+        force_mn=round(1e3 * job.gripper.force_n),
+        clearance_um=int(1e3 * node.clearance_mm),
+    )
+    total = float(node.clusters.size.sum())
+    branches = []
+    for k, child in enumerate(node.children):
+        target = inner[id(child)] if child.children else ~leaves[id(child)]
+        low, high = _interval(node.clusters.low[k], node.clusters.high[k], encoder)
+        expected = min(max(round(1e3 * float(encoder.width_mm(node.clusters.mean[k]))), low), high)
+        share = round(PPM * float(node.clusters.size[k]) / total)
+        branches.append(Branch(low, expected, high, share, target))
+    return Node(squeeze, tuple(branches))
+
+
+def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
+    """Widths [um] that the counts stand for, with the margin; counts fall as widths rise."""
+    half = 0.5 + MARGIN_COUNTS
+    least = max(0.0, float(encoder.width_mm(np.asarray(high_count + half))))
+    greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low_count - half))))
+    return round(1e3 * least), round(1e3 * greatest)
+
+
+def _leaf(node: TreeNode, job: Job) -> Leaf:
+    x, y, theta = node.mode.pose
+    leaf = Leaf(
+        x_um=round(1e3 * float(x)),
+        y_um=round(1e3 * float(y)),
+        theta_urad=round(1e6 * float(wrap(theta))),
+        covariance=(0, 0, 0, 0, 0, 0),
+        success_ppm=round(PPM * node.mode.ratio),
+        trials=0,
+        resolved=node.mode.ratio >= job.goal.confidence,
+    )
+    return leaf._replace(covariance=_covariance(node.belief, leaf, job))
+
+
+def _covariance(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+    """Second moments of poses about the leaf's pose: xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad."""
+    offset = poses - np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+    offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
+    scaled = offset * np.array([10.0, 10.0, 100.0])
+    moments = scaled.T @ scaled / max(len(scaled), 1)
+    xx, xy, yy = moments[0, 0], moments[0, 1], moments[1, 1]
+    xt, yt, tt = moments[0, 2], moments[1, 2], moments[2, 2]
+    return round(xx), round(xy), round(yy), round(xt), round(yt), round(tt)
+
+
+def _gripper(job: Job) -> GripperSpec:
+    gripper = job.gripper
+    return GripperSpec(
+        model=gripper.model,
+        opening_um=round(1e3 * gripper.opening_mm),
+        finger_length_um=round(1e3 * gripper.finger_length_mm),
+        finger_width_um=round(1e3 * gripper.finger_width_mm),
+        count_open=gripper.count_open,
+        count_closed=gripper.count_closed,
+        encoder_noise_um=round(1e3 * gripper.encoder_noise_mm),
+    )
+
+
+def _goal(job: Job) -> GoalSpec:
+    return GoalSpec(
+        distance_um=round(1e3 * job.goal.distance_mm),
+        confidence_ppm=round(PPM * job.goal.confidence),
+        rho_um=round(1e3 * radius_of_gyration(job.part.outline_mm)),
+        symmetry=job.part.symmetry,
+    )
+
+
+def _limits(job: Job, depth: int) -> Limits:
+    cell = job.cell
+    (x_min, y_min), (x_max, y_max) = cell.work_area_mm
+    return Limits(
+        max_depth=depth,
+        max_force_mn=round(1e3 * cell.max_force_n),
+        max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
+        work_area_um=(round(1e3 * x_min), round(1e3 * y_min), round(1e3 * x_max), round(1e3 * y_max)),
+        retreat_height_um=round(1e3 * cell.retreat_height_mm),
+        squeeze_height_um=round(1e3 * cell.squeeze_height_mm),
+        arm_speed_um_s=round(1e3 * cell.arm_speed_mm_s),
+    )
+
+
+def _tool() -> str:
+    try:
+        return f"squeezetree {version('squeezetree')}"
+    except PackageNotFoundError:
+        return "squeezetree"
