@@ -1,0 +1,1 @@
+"""The commands of the planner, one thin file each."""

@@ -1,0 +1,87 @@
+"""plan-compile: job file in, decision table out."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from pathlib import Path
+
+from planner import job as job_file
+from planner.cli import shell
+from planner.compile import EVALUATION_TRIALS, Plan, compile_job
+from runtime.table import dump
+
+NAME = "plan-compile"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    parser = shell.parser(
+        NAME,
+        "Plan the squeezes that locate a part, and write them as a decision table.",
+        f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
+    )
+    parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="TREE.msgpack", help="the table")
+    parser.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
+    parser.add_argument("--workers", type=shell.positive, help="threads; the result is the same (default: cores)")
+    parser.add_argument(
+        "--trials", type=shell.positive, default=EVALUATION_TRIALS,
+        help="parts squeezed to evaluate the table (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
+    arguments = parser.parse_args(argv)
+
+    def body() -> int:
+        started = time.perf_counter()
+        job = job_file.load(arguments.job)
+        if arguments.seed is not None:
+            job = dataclasses.replace(job, seed=arguments.seed)
+        output = shell.writable(arguments.output)
+        with shell.progress(arguments.json) as report:
+            plan = compile_job(job, arguments.workers, arguments.trials, report)
+        table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
+        dump(table, output)
+        seconds = time.perf_counter() - started
+        if arguments.json:
+            shell.print_json(_figures(plan, output, seconds))
+        else:
+            print(_text(plan, job.part.name, output, seconds))
+        return 0
+
+    return shell.run(NAME, arguments.debug, body)
+
+
+def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:
+    return {
+        "table": str(output),
+        "bytes": output.stat().st_size,
+        "nodes": len(plan.table.nodes),
+        "leaves": len(plan.table.leaves),
+        "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
+        "seconds": round(seconds, 3),
+        **plan.evaluation.summary(),
+    }
+
+
+def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:
+    figures = plan.evaluation.summary()
+    low, high = figures["success_ci95"]
+    unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
+    return "\n".join(
+        [
+            f"{part}: {len(plan.table.nodes)} squeezes planned, {len(plan.table.leaves)} leaves"
+            + (f" ({unresolved} of them unresolved)" if unresolved else ""),
+            f"success {figures['success_rate']:.2%} (95 % interval {low:.2%} to {high:.2%}) in "
+            f"{figures['trials']} fresh trials; {figures['mean_squeezes']:.2f} squeezes on average, "
+            f"{figures['max_squeezes']} at most; about {figures['mean_seconds']:.1f} s a part",
+            f"rejected {figures['reject_rate']:.2%}, unresolved {figures['unresolved_rate']:.2%}, "
+            f"wrong {figures['wrong_rate']:.2%}",
+            f"wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

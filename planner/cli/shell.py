@@ -1,0 +1,109 @@
+"""What all planner commands share: one-line errors, exit codes, Ctrl-C, progress."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from planner.errors import InputFileError, PlannerError
+from runtime.table import TableError, TableFileError
+
+INTERRUPTED = 130
+EXIT_CODES = """\
+exit codes:
+  0 done; 1 internal error; 2 usage; 3 input file missing or unreadable; 4 not valid TOML; 5 unknown or
+  missing key; 6 value out of range; 7 outline invalid; 8 part does not fit the gripper; 9 no plan reaches
+  the goal; 30 table invalid; 130 interrupted (nothing is left half written)
+"""
+
+
+def parser(name: str, description: str, example: str) -> argparse.ArgumentParser:
+    """An argument parser with the options and the epilogue that all commands have."""
+    result = argparse.ArgumentParser(
+        prog=name,
+        description=description,
+        epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    result.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    result.add_argument("--debug", action="store_true", help="show a traceback with errors")
+    return result
+
+
+def positive(text: str) -> int:
+    """An integer of at least 1, for argparse."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is less than 1")
+    return value
+
+
+def natural(text: str) -> int:
+    """An integer of at least 0, for argparse."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value} is negative")
+    return value
+
+
+def run(name: str, debug: bool, body: Callable[[], int]) -> int:
+    """Runs a command's body; turns what goes wrong into one line and an exit code."""
+    try:
+        return body()
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; nothing was written", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    except (PlannerError, TableError, TableFileError) as error:
+        code, message = error.exit_code, str(error)
+    except OSError as error:
+        code, message = InputFileError.exit_code, f"{error.filename or 'file'}: {error.strerror}"
+    except Exception as error:
+        code = PlannerError.exit_code
+        message = f"internal error, {type(error).__name__}: {error}; please report it with --debug"
+    if debug:
+        traceback.print_exc()
+    print(f"{name}: {message}", file=sys.stderr)
+    return code
+
+
+def writable(path: Path) -> Path:
+    """Checks that an output file could be written, before the work is done.
+
+    Raises:
+        InputFileError: its folder does not exist, or it is a folder itself.
+    """
+    if path.is_dir():
+        raise InputFileError("is a folder; name a file", where=str(path))
+    if not path.parent.is_dir():
+        raise InputFileError(f"the folder {path.parent} does not exist; create it", where=str(path))
+    return path
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """One JSON object on one line."""
+    print(json.dumps(data))
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
+    """A progress bar on a terminal, nothing in a pipe; yields `report(stage, done, total)`."""
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        yield lambda _stage, _done, _total: None
+        return
+    columns = [SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda stage, done, total: bar.update(task, description=stage, completed=done, total=total)

@@ -1,0 +1,135 @@
+"""plan-simulate: single squeezes, rolled out from a list of poses."""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from planner import job as job_file
+from planner.arrays import Array
+from planner.cli import shell
+from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, RollOut, Simulator
+
+NAME = "plan-simulate"
+INPUTS = ("x_mm", "y_mm", "theta_rad")
+OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    parser = shell.parser(
+        NAME,
+        "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
+        "origin, jaws fully open, closing along y.",
+        f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
+    )
+    parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    parser.add_argument(
+        "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.csv", help="the results")
+    parser.add_argument("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
+    parser.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
+    parser.add_argument("--seed", type=shell.natural, help="of the scatter (default: the job's)")
+    parser.add_argument(
+        "--step-mm", type=float, default=DEFAULT_STEP_MM, help="closing step of a finger (default: %(default)s)"
+    )
+    parser.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
+    arguments = parser.parse_args(argv)
+
+    def body() -> int:
+        _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
+        job = job_file.load(arguments.job)
+        poses = read_poses(arguments.poses)
+        output = shell.writable(arguments.output)
+        simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
+        if arguments.nominal:
+            parameters = simulator.nominal(len(poses), arguments.mu)
+        else:
+            seed = job.seed if arguments.seed is None else arguments.seed
+            parameters = simulator.sample(len(poses), np.random.default_rng(seed))
+        rolled = simulator.roll_out(poses, parameters)
+        write_results(output, poses, rolled)
+        _report(rolled, output, arguments.json)
+        return 0
+
+    return shell.run(NAME, arguments.debug, body)
+
+
+def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:
+    if nominal != (mu is not None):
+        raise UsageError("--nominal and --mu go together: state the one friction value, such as --mu 0.5")
+    if mu is not None and not 0.0 <= mu <= 2.0:
+        raise UsageError(f"--mu {mu} is not between 0 and 2")
+    if not 1e-4 <= step_mm <= 2.0:
+        raise UsageError(f"--step-mm {step_mm} is not between 0.0001 and 2")
+
+
+def read_poses(path: Path) -> Array:
+    """Reads (n, 3) poses from a CSV file with the columns `INPUTS`; others are ignored.
+
+    Raises:
+        InputFileError: the file is missing or not text.
+        KeyNameError: a column is missing.
+        ValueRangeError: a value is not a finite number; names the line.
+    """
+    where = str(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            header = [name.strip() for name in reader.fieldnames or []]
+            reader.fieldnames = header
+            missing = [name for name in INPUTS if name not in header]
+            if missing:
+                raise KeyNameError(
+                    f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}", where=where
+                )
+            rows = [[_number(row[name], name, where, reader.line_num) for name in INPUTS] for row in reader]
+    except UnicodeDecodeError as error:
+        raise InputFileError("not UTF-8 text", where=where) from error
+    except csv.Error as error:
+        raise InputFileError(f"not a CSV file: {error}", where=where) from error
+    except OSError as error:
+        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _number(text: str | None, name: str, where: str, line: int) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name, value=text)
+    return value
+
+
+def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
+    """Writes inputs and results, one line a pose."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*INPUTS, *OUTPUTS])
+        for pose, final, width, status in zip(poses, rolled.poses, rolled.width_mm, rolled.status, strict=True):
+            numbers = [f"{value:.9g}" for value in (*pose, *final, width)]
+            writer.writerow([*numbers, STATUS_NAMES[status]])
+
+
+def _report(rolled: RollOut, output: Path, as_json: bool) -> None:
+    tally = {name: int(np.sum(rolled.status == k)) for k, name in enumerate(STATUS_NAMES)}
+    given_up = int(rolled.given_up.sum())
+    if as_json:
+        shell.print_json({"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up})
+        return
+    parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
+    print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {output}")
+    if given_up:
+        print(f"{NAME}: {given_up} squeezes could not be stepped to their end; try --step-mm", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
