@@ -49,14 +49,15 @@ class CellProcess:
         Raises:
             CellStartError: it ended or stayed silent; with what it said.
         """
-        command = [sys.executable, "-m", MODULE, "--tree", str(table), "--world", world, "--seed", str(seed)]
-        command += ["--time-scale", f"{time_scale:g}", "--json", "--until-stdin-closes"]
+        command = [sys.executable, "-P", "-m", MODULE, "--json", "--until-stdin-closes"]
+        command += ["--tree", str(table), "--world", world, "--seed", str(seed)]
+        command += ["--time-scale", repr(time_scale)]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            env=_environment(),
         )
         try:
             self.endpoints = _endpoints(_first_line(self._process, START_S))
@@ -87,6 +88,13 @@ class CellProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _environment() -> dict[str, str]:
+    """Our own, in which the packages are the ones we run from, whatever the working directory holds."""
+    home = str(Path(__file__).resolve().parents[1])
+    others = os.environ.get("PYTHONPATH")
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}
 
 
 def _first_line(process: subprocess.Popen[bytes], seconds: float) -> bytes:

@@ -1,7 +1,7 @@
 """The journal of a run: append-only JSON lines, chained by their digests.
 
-A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the line
-before, so a changed, missing or inserted line shows.
+A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the
+line before. So a changed, missing or inserted line shows.
 
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it

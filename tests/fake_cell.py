@@ -1,0 +1,178 @@
+"""A cell in memory for the executor's tests: logs every call, obeys a script of counts, fails on demand."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from runtime.executor import Cell
+
+
+class State(NamedTuple):
+    """One reading of the fake gripper."""
+
+    activated: bool = True
+    moving: bool = False
+    fault: int = 0
+    object_flag: int = 3
+    echo_counts: int = 0
+    position_counts: int = 3
+    current_ma: int = 0
+
+
+class Settled(NamedTuple):
+    """One finished motion of the fake gripper."""
+
+    position_counts: int
+    object_flag: int
+    current_ma: int
+    echo_counts: int
+    seconds: float
+
+
+class Call(NamedTuple):
+    """One call on a device."""
+
+    device: str
+    name: str
+    arguments: tuple[float, ...] = ()
+
+
+@dataclass
+class Log:
+    """Every call in order; the call with number `fail_at` raises `error` instead of doing anything."""
+
+    fail_at: int = -1
+    error: BaseException | None = None
+    calls: list[Call] = field(default_factory=list)
+
+    def call(self, device: str, name: str, *arguments: float) -> None:
+        self.calls.append(Call(device, name, arguments))
+        if self.error is not None and len(self.calls) - 1 == self.fail_at:
+            raise self.error
+
+    def named(self, name: str) -> list[Call]:
+        return [call for call in self.calls if call.name == name]
+
+
+class FakeGripper:
+    """Closes to the next count of its script, with contact; opens as asked."""
+
+    def __init__(self, log: Log, counts: Iterator[tuple[int, int]]) -> None:
+        self.log, self.counts = log, counts
+        self.now = State()
+        self.opened_to = 0  # extra counts by which an opening falls short
+        self.echo_off = 0  # by how much the settled echo differs from the request
+
+    def state(self) -> State:
+        self.log.call("gripper", "state")
+        return self.now
+
+    def activate(self) -> None:
+        self.log.call("gripper", "activate")
+        self.now = self.now._replace(activated=True)
+
+    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+        self.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+        if position_counts == 255:
+            count, flag = next(self.counts)
+        else:
+            count, flag = max(position_counts, 3) + self.opened_to, 3
+        self.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
+
+    def wait(self) -> Settled:
+        self.log.call("gripper", "wait")
+        return Settled(
+            self.now.position_counts, self.now.object_flag, 300, self.now.echo_counts + self.echo_off, 0.5
+        )
+
+    def stop(self) -> None:
+        self.log.call("gripper", "stop")
+
+    def close(self) -> None:
+        self.log.call("gripper", "close")
+
+
+class FakeArm:
+    """Stands where it was sent, plus an offset."""
+
+    def __init__(self, log: Log) -> None:
+        self.log = log
+        self.at = (5.0, 5.0, 30.0, 0.1)
+        self.off_mm = 0.0
+
+    def pose(self) -> tuple[float, float, float, float]:
+        self.log.call("arm", "pose")
+        return self.at[0] + self.off_mm, *self.at[1:]
+
+    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        self.at = (x_mm, y_mm, z_mm, angle_rad)
+
+    def close(self) -> None:
+        self.log.call("arm", "close")
+
+
+class FakeJournal:
+    """Keeps its records; the record with number `fail_at` raises `error`, and so does every later one."""
+
+    def __init__(self, fail_at: int = -1, error: Exception | None = None) -> None:
+        self.kept: list[tuple[str, dict[str, object]]] = []
+        self.fail_at, self.error = fail_at, error
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        if self.error is not None and len(self.kept) >= self.fail_at >= 0:
+            raise self.error
+        self.kept.append((kind, dict(fields)))
+
+    def kinds(self) -> list[str]:
+        return [kind for kind, _ in self.kept]
+
+
+class FakeClock:
+    """Stands still unless a test lets it jump at each look."""
+
+    def __init__(self, step_s: float = 0.0) -> None:
+        self.time, self.step_s = 0.0, step_s
+
+    def now(self) -> float:
+        self.time += self.step_s
+        return self.time
+
+    def deadline(self, seconds: float) -> float:
+        return self.time + seconds
+
+
+class FakeScene:
+    """Counts parts; knows the truth it was given."""
+
+    def __init__(self, truth: object) -> None:
+        self.parts, self.known = 0, truth
+
+    def next_part(self) -> int:
+        self.parts += 1
+        return self.parts
+
+    def truth(self) -> object:
+        return self.known
+
+    def close(self) -> None:
+        pass
+
+
+class FakeCell(NamedTuple):
+    """The fakes by their own types, and the cell made of them."""
+
+    log: Log
+    gripper: FakeGripper
+    arm: FakeArm
+    journal: FakeJournal
+    cell: Cell
+
+
+def fake_cell(
+    counts: list[tuple[int, int]], log: Log | None = None, journal: FakeJournal | None = None
+) -> FakeCell:
+    """A cell whose closings stop at the given (count, object flag), one after the other."""
+    log, journal = log or Log(), journal or FakeJournal()
+    gripper, arm = FakeGripper(log, iter(counts)), FakeArm(log)
+    return FakeCell(log, gripper, arm, journal, Cell(gripper, arm, FakeClock(), journal))

@@ -1,0 +1,293 @@
+"""The executor: order of motions, outcomes, and one safe end for a failure of any call at any moment."""
+
+from dataclasses import replace
+
+import pytest
+from fake_cell import FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
+from sample_tables import GRIPPER, random_table, small_table, with_node
+
+from runtime.errors import GripperStateError, JournalError, TableError
+from runtime.executor import Executor, decide
+from runtime.results import Outcome, PartResult, Step
+from runtime.table import REJECT, Calibration, Table, count_map
+
+CALIBRATION = Calibration.linear(GRIPPER)
+CONTACT, ARRIVED = 2, 3
+AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000))
+LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
+
+
+class LinkLostError(ConnectionError):
+    """Like a driver's: a built-in parent and an exit code of its own."""
+
+    exit_code = 20
+
+
+class ArmLostError(ConnectionError):
+    exit_code = 22
+
+
+class GripperFaultError(RuntimeError):
+    exit_code = 21
+
+
+def run(made: FakeCell, table: Table | None = None, seen: list[Step] | None = None) -> PartResult:
+    steps = [] if seen is None else seen
+    return Executor(table or small_table(), made.cell, lambda part, step: steps.append(step)).run_part(1)
+
+
+def number_of_calls() -> int:
+    made = fake_cell(LONGEST)
+    run(made)
+    return len(made.log.calls)
+
+
+CALLS = range(number_of_calls())
+
+
+@pytest.mark.parametrize(
+    ("counts", "outcome", "leaf", "path", "exit_code"),
+    [
+        ([AT_21], Outcome.LEAF, 0, [0], 0),
+        ([AT_30, AT_21], Outcome.LEAF, 1, [0, 1], 0),
+        ([AT_30, AT_36], Outcome.UNRESOLVED, 2, [0, 1], 11),
+        ([AT_36], Outcome.REJECT, None, [0], 10),
+        ([AT_30, AT_30], Outcome.REJECT, None, [0, 1], 10),
+        ([(229, ARRIVED)], Outcome.REJECT, None, [0], 10),
+        ([(AT_21[0], ARRIVED)], Outcome.REJECT, None, [0], 10),
+    ],
+)
+def test_outcome_follows_the_widths(
+    counts: list[tuple[int, int]], outcome: Outcome, leaf: int | None, path: list[int], exit_code: int
+) -> None:
+    made, seen = fake_cell(counts), []
+    result = run(made, seen=seen)
+    assert (result.outcome, result.leaf, result.exit_code) == (outcome, leaf, exit_code)
+    assert [step.node for step in result.steps] == path
+    assert list(result.steps) == seen
+    assert (result.reason is None) == (outcome is Outcome.LEAF)
+    assert result.safe_state == ()
+    assert made.journal.kinds() == ["part", *["squeeze"] * len(path), "outcome"]
+
+
+def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> None:
+    made = fake_cell(LONGEST)
+    run(made)
+    motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    told = [("jaws", call.arguments[0]) if call.name == "move" else call.arguments[:4] for call in motions]
+    one = [("jaws", 0), (0.0, 0.0, 60.0, 0.0), (0.0, 0.0, 10.0, 0.0), ("jaws", 255), ("jaws", 0)]
+    two = [("jaws", 0), (1.0, -2.0, 60.0, 1.570796), (1.0, -2.0, 10.0, 1.570796), ("jaws", 255), ("jaws", 0)]
+    assert told == [
+        *[(5.0, 5.0, 60.0, 0.1), *one, (0.0, 0.0, 60.0, 0.0)],  # straight up first, from wherever it stood
+        *[*two, (1.0, -2.0, 60.0, 1.570796)],
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed: int) -> None:
+    table = random_table(seed, 15)
+    made = fake_cell([(CALIBRATION.count(b.expected_um), CONTACT) for b in _first_path(table)])
+    result = run(made, table)
+    assert result.outcome in (Outcome.LEAF, Outcome.REJECT)
+    height, xy, opened = 30.0, (5.0, 5.0), False
+    for call in made.log.calls:
+        if call.name == "move_linear":
+            x, y, z, _, speed = call.arguments
+            assert speed == table.limits.arm_speed_um_s / 1000
+            assert (x, y) == xy or height == z == 60.0  # travels only at the retreat height
+            assert opened or z >= height  # never down with closed jaws
+            assert opened or height != 10.0  # and never up with a part between them
+            height, xy = z, (x, y)
+        elif call.name == "move":
+            position, speed_counts, force_counts = call.arguments
+            assert 20_000 + speed_counts * 130_000 / 255 <= table.limits.max_speed_um_s
+            assert 20_000 + force_counts * 215_000 / 255 <= table.limits.max_force_mn
+            opened = position == 0
+    assert (height, opened) == (60.0, True)
+
+
+def _first_path(table: Table) -> list:
+    """The first branch at every node from the root on."""
+    branches, target = [], 0
+    while target >= 0:
+        branches.append(table.nodes[target].branches[0])
+        target = branches[-1].target
+    return branches
+
+
+def test_decision_is_the_map_for_contact_and_reject_for_nothing_between_the_fingers() -> None:
+    for node in random_table(2, 10).nodes:
+        outcomes = count_map(node, CALIBRATION)
+        for count in range(256):
+            assert decide(node, outcomes, count, CONTACT).branch == outcomes[count]
+            assert (decide(node, outcomes, count, CONTACT).reason is None) == (outcomes[count] != REJECT)
+            assert decide(node, outcomes, count, ARRIVED).branch == REJECT
+            for flag in (0, 1):
+                with pytest.raises(GripperStateError, match="not believed"):
+                    decide(node, outcomes, count, flag)
+
+
+def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
+    """Fingers stopped, at most one motion of the arm and that straight up, everything journalled."""
+    after = made.log.calls[failed + 1 :]
+    assert [call.name for call in after if call.name in ("move", "activate")] == []
+    lifts = [call for call in after if call.name == "move_linear"]
+    assert len(lifts) <= 1
+    for lift in lifts:
+        assert lift.arguments[2] == 60.0
+    assert ("gripper", "stop") in [(call.device, call.name) for call in after]
+    assert result.leaf is None
+    assert len(result.safe_state) == 2
+    kind, fields = made.journal.kept[-1]
+    assert (kind, fields["outcome"], fields["exit_code"]) == (
+        "outcome",
+        result.outcome.value,
+        result.exit_code,
+    )
+
+
+@pytest.mark.parametrize("at", CALLS)
+def test_a_link_lost_at_any_call_ends_in_the_safe_state(at: int) -> None:
+    made = fake_cell(LONGEST, Log(at, LinkLostError("cable")))
+    result = run(made)
+    assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 20, "cable")
+    assert_safe_end(made, result, failed=at)
+
+
+@pytest.mark.parametrize("at", CALLS)
+def test_ctrl_c_at_any_call_ends_in_the_safe_state(at: int) -> None:
+    made = fake_cell(LONGEST, Log(at, KeyboardInterrupt()))
+    result = run(made)
+    assert (result.outcome, result.exit_code) == (Outcome.STOPPED, 40)
+    assert_safe_end(made, result, failed=at)
+    # An arm that was interrupted in a call may be anywhere: it is left alone, any other one goes up.
+    failed_device = made.log.calls[at].device
+    lifted = any(call.name == "move_linear" for call in made.log.calls[at + 1 :])
+    low = made.arm.at[2] < 60.0
+    assert not (failed_device == "arm" and lifted)
+    assert failed_device == "arm" or not low
+
+
+@pytest.mark.parametrize("at", CALLS)
+def test_a_bug_is_raised_but_only_after_the_safe_state(at: int) -> None:
+    made = fake_cell(LONGEST, Log(at, ZeroDivisionError("a bug")))
+    with pytest.raises(ZeroDivisionError):
+        run(made)
+    assert ("gripper", "stop") in [(call.device, call.name) for call in made.log.calls[at + 1 :]]
+    assert made.journal.kept[-1][1]["exit_code"] == 1
+
+
+@pytest.mark.parametrize("at", range(4))
+def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(at: int, tmp_path) -> None:
+    journal = FakeJournal(at, JournalError(tmp_path, "full"))
+    made = fake_cell(LONGEST, journal=journal)
+    result = run(made)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 24, None)
+    assert any("not journalled" in sentence for sentence in result.safe_state)
+    assert made.log.named("stop")
+
+
+@pytest.mark.parametrize(
+    ("error", "exit_code"),
+    [
+        (LinkLostError("x"), 20),
+        (GripperFaultError("x"), 21),
+        (ArmLostError("x"), 22),
+        (TimeoutError("x"), 20),
+        (OSError("x"), 20),
+    ],
+)
+def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
+    error: Exception, exit_code: int
+) -> None:
+    result = run(fake_cell(LONGEST, Log(4, error)))
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, exit_code)
+
+
+def test_a_failure_of_the_safe_sequence_is_told_and_does_not_end_it() -> None:
+    made = fake_cell(LONGEST, Log(0, LinkLostError("first")))
+
+    def refuse() -> None:
+        made.log.call("gripper", "stop")
+        raise LinkLostError("second")
+
+    made.gripper.stop = refuse
+    result = run(made)
+    assert result.reason == "first"
+    assert result.safe_state == (
+        "fingers: NOT KNOWN TO BE STOPPED: second",
+        "arm at retreat height 60 mm",
+    )
+    assert made.journal.kept[-1][1]["safe_state"] == list(result.safe_state)
+
+
+def faulty(**changes: object) -> FakeCell:
+    made = fake_cell(LONGEST)
+    made.gripper.now = State(**changes)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("made", "reason"),
+    [
+        (faulty(activated=False), "not activated; clear the space"),
+        (faulty(fault=0x0E), "fault 0x0E"),
+        (faulty(moving=True), "without having been asked"),
+    ],
+)
+def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(made: FakeCell, reason: str) -> None:
+    result = run(made)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert reason in str(result.reason)
+    assert made.log.named("move") == []
+    assert len(made.log.named("move_linear")) <= 1  # the retreat of the safe sequence
+
+
+def test_a_stale_reading_is_a_fault_and_no_child() -> None:
+    made = fake_cell(LONGEST)
+    made.gripper.echo_off = 1
+    result = run(made)
+    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
+    assert "stale reading" in str(result.reason)
+
+
+def test_jaws_that_do_not_open_are_not_lowered() -> None:
+    made = fake_cell(LONGEST)
+    made.gripper.opened_to = 5
+    result = run(made)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert "remove what blocks them" in str(result.reason)
+    assert all(call.arguments[2] >= 30.0 for call in made.log.named("move_linear"))
+
+
+def test_an_arm_that_stands_elsewhere_is_not_moved_again() -> None:
+    made = fake_cell(LONGEST)
+    made.arm.off_mm = 0.6
+    result = run(made)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert len(made.log.named("move_linear")) == 1
+    assert "arm not moved: state unknown" in result.safe_state
+
+
+def test_a_reading_that_is_no_number_is_no_place() -> None:
+    made = fake_cell(LONGEST)
+    made.arm.off_mm = float("nan")
+    assert run(made).exit_code == 22
+
+
+def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
+    made = fake_cell(LONGEST)
+    cell = replace(made.cell, clock=FakeClock(step_s=1000.0))
+    result = Executor(small_table(), cell, lambda part, step: None).run_part(1)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert "s late" in str(result.reason)
+
+
+@pytest.mark.parametrize(("field", "value"), [("speed_um_s", 19_000), ("force_mn", 19_000)])
+def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves(field: str, value: int) -> None:
+    node = small_table().nodes[0]
+    table = with_node(small_table(), 0, node._replace(squeeze=node.squeeze._replace(**{field: value})))
+    made = fake_cell([])
+    with pytest.raises(TableError, match=r"node 0 .* the gripper does 20\.\."):
+        run(made, table)
+    assert made.log.calls == []

@@ -1,0 +1,133 @@
+"""The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import JournalError
+from runtime.journal import Journal, records, verify
+
+TABLE = b"the table's bytes"
+
+
+def written(path: Path, *, closed: bool = True) -> Path:
+    """One run of two records and its end."""
+    with Journal(path) as journal:
+        journal.header(TABLE, {"port": "sim"})
+        journal.record("squeeze", {"part": 1, "width_um": 21_000})
+        if closed:
+            journal.record("end", {"exit_code": 0})
+    return path
+
+
+def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    seen = verify(path)
+    assert (seen.records, seen.runs, seen.table, seen.closed) == (3, 1, TABLE, True)
+    assert [(entry["seq"], entry["kind"]) for entry in records(path)] == [
+        (0, "header"),
+        (1, "squeeze"),
+        (2, "end"),
+    ]
+    assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == [
+        "header",
+        "squeeze",
+        "end",
+    ]
+
+
+def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    data = path.read_bytes()
+    starts = [0, *(at + 1 for at, byte in enumerate(data) if byte == ord("\n"))]
+    for at in range(len(data)):
+        damaged = bytearray(data)
+        damaged[at] ^= 1
+        path.write_bytes(damaged)
+        with pytest.raises(JournalError) as refused:
+            verify(path)
+        line = sum(start <= at for start in starts)
+        assert refused.value.line in (line, line + 1)
+
+
+@pytest.mark.parametrize("dropped", [0, 1])
+def test_a_missing_line_is_found(tmp_path: Path, dropped: int) -> None:
+    path = written(tmp_path / "j.jsonl")
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:dropped] + lines[dropped + 1 :]))
+    with pytest.raises(JournalError) as refused:
+        verify(path)
+    assert refused.value.line == dropped + 1
+
+
+def test_lines_of_another_journal_do_not_fit(tmp_path: Path) -> None:
+    one, other = written(tmp_path / "1.jsonl"), tmp_path / "2.jsonl"
+    with Journal(other) as journal:
+        journal.header(TABLE, {"port": "/dev/ttyUSB0"})
+        journal.record("squeeze", {"part": 1, "width_um": 30_000})
+    lines = other.read_bytes().splitlines(keepends=True)
+    one.write_bytes(one.read_bytes().splitlines(keepends=True)[0] + lines[1])
+    with pytest.raises(JournalError, match="line 2: does not follow the line before it"):
+        verify(one)
+
+
+@pytest.mark.parametrize("cut", [1, 5, 200])
+def test_a_torn_last_line_is_found_and_not_continued(tmp_path: Path, cut: int) -> None:
+    path = written(tmp_path / "j.jsonl")
+    path.write_bytes(path.read_bytes()[:-cut])
+    with pytest.raises(JournalError, match="line 3: cut short"):
+        verify(path)
+    with pytest.raises(JournalError, match="line 3: cut short"):
+        Journal(path)
+
+
+def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    before = path.read_bytes()
+    written(path, closed=False)
+    assert path.read_bytes().startswith(before)
+    seen = verify(path)
+    assert (seen.records, seen.runs, seen.closed) == (5, 2, False)
+
+
+def test_a_record_outside_a_run_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    with Journal(path) as journal:
+        journal.record("squeeze", {"part": 2})
+    with pytest.raises(JournalError, match="line 4: does not belong to a run"):
+        verify(path)
+
+
+def test_two_writers_are_refused(tmp_path: Path) -> None:
+    with Journal(tmp_path / "j.jsonl"), pytest.raises(JournalError, match="another process"):
+        Journal(tmp_path / "j.jsonl")
+
+
+def test_the_embedded_table_must_be_the_one_of_its_digest(tmp_path: Path) -> None:
+    with Journal(tmp_path / "j.jsonl") as journal:
+        journal.record("header", {"journal_version": 1, "table_base64": "AAAA", "table_sha256": "0" * 64})
+    with pytest.raises(JournalError, match="line 1: the embedded table is not the one of its digest"):
+        verify(tmp_path / "j.jsonl")
+
+
+def test_a_full_disk_is_error_24() -> None:
+    with Journal(Path("/dev/full")) as journal, pytest.raises(JournalError, match="No space left") as full:
+        journal.header(TABLE, {})
+    assert full.value.exit_code == 24
+
+
+def test_a_path_that_cannot_be_written_is_error_24(tmp_path: Path) -> None:
+    with pytest.raises(JournalError, match="No such file") as refused:
+        Journal(tmp_path / "no folder" / "j.jsonl")
+    assert refused.value.exit_code == 24
+    with pytest.raises(JournalError, match="is empty"):
+        verify(Path("/dev/null"))
+
+
+def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path: Path) -> None:
+    with Journal(tmp_path / "j.jsonl") as journal:
+        with pytest.raises(ValueError, match="reserved field names: \\['seq'\\]"):
+            journal.record("squeeze", {"seq": 1})
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            journal.record("squeeze", {"width_mm": float("nan")})

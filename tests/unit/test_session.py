@@ -1,0 +1,159 @@
+"""A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from fake_cell import FakeScene, Log, State, fake_cell
+from sample_tables import GRIPPER, small_table
+
+from runtime import session
+from runtime.cli import main
+from runtime.console import Lines, Objects
+from runtime.errors import GripperStateError
+from runtime.table import Calibration, dump
+
+CALIBRATION = Calibration.linear(GRIPPER)
+AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+JOURNAL = Path("j.jsonl")
+TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
+
+
+def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
+    made = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
+    results = session.run_journalled(
+        small_table(), made.cell, None, Lines(small_table()), count=4, activate=False
+    )
+    assert [result.exit_code for result, _ in results] == [0, 10, 11, 0]
+    assert session.exit_code(results) == 11
+    assert made.journal.kept[-1] == (
+        "end",
+        {"parts": 4, "outcomes": ["leaf", "reject", "unresolved", "leaf"], "exit_code": 11, "reason": None},
+    )
+
+
+def test_a_fault_ends_a_run() -> None:
+    made = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
+    results = session.run_journalled(
+        small_table(), made.cell, None, Lines(small_table()), count=5, activate=False
+    )
+    assert [result.outcome.value for result, _ in results] == ["leaf", "fault"]
+    assert session.exit_code(results) == 20
+    assert made.journal.kinds()[-1] == "end"
+
+
+def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
+    made = fake_cell([AT_21])
+    made.gripper.now = State(activated=False)
+    with pytest.raises(GripperStateError, match="not activated"):
+        session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=False)
+    assert made.log.named("activate") == []
+    assert made.journal.kept[-1][1]["exit_code"] == 21
+    session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=True)
+    assert len(made.log.named("activate")) == 1
+
+
+def test_permission_does_not_touch_an_active_gripper() -> None:
+    made = fake_cell([AT_21])
+    session.prepare_gripper(made.gripper, Lines(small_table()), activate=True)
+    assert made.log.named("activate") == []
+
+
+def test_ctrl_c_between_parts_is_recorded() -> None:
+    made = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=False)
+    assert made.journal.kept[-1][1]["exit_code"] == 40
+
+
+def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.CaptureFixture[str]) -> None:
+    made, table = fake_cell([AT_21]), small_table()
+    console = Lines(table)
+    results = list(session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1))
+    console.summary(results, JOURNAL)
+    squeeze, part, summary = capsys.readouterr().out.splitlines()
+    assert squeeze == (
+        "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
+    )
+    # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
+    assert part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990; true error 0.50 mm"
+    assert summary == "1 parts: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
+
+
+def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.CaptureFixture[str]) -> None:
+    made, table = fake_cell([AT_21, AT_36]), small_table()
+    list(session.run_parts(table, made.cell, FakeScene(TRUTH), Objects(table, JOURNAL), 2))
+    leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert leaf["outcome"] == "leaf"
+    assert (leaf["leaf"], leaf["path"], leaf["widths_mm"]) == (0, [0], [20.969])
+    assert leaf["predicted_pose"] == {"x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
+    assert (leaf["error_mm"], leaf["within_goal"], leaf["audit"]) == (0.5, True, None)
+    assert (reject["outcome"], reject["leaf"], reject["predicted_pose"]) == ("reject", None, None)
+    assert reject["within_goal"] is None
+    assert leaf.keys() == reject.keys()
+
+
+def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[str]) -> None:
+    nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0)
+    made, table = fake_cell([AT_21]), small_table()
+    console = Lines(table)
+    results = list(session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
+    console.summary(results, JOURNAL)
+    assert "error" not in capsys.readouterr().out
+    assert results[0][1].true is None
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["--port", "/dev/ttyNONE", "--arm", "tcp://127.0.0.1:9"], 23, "/dev/ttyNONE"),
+        (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 23, "127.0.0.1:1"),
+        (["--port", "sim", "--arm", "tcp://127.0.0.1:9"], 2, "brings its own arm"),
+        (["--port", "/dev/ttyUSB0"], 2, "name it with --arm"),
+        (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
+        (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),
+        (
+            ["--port", "sim", "--world", "runtime.rehearsal:make", "--journal", "/dev/full"],
+            24,
+            "No space left",
+        ),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_their_own_code(
+    tree: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], code: int, told: str
+) -> None:
+    assert main(["--tree", str(tree), *arguments]) == code
+    last = capfd.readouterr().err.splitlines()[-1]
+    assert last.startswith("grasp-runtime: ")
+    assert told in last
+    assert not Path("squeezetree-journal.jsonl").exists()
+
+
+def test_tables_are_refused_before_anything_is_opened(tree: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    data = bytearray(tree.read_bytes())
+    assert main(["--tree", "missing.msgpack", "--port", "sim"]) == 3
+    tree.write_bytes(data[:-3])
+    assert main(["--tree", str(tree), "--port", "sim"]) == 30
+    data[100] ^= 4
+    tree.write_bytes(data)
+    assert main(["--tree", str(tree), "--port", "sim"]) == 30
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 3
+    assert "digest does not match its content; copy the file again or recompile it" in lines[2]
+
+
+@pytest.mark.parametrize("wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"], []])
+def test_usage_is_2(tree: Path, wrong: list[str], capfd: pytest.CaptureFixture[str]) -> None:
+    port = ["--port", "sim"] if wrong else []
+    with pytest.raises(SystemExit) as left:
+        main(["--tree", str(tree), *port, *wrong])
+    assert left.value.code == 2
+    assert "usage: grasp-runtime" in capfd.readouterr().err
