@@ -1,0 +1,151 @@
+"""grasp-runtime against a real grasp-cell process: real frames on a pty, the arm's protocol over TCP."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+
+from runtime.journal import records, verify
+from runtime.table import REJECT, Calibration, count_map, dump, dumps, loads
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 60
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+def command(tree: Path, *arguments: str) -> list[str]:
+    journal = str(tree.with_name("journal.jsonl"))
+    return [
+        *(sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim"),
+        *("--world", "runtime.rehearsal:make", "--journal", journal, *arguments),
+    ]
+
+
+def start(tree: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command(tree, *arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    out, err = process.communicate(timeout=WAIT_S)
+    return process.returncode, out, err
+
+
+def cells(tree: Path) -> list[int]:
+    """Processes of cells that were started for this tree."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = entry.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"drivers.sim.cli" in words and str(tree).encode() in words:
+            found.append(int(entry.parent.name))
+    return found
+
+
+def wait_until_no_cell(tree: Path) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while cells(tree):
+        assert time.monotonic() < deadline, f"cell processes {cells(tree)} were left behind"
+        time.sleep(0.05)
+
+
+def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:
+    code, out, err = finish(start(tree, "--count", "12", "--time-scale", "60", "--seed", "3", "--json"))
+    parts = [json.loads(line) for line in out.splitlines()]
+    assert len(parts) == 12, err
+    assert code == max(part["exit_code"] for part in parts)
+    assert {part["outcome"] for part in parts} <= {"leaf", "unresolved", "reject"}
+    assert sum(part["outcome"] == "reject" for part in parts) <= 2
+    assert all(part["crashes"] == 0 for part in parts)
+    journal = tree.with_name("journal.jsonl")
+    seen = verify(journal)
+    assert (seen.closed, seen.table) == (True, dumps(small_table()))
+    table = loads(seen.table)
+    maps = [count_map(node, Calibration.linear(table.gripper)) for node in table.nodes]
+    squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
+    for entry in squeezes:
+        branch = maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT
+        expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
+        assert entry["target"] == expected
+        assert entry["echo_counts"] == 255
+    assert [entry["node"] for entry in squeezes] == [node for part in parts for node in part["path"]]
+    wait_until_no_cell(tree)
+
+
+def test_same_seed_same_parts_at_any_speed(tree: Path) -> None:
+    runs = [
+        finish(start(tree, "--count", "5", "--time-scale", scale, "--seed", "7", "--json"))[1]
+        for scale in ("30", "90")
+    ]
+    one, other = ([json.loads(line)["path"] for line in run.splitlines()] for run in runs)
+    assert len(one) == 5
+    assert one == other
+
+
+def test_plain_lines_say_what_is_behind_them(tree: Path) -> None:
+    code, out, err = finish(start(tree, "--count", "2", "--time-scale", "60"))
+    assert code in (0, 10, 11), err
+    assert "simulated cell (runtime.rehearsal:make)" in out
+    assert "activating the gripper" in out
+    assert out.splitlines()[-1].startswith("2 parts: ")
+    assert str(tree.with_name("journal.jsonl")) in out.splitlines()[-1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
+    tree: Path, number: signal.Signals
+) -> None:
+    process = start(tree, "--count", "1000", "--time-scale", "3")
+    assert process.stdout is not None
+    while "squeeze 1" not in process.stdout.readline():
+        assert process.poll() is None
+    process.send_signal(number)
+    code, out, err = finish(process)
+    assert code == 40, err
+    journal = tree.with_name("journal.jsonl")
+    *_, stopped, end = records(journal)
+    assert (stopped["kind"], stopped["outcome"]) == ("outcome", "stopped")
+    assert stopped["safe_state"][0].startswith("fingers stopped at count ")
+    assert (end["kind"], end["exit_code"]) == ("end", 40)
+    assert "STOPPED" in out
+    assert verify(journal).closed
+    wait_until_no_cell(tree)
+
+
+def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) -> None:
+    process = start(tree, "--count", "1000", "--time-scale", "30")
+    assert process.stdout is not None
+    while "squeeze 1" not in process.stdout.readline():
+        assert process.poll() is None
+    assert len(cells(tree)) == 1
+    process.kill()
+    finish(process)
+    wait_until_no_cell(tree)
+    assert not verify(tree.with_name("journal.jsonl")).closed
+
+
+def test_a_cell_that_dies_is_a_fault_with_its_code(tree: Path) -> None:
+    process = start(tree, "--count", "1000", "--time-scale", "20")
+    assert process.stdout is not None
+    while "squeeze 1" not in process.stdout.readline():
+        assert process.poll() is None
+    (cell,) = cells(tree)
+    os.kill(cell, signal.SIGKILL)
+    code, out, err = finish(process)
+    assert code in (20, 22), err
+    assert "FAULT" in out or "scene" in err
+    assert verify(tree.with_name("journal.jsonl")).closed
