@@ -86,7 +86,7 @@ def prove_shape(table: Table) -> None:
         for index in level:
             for number, branch in enumerate(table.nodes[index].branches):
                 where = f"node {index}, branch {number}"
-                _within(f"{where}: target", branch.target, -len(table.leaves), len(table.nodes) - 1)
+                _within_of(where, "target", branch.target, -len(table.leaves), len(table.nodes) - 1)
                 reached, kind = (nodes_reached, "node") if branch.target >= 0 else (leaves_reached, "leaf")
                 target = branch.target if branch.target >= 0 else ~branch.target
                 if reached[target]:
@@ -137,23 +137,23 @@ def _prove_limits(limits: Limits) -> None:
 def _prove_squeeze(where: str, node: Node, table: Table) -> None:
     squeeze, limits = node.squeeze, table.limits
     _in_area(f"{where}: squeeze", squeeze.x_um, squeeze.y_um, limits)
-    _within(f"{where}: angle_urad", squeeze.angle_urad, -MAX_ANGLE_URAD, MAX_ANGLE_URAD)
-    _within(f"{where}: opening_um", squeeze.opening_um, 1, table.gripper.opening_um)
-    _within(f"{where}: speed_um_s", squeeze.speed_um_s, 1, limits.max_speed_um_s)
-    _within(f"{where}: force_mn", squeeze.force_mn, 1, limits.max_force_mn)
-    _within(f"{where}: clearance_um", squeeze.clearance_um, 0, 1_000_000)
+    _within_of(where, "angle_urad", squeeze.angle_urad, -MAX_ANGLE_URAD, MAX_ANGLE_URAD)
+    _within_of(where, "opening_um", squeeze.opening_um, 1, table.gripper.opening_um)
+    _within_of(where, "speed_um_s", squeeze.speed_um_s, 1, limits.max_speed_um_s)
+    _within_of(where, "force_mn", squeeze.force_mn, 1, limits.max_force_mn)
+    _within_of(where, "clearance_um", squeeze.clearance_um, 0, 1_000_000)
 
 
 def _prove_branches(where: str, node: Node, gripper: GripperSpec, calibration: Calibration) -> None:
-    _within(f"{where}: number of branches", len(node.branches), 1, MAX_BRANCHES)
+    _within_of(where, "number of branches", len(node.branches), 1, MAX_BRANCHES)
     widest = gripper.opening_um + WIDTH_GRID_UM - 1  # intervals are rounded outwards, to the file's grid
     low, expected = 0, -1
     for number, branch in enumerate(node.branches):
         at = f"{where}, branch {number}"
-        _within(f"{at}: low_um", branch.low_um, low, widest)
-        _within(f"{at}: expected_um", branch.expected_um, max(branch.low_um, expected + 1), widest)
-        _within(f"{at}: high_um", branch.high_um, branch.expected_um, widest)
-        _within(f"{at}: probability_ppm", branch.probability_ppm, 0, PPM)
+        _within_of(at, "low_um", branch.low_um, low, widest)
+        _within_of(at, "expected_um", branch.expected_um, max(branch.low_um, expected + 1), widest)
+        _within_of(at, "high_um", branch.high_um, branch.expected_um, widest)
+        _within_of(at, "probability_ppm", branch.probability_ppm, 0, PPM)
         low, expected = branch.low_um, branch.expected_um
     total = sum(branch.probability_ppm for branch in node.branches)
     if abs(total - PPM) > len(node.branches):
@@ -166,17 +166,17 @@ def _prove_branches(where: str, node: Node, gripper: GripperSpec, calibration: C
 
 
 def _prove_leaf(where: str, leaf: Leaf, table: Table) -> None:
-    for name, value in zip(("x_um", "y_um"), leaf[:2], strict=True):
-        _within(f"{where}: {name}", value, -(10**9), 10**9)
-    _within(f"{where}: theta_urad", leaf.theta_urad, -MAX_ANGLE_URAD, MAX_ANGLE_URAD)
+    _within_of(where, "x_um", leaf.x_um, -(10**9), 10**9)
+    _within_of(where, "y_um", leaf.y_um, -(10**9), 10**9)
+    _within_of(where, "theta_urad", leaf.theta_urad, -MAX_ANGLE_URAD, MAX_ANGLE_URAD)
     if not isinstance(leaf.covariance, tuple) or len(leaf.covariance) != 6:
         raise TableError(f"{where}: the covariance has not 6 entries")
     for value in leaf.covariance:
-        _within(f"{where}: covariance entry", value, -(10**9), 10**9)
+        _within_of(where, "covariance entry", value, -(10**9), 10**9)
     if min(leaf.covariance[0], leaf.covariance[2], leaf.covariance[5]) < 0:
         raise TableError(f"{where}: a variance is negative")
-    _within(f"{where}: success_ppm", leaf.success_ppm, 0, PPM)
-    _within(f"{where}: trials", leaf.trials, 0, 10**10)
+    _within_of(where, "success_ppm", leaf.success_ppm, 0, PPM)
+    _within_of(where, "trials", leaf.trials, 0, 10**10)
     if type(leaf.resolved) is not bool:
         raise TableError(f"{where}: resolved is {leaf.resolved!r}, not a truth value")
     if not leaf.resolved:
@@ -192,8 +192,14 @@ def _prove_leaf(where: str, leaf: Leaf, table: Table) -> None:
 
 def _in_area(where: str, x_um: int, y_um: int, limits: Limits) -> None:
     x_min, y_min, x_max, y_max = limits.work_area_um
-    _within(f"{where}: x_um", x_um, x_min, x_max)
-    _within(f"{where}: y_um", y_um, y_min, y_max)
+    _within_of(where, "x_um", x_um, x_min, x_max)
+    _within_of(where, "y_um", y_um, y_min, y_max)
+
+
+def _within_of(where: str, name: str, value: int, least: int, most: int) -> None:
+    """`_within` for the many fields of nodes and leaves, whose names are put together only for an error."""
+    if type(value) is not int or not least <= value <= most:
+        _within(f"{where}: {name}", value, least, most)
 
 
 def _text(name: str, value: object) -> None:
