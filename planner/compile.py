@@ -76,7 +76,9 @@ def compile_job(
     )
     root = root_of(initial(job, job.search.particles, np.random.default_rng([job.seed, 0])), look_ahead)
     for attempt in range(REFINEMENTS + 1):
-        grow(root, look_ahead, job.search.max_depth, [job.seed, attempt], lambda a, b: say("search", a, a + b))
+        grow(
+            root, look_ahead, job.search.max_depth, [job.seed, attempt], lambda a, b: say("search", a, a + b)
+        )
         if not root.children:
             raise NoPlanError(
                 f"{job.part.name}: no first squeeze is free of collision and gains anything; open the jaws "
@@ -98,6 +100,3 @@ def compile_job(
         error.success = float(np.mean(evaluation.error_mm < evaluation.goal_mm))
         raise error
     return Plan(table, root, evaluation)
-
-
-

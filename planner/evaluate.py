@@ -165,7 +165,14 @@ class _Trials:
             error[at_leaf] = metric.between(self.poses[at_leaf], predicted[self.leaf[at_leaf]])
             resolved[at_leaf] = known[self.leaf[at_leaf]]
         return Evaluation(
-            self.leaf, self.squeezes, self.seconds, error, resolved, metric.distance_mm, self.crashes, self.poses
+            self.leaf,
+            self.squeezes,
+            self.seconds,
+            error,
+            resolved,
+            metric.distance_mm,
+            self.crashes,
+            self.poses,
         )
 
     def _count_crashes(self, world: World, hand: Array, opening_mm: float) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray
 from planner.frames import wrap
 from planner.job import Job
 from planner.kernel import kernel
@@ -51,9 +51,9 @@ class Metric(NamedTuple):
         turn = np.abs(wrap(offset[..., 2], self.order))
         return np.asarray(np.hypot(offset[..., 0], offset[..., 1]) + self.rho_mm * turn)
 
-    def reached(self, poses: Array, reference: Array) -> Array:
+    def reached(self, poses: Array, reference: Array) -> BoolArray:
         """Where the distance is below the goal."""
-        return self.between(poses, reference) < self.distance_mm
+        return np.asarray(self.between(poses, reference) < self.distance_mm)
 
     def mode(self, poses: Array) -> Mode:
         """The pose with most of the belief within the goal.
@@ -132,4 +132,4 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
             pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
         if best == n:
             break
-    return best / n
+    return float(best / n)

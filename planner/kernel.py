@@ -39,7 +39,8 @@ def _fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
-numba.config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
+numba_config: Any = numba.config
+numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 
 def kernel(function: F) -> F:

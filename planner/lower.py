@@ -29,7 +29,7 @@ from runtime.table import (
 )
 
 MARGIN_COUNTS = 2
-"""A branch's interval reaches this many counts beyond the widths seen in planning: rare widths, not strangers."""
+"""A branch's interval reaches this many counts beyond the widths seen in planning: rare ones, not strangers."""
 
 
 def lower(root: TreeNode, job: Job) -> Table:
@@ -102,9 +102,7 @@ def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:
     return inner, leaves
 
 
-def _node(
-    node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Job, encoder: Encoder
-) -> Node:
+def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Job, encoder: Encoder) -> Node:
     assert node.placement is not None
     assert node.clusters is not None
     x, y, angle = node.placement

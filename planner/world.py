@@ -1,7 +1,7 @@
-"""The stochastic contact world: the model's own idea of reality, shared by evaluation and the simulated cell.
+"""The stochastic contact world: the model's own idea of reality, shared by evaluation and cell.
 
-`make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`. A world knows nothing of
-the plan: it squeezes one part and says where the part and the fingers ended.
+`make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`. A world knows nothing
+of the plan: it squeezes one part and says where the part and the fingers ended.
 """
 
 from __future__ import annotations

@@ -25,7 +25,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="TREE.msgpack", help="the table")
     parser.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
-    parser.add_argument("--workers", type=shell.positive, help="threads; the result is the same (default: cores)")
+    parser.add_argument(
+        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
+    )
     parser.add_argument(
         "--trials", type=shell.positive, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",

@@ -30,7 +30,9 @@ def main(argv: list[str] | None = None) -> int:
         "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
         help="where the parts are squeezed (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)")
+    parser.add_argument(
+        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)"
+    )
     parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
     arguments = parser.parse_args(argv)
 
@@ -56,7 +58,9 @@ def _job_of(table: Table, path: Path, job_path: Path | None) -> Job:
         return job_file.from_canonical(table.job, f"{path} (embedded job)")
     job = job_file.load(job_path)
     if job.digest() != table.job_digest:
-        raise InputFileError(f"is not the job that {path} was compiled from; compile it again", where=str(job_path))
+        raise InputFileError(
+            f"is not the job that {path} was compiled from; compile it again", where=str(job_path)
+        )
     return job
 
 

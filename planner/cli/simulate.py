@@ -33,11 +33,16 @@ def main(argv: list[str] | None = None) -> int:
         "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.csv", help="the results")
-    parser.add_argument("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
+    parser.add_argument(
+        "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
+    )
     parser.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
     parser.add_argument("--seed", type=shell.natural, help="of the scatter (default: the job's)")
     parser.add_argument(
-        "--step-mm", type=float, default=DEFAULT_STEP_MM, help="closing step of a finger (default: %(default)s)"
+        "--step-mm",
+        type=float,
+        default=DEFAULT_STEP_MM,
+        help="closing step of a finger (default: %(default)s)",
     )
     parser.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
     arguments = parser.parse_args(argv)
@@ -87,7 +92,8 @@ def read_poses(path: Path) -> Array:
             missing = [name for name in INPUTS if name not in header]
             if missing:
                 raise KeyNameError(
-                    f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}", where=where
+                    f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}",
+                    where=where,
                 )
             rows = [[_number(row[name], name, where, reader.line_num) for name in INPUTS] for row in reader]
     except UnicodeDecodeError as error:
@@ -105,7 +111,9 @@ def _number(text: str | None, name: str, where: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name, value=text)
+        raise ValueRangeError(
+            f"line {line}: {text!r} is not a finite number", where=where, key=name, value=text
+        )
     return value
 
 
@@ -114,7 +122,9 @@ def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*INPUTS, *OUTPUTS])
-        for pose, final, width, status in zip(poses, rolled.poses, rolled.width_mm, rolled.status, strict=True):
+        for pose, final, width, status in zip(
+            poses, rolled.poses, rolled.width_mm, rolled.status, strict=True
+        ):
             numbers = [f"{value:.9g}" for value in (*pose, *final, width)]
             writer.writerow([*numbers, STATUS_NAMES[status]])
 
@@ -123,12 +133,16 @@ def _report(rolled: RollOut, output: Path, as_json: bool) -> None:
     tally = {name: int(np.sum(rolled.status == k)) for k, name in enumerate(STATUS_NAMES)}
     given_up = int(rolled.given_up.sum())
     if as_json:
-        shell.print_json({"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up})
+        shell.print_json(
+            {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up}
+        )
         return
     parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {output}")
     if given_up:
-        print(f"{NAME}: {given_up} squeezes could not be stepped to their end; try --step-mm", file=sys.stderr)
+        print(
+            f"{NAME}: {given_up} squeezes could not be stepped to their end; try --step-mm", file=sys.stderr
+        )
 
 
 if __name__ == "__main__":

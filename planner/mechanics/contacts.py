@@ -139,7 +139,8 @@ def find(
     On the inner face only local minima of the gap count, and the lower neighbour of each.
 
     Args:
-        C, I: contact buffers, modified in place.
+        C: contact buffers, modified in place.
+        I: the same, integers.
         points: (N, 2) outline in the hand frame, counter-clockwise [mm].
         listed: (N,) the vertices to look at; they and their neighbours must be placed.
         listed_count: how many of them are valid.
@@ -182,7 +183,9 @@ def find(
                 local = side * points[b, 0] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
                     rx, ry = xi - q[0], yi - q[1]
-                    count = _add(C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0, -np.inf, np.inf)
+                    count = _add(
+                        C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0, -np.inf, np.inf
+                    )
     return count
 
 

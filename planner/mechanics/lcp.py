@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
 SOLVED = 0
@@ -23,7 +23,7 @@ PIVOTS_PER_ROW = 12
 
 
 @kernel
-def _leaving_row(tableau: Array, basis: Array, n: int, entering: int) -> int:
+def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
 
     The artificial variable (column 2n) leaves as soon as it may: that ends the method.
@@ -74,7 +74,7 @@ def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
 
 
 @kernel
-def lemke(M: Array, q: Array, n: int, tableau: Array, basis: Array, z: Array) -> int:
+def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array) -> int:
     """Solves w = M z + q, w >= 0, z >= 0, z . w = 0.
 
     Args:

@@ -19,10 +19,8 @@ SLIP_TOLERANCE_MM = 1e-10
 
 
 @kernel
-def form(
-    A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float
-) -> float:
-    """f . A g for two wrenches given by their components."""
+def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
+    """The form f . A g for two wrenches given by their components."""
     return float(
         f0 * (A[0, 0] * g0 + A[0, 1] * g1 + A[0, 2] * g2)
         + f1 * (A[1, 0] * g0 + A[1, 1] * g1 + A[1, 2] * g2)
@@ -44,7 +42,11 @@ def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
         `SOLVED`, or `RAY` where neither is consistent.
     """
     nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
-    a, b, c = form(A, nx, ny, n2, nx, ny, n2), form(A, nx, ny, n2, -ny, nx, t2), form(A, -ny, nx, t2, -ny, nx, t2)
+    a, b, c = (
+        form(A, nx, ny, n2, nx, ny, n2),
+        form(A, nx, ny, n2, -ny, nx, t2),
+        form(A, -ny, nx, t2, -ny, nx, t2),
+    )
     un, ut = C[k, UN] - C[k, GAP], C[k, UT]
     determinant = a * c - b * b
     fn, ft = (c * un - b * ut) / determinant, (a * ut - b * un) / determinant
@@ -76,9 +78,7 @@ def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
 
 
 @kernel
-def _both_slide(
-    C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array
-) -> bool:
+def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array) -> bool:
     """Contacts i and j slide with the senses si and sj."""
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
     c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
@@ -99,9 +99,7 @@ def _both_slide(
 
 
 @kernel
-def _one_sticks(
-    C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array
-) -> bool:
+def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
     """Contact i sticks while j slides with sense sj; `o` is 0 where i is the first of the pair in G, else 2."""
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]

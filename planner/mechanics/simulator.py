@@ -1,6 +1,6 @@
 """Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
 
-A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and its own
+A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and
 friction, so the result depends on the arguments alone, never on the number of workers.
 """
 
@@ -17,10 +17,11 @@ from planner.arrays import Array, IntArray
 from planner.job import Job
 from planner.mechanics import limit_surface
 from planner.mechanics.limit_surface import LimitSurface
-from planner.mechanics.squeeze import STATUS_NAMES, squeeze_many, squeeze_workspace
+from planner.mechanics.squeeze import STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
 
 DEFAULT_STEP_MM = 0.4
 CHUNK = 256
+TRACE_ROWS = 2000
 
 
 class Parameters(NamedTuple):
@@ -97,6 +98,27 @@ class Simulator:
         A = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
         mu = rng.uniform(*self.friction, size=n)
         return Parameters(A, np.repeat(mu[:, None], 2, axis=1))
+
+    def trace(self, pose: Array, A: Array, mu: float) -> tuple[Array, int]:
+        """One squeeze, step by step.
+
+        Args:
+            pose: (3,) in the hand frame, jaws open.
+            A: (3, 3) limit surface matrix.
+            mu: friction at both fingers.
+
+        Returns:
+            (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
+            and the status.
+        """
+        rows = np.zeros((TRACE_ROWS, 4))
+        reach = float(np.max(np.hypot(*self.outline.T)))
+        q, work = np.array(pose, dtype=np.float64), squeeze_workspace(len(self.outline))
+        width, status, _, count = squeeze(
+            self.outline, reach, A, self.surface.rho_mm, mu, mu, self.jaws, self.step_mm, q, work, rows
+        )
+        end = np.array([[*q, width]])
+        return np.concatenate([rows[:count], end]), int(status)
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
         """Squeezes each pose once.

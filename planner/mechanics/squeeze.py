@@ -18,6 +18,7 @@ from planner.kernel import kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
 from planner.mechanics.step import (
+    RAY,
     SOLVED,
     StepWork,
     directions,
@@ -47,7 +48,21 @@ NEAR_MM = 3.0
 
 
 class SqueezeWork(NamedTuple):
-    """Workspace of one squeeze: contacts, step, placed outline, listed vertices and scratch vectors."""
+    """Workspace of one squeeze.
+
+    Attributes:
+        C, I: contact buffers.
+        step: workspace of the step.
+        points: (N, 2) the outline, placed.
+        placed: (N,) vertices kept placed.
+        near: (N,) vertices near the fingers.
+        listed: (3,) how many are placed, how many near, and how many contacts were found.
+        A: (3, 3) the limit surface in the hand frame.
+        V: (3,) displacement.
+        trial: (3,) pose after the step.
+        half: (3,) pose in its middle.
+        fingers: (2,) y of the inner faces, upper and lower.
+    """
 
     C: Array
     I: IntArray
@@ -55,31 +70,47 @@ class SqueezeWork(NamedTuple):
     points: Array
     placed: IntArray
     near: IntArray
+    listed: IntArray
     A: Array
     V: Array
     trial: Array
     half: Array
+    fingers: Array
+
+
+PLACED, NEAR, FOUND = 0, 1, 2
+ACCEPTED, RETRY, HELD, GIVEN_UP = 0, 1, 2, 3
 
 
 def squeeze_workspace(vertices: int) -> SqueezeWork:
     """A workspace for an outline of that many vertices."""
     return SqueezeWork(
-        C=np.zeros((MAX_CONTACTS, C_COLUMNS)), I=np.zeros((MAX_CONTACTS, I_COLUMNS), np.int64), step=workspace(),
-        points=np.zeros((vertices, 2)), placed=np.zeros(vertices, np.int64), near=np.zeros(vertices, np.int64),
-        A=np.zeros((3, 3)), V=np.zeros(3), trial=np.zeros(3), half=np.zeros(3),
-    )  # fmt: skip
+        C=np.zeros((MAX_CONTACTS, C_COLUMNS)),
+        I=np.zeros((MAX_CONTACTS, I_COLUMNS), np.int64),
+        step=workspace(),
+        points=np.zeros((vertices, 2)),
+        placed=np.zeros(vertices, np.int64),
+        near=np.zeros(vertices, np.int64),
+        listed=np.zeros(3, np.int64),
+        A=np.zeros((3, 3)),
+        V=np.zeros(3),
+        trial=np.zeros(3),
+        half=np.zeros(3),
+        fingers=np.zeros(2),
+    )
 
 
 @kernel
-def _advance(
-    A: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, top: float, bottom: float, h: float,
-    step_top: float, step_bottom: float, count: int, work: SqueezeWork,
+def _midpoint(
+    A: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, h: float, step_top: float,
+    step_bottom: float, work: SqueezeWork,
 ) -> tuple[int, float]:  # fmt: skip
     """One midpoint step from pose q into `work.trial`, for contacts already found at q.
 
-    Returns the status and the difference between the Euler and the midpoint step [mm].
+    Returns the status and the difference between the Euler and the midpoint step [mm]; -1 where there is no
+    Euler step.
     """
-    C, I, V, Ah = work.C, work.I, work.V, work.A
+    C, I, V, Ah, count = work.C, work.I, work.V, work.A, work.listed[FOUND]
     rotate_surface(A, q[2], Ah)
     directions(C, I, count, rho, step_top, step_bottom)
     status = solve(Ah, mu_top, mu_bottom, C, I, count, work.step, V)
@@ -89,7 +120,8 @@ def _advance(
     work.half[0] = q[0] + 0.5 * v0
     work.half[1] = q[1] + 0.5 * v1
     work.half[2] = q[2] + 0.5 * v2 / rho
-    turn(C, I, count, q, work.half, top - 0.5 * step_top, bottom + 0.5 * step_bottom, h)
+    top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
+    turn(C, I, count, q, work.half, top, bottom, h)
     rotate_surface(A, work.half[2], Ah)
     directions(C, I, count, rho, step_top, step_bottom)
     status = solve(Ah, mu_top, mu_bottom, C, I, count, work.step, V)
@@ -102,11 +134,12 @@ def _advance(
 
 
 @kernel
-def _list_near(points: Array, top: float, bottom: float, near: IntArray, placed: IntArray) -> tuple[int, int]:
-    """Lists the vertices near the fingers' faces, and those with their neighbours; returns both counts."""
+def _list_near(work: SqueezeWork) -> None:
+    """Lists the vertices near the fingers' faces, and those with their neighbours."""
+    points, near, placed = work.points, work.near, work.placed
     n = points.shape[0]
     near_count, placed_count = 0, 0
-    high, low = top - NEAR_MM, bottom + NEAR_MM
+    high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
     before = points[n - 1, 1] > high or points[n - 1, 1] < low
     here = points[0, 1] > high or points[0, 1] < low
     first = here
@@ -121,7 +154,39 @@ def _list_near(points: Array, top: float, bottom: float, near: IntArray, placed:
             placed[placed_count] = i
             placed_count += 1
         before, here = here, after
-    return near_count, placed_count
+    work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
+
+
+@kernel
+def _close_freely(
+    outline: Array, q: Array, h: float, top_share: float, bottom_share: float, work: SqueezeWork
+) -> bool:
+    """Places the whole outline and closes the fingers up to the first touch; False where there is none."""
+    n = outline.shape[0]
+    for i in range(n):
+        work.placed[i] = i
+    contact.place(outline, q, work.points, work.placed, n)
+    top, bottom = work.fingers[0], work.fingers[1]
+    free = np.inf
+    if top_share > 0.0:
+        free = contact.clearance(work.points, 1, top, h) / top_share
+    if bottom_share > 0.0:
+        free = min(free, contact.clearance(work.points, -1, bottom, h) / bottom_share)
+    if free > 0.5 * (top - bottom):
+        return False
+    if free > 0.0:
+        work.fingers[0] = top - top_share * free
+        work.fingers[1] = bottom + bottom_share * free
+    return True
+
+
+@kernel
+def _find(q: Array, h: float, thickness: float, margin: float, work: SqueezeWork) -> None:
+    """Finds the contacts among the near vertices."""
+    work.listed[FOUND] = contact.find(
+        work.C, work.I, work.points, work.near, work.listed[NEAR], q, work.fingers[0], work.fingers[1], h,
+        thickness, margin,
+    )  # fmt: skip
 
 
 @kernel
@@ -134,32 +199,79 @@ def _overlap(C: Array, count: int) -> float:
 
 
 @kernel
-def _held_as(
-    A: Array, rho: float, q: Array, top: float, bottom: float, h: float, thickness: float, near_count: int,
-    work: SqueezeWork,
-) -> int:  # fmt: skip
+def _try_step(
+    outline: Array, A: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
+    size: float, margin: float, q: Array, work: SqueezeWork,
+) -> tuple[int, float]:  # fmt: skip
+    """Tries a step of the given size; returns what came of it and the size to go on with.
+
+    An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there.
+    """
+    h, thickness = 0.5 * jaws[1], jaws[2]
+    step_top, step_bottom = 2.0 * jaws[3] * size, 2.0 * (1.0 - jaws[3]) * size
+    smallest = size <= step * SMALLEST_STEP
+    status, error = _midpoint(A, rho, mu_top, mu_bottom, q, h, step_top, step_bottom, work)
+    if status != SOLVED:
+        if error < 0.0 or smallest:
+            return (HELD if status == RAY else GIVEN_UP), size
+        return RETRY, 0.25 * size
+    turned = abs(work.trial[2] - q[2])
+    allowed = EULER_ERROR * step
+    if (error > allowed or turned > LARGEST_TURN) and not smallest:
+        return RETRY, size * max(
+            0.2, min(0.8 * np.sqrt(allowed / (error + 1e-12)), 0.8 * LARGEST_TURN / turned)
+        )
+    fraction = event_fraction(work.C, work.listed[FOUND], work.V)
+    if fraction < 0.95 and not smallest:
+        return RETRY, size * max(fraction, SMALLEST_STEP)
+    contact.place(outline, work.trial, work.points, work.placed, work.listed[PLACED])
+    work.fingers[0] -= step_top
+    work.fingers[1] += step_bottom
+    _find(work.trial, h, thickness, margin, work)
+    if _overlap(work.C, work.listed[FOUND]) > PENETRATION_MM:
+        contact.place(outline, q, work.points, work.placed, work.listed[PLACED])
+        work.fingers[0] += step_top
+        work.fingers[1] -= step_bottom
+        return (GIVEN_UP if smallest else RETRY), 0.25 * size
+    return ACCEPTED, min(step, size * min(2.0, 0.8 * np.sqrt(allowed / (error + 1e-12))))
+
+
+@kernel
+def _held_as(A: Array, rho: float, q: Array, h: float, thickness: float, work: SqueezeWork) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED."""
-    C, I = work.C, work.I
-    count = contact.find(C, I, work.points, work.near, near_count, q, top, bottom, h, thickness, 0.02)
+    _find(q, h, thickness, 0.02, work)
+    count = work.listed[FOUND]
     for k in range(count):
-        C[k, GAP] = 0.0
+        work.C[k, GAP] = 0.0
     rotate_surface(A, q[2], work.A)
-    directions(C, I, count, rho, 0.1, 0.1)
-    return JAMMED if solve(work.A, 0.0, 0.0, C, I, count, work.step, work.V) == SOLVED else GRASPED
+    directions(work.C, work.I, count, rho, 0.1, 0.1)
+    status = solve(work.A, 0.0, 0.0, work.C, work.I, count, work.step, work.V)
+    return JAMMED if status == SOLVED else GRASPED
+
+
+@kernel
+def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
+    """Writes pose and width into the trace, the last row again where it is full; returns the next row."""
+    if trace.shape[0] == 0:
+        return 0
+    row = min(row, trace.shape[0] - 1)
+    trace[row, 0], trace[row, 1], trace[row, 2] = q[0], q[1], q[2]
+    trace[row, 3] = fingers[0] - fingers[1]
+    return row + 1
 
 
 @kernel
 def squeeze(
     outline: Array, reach: float, A: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
-    step: float, q: Array, work: SqueezeWork,
-) -> tuple[float, int, int]:  # fmt: skip
+    step: float, q: Array, work: SqueezeWork, trace: Array,
+) -> tuple[float, int, int, int]:  # fmt: skip
     """Closes the fingers on one part.
 
     Args:
         outline: (N, 2) counter-clockwise, in the part's frame [mm].
         reach: largest distance of a vertex from the part's origin [mm].
         A: (3, 3) limit surface matrix in the part's frame, normalised by rho.
-        rho: radius of gyration of the support [mm].
+        rho: length that normalises rotations [mm].
         mu_top: friction at the upper finger.
         mu_bottom: friction at the lower finger.
         jaws: (4,) opening, finger length, finger thickness [mm] and the upper finger's share of the closing
@@ -167,100 +279,65 @@ def squeeze(
         step: nominal closing step of each finger [mm].
         q: (3,) pose in the hand frame [mm, mm, rad]; modified in place into the final pose.
         work: workspace, modified in place.
+        trace: (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
-        Final width [mm], status, and 1 where the squeeze had to be given up (0 in a sound squeeze).
+        Final width [mm], status, 1 where the squeeze had to be given up (0 in a sound one), rows of the trace.
     """
-    C, I, points = work.C, work.I, work.points
     h, thickness = 0.5 * jaws[1], jaws[2]
     top_share, bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
-    top, bottom = 0.5 * jaws[0], -0.5 * jaws[0]
-    touched, fresh = False, False
-    n = outline.shape[0]
-    near_count, placed_count, count = 0, 0, 0
-    budget = 0.0
-    size = step
-    margin = 2.0 * step + 0.05
-    status = SOLVED
+    work.fingers[0], work.fingers[1] = 0.5 * jaws[0], -0.5 * jaws[0]
+    touched, verdict = False, ACCEPTED
+    budget, size, margin = 0.0, step, 2.0 * step + 0.05
+    rows = _record(trace, 0, q, work.fingers)
     for _ in range(MAX_STEPS):
-        if budget < margin:
-            for i in range(n):
-                work.placed[i] = i
-            contact.place(outline, q, points, work.placed, n)
-            if not touched:
-                if contact.overlap(points, top, bottom, h, thickness) > PENETRATION_MM:
-                    return top - bottom, JAMMED, 0
-            free = np.inf
-            if top_share > 0.0:
-                free = contact.clearance(points, 1, top, h) / top_share
-            if bottom_share > 0.0:
-                free = min(free, contact.clearance(points, -1, bottom, h) / bottom_share)
-            if free > 0.5 * (top - bottom):
-                return 0.0, SLIPPED if touched else UNTOUCHED, 0
-            if free > 0.0:
-                top -= top_share * free
-                bottom += bottom_share * free
-            near_count, placed_count = _list_near(points, top, bottom, work.near, work.placed)
+        if verdict == ACCEPTED and budget < margin:
+            found = _close_freely(outline, q, h, top_share, bottom_share, work)
+            opening = work.fingers[0] - work.fingers[1]
+            if not touched and contact.overlap(
+                work.points, work.fingers[0], work.fingers[1], h, thickness
+            ) > PENETRATION_MM:  # fmt: skip
+                return opening, JAMMED, 0, rows
+            if not found:
+                work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
+                return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
+            touched = True
+            rows = _record(trace, rows, q, work.fingers)
+            _list_near(work)
+            _find(q, h, thickness, margin, work)
             budget = NEAR_MM
-            fresh = False
-        if not fresh:
-            count = contact.find(C, I, points, work.near, near_count, q, top, bottom, h, thickness, margin)
-            fresh = True
-            if count == 0 and budget < NEAR_MM:
-                budget = 0.0
-                continue
-        touched = True
-        size = min(size, 0.5 * (top - bottom))
-        step_top, step_bottom = top_share * size, bottom_share * size
-        status, error = _advance(A, rho, mu_top, mu_bottom, q, top, bottom, h, step_top, step_bottom, count, work)
-        fresh = False
-        smallest = size <= step * SMALLEST_STEP
-        if status != SOLVED:
-            if error < 0.0 or smallest:
-                break
-            size *= 0.25
+        elif verdict == RETRY:
+            _find(q, h, thickness, margin, work)
+        if work.listed[FOUND] == 0 and budget < NEAR_MM:
+            budget = 0.0
             continue
-        turned = abs(work.trial[2] - q[2])
-        if (error > EULER_ERROR * step or turned > LARGEST_TURN) and not smallest:
-            size *= max(0.2, min(0.8 * np.sqrt(EULER_ERROR * step / (error + 1e-12)), 0.8 * LARGEST_TURN / turned))
-            continue
-        fraction = event_fraction(C, count, work.V)
-        if fraction < 0.95 and not smallest:
-            size *= max(fraction, SMALLEST_STEP)
-            continue
-        contact.place(outline, work.trial, points, work.placed, placed_count)
-        new_top, new_bottom = top - step_top, bottom + step_bottom
-        count = contact.find(
-            C, I, points, work.near, near_count, work.trial, new_top, new_bottom, h, thickness, margin
-        )
-        if _overlap(C, count) > PENETRATION_MM:
-            if smallest:
-                break
-            contact.place(outline, q, points, work.placed, placed_count)
-            size *= 0.25
-            continue
-        fresh = True
-        dx, dy = work.trial[0] - q[0], work.trial[1] - q[1]
-        budget -= np.sqrt(dx * dx + dy * dy) + turned * reach + max(step_top, step_bottom)
-        q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
-        top, bottom = new_top, new_bottom
-        if top - bottom <= 1e-6:
-            return 0.0, SLIPPED, 0
-        size = min(step, size * min(2.0, 0.8 * np.sqrt(EULER_ERROR * step / (error + 1e-12))))
-    held = _held_as(A, rho, q, top, bottom, h, thickness, near_count, work)
-    return top - bottom, held, 1 if status == SOLVED else 0
+        size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
+        top = work.fingers[0]
+        verdict, size = _try_step(outline, A, rho, mu_top, mu_bottom, jaws, step, size, margin, q, work)
+        if verdict >= HELD:
+            break
+        if verdict == ACCEPTED:
+            dx, dy, turned = work.trial[0] - q[0], work.trial[1] - q[1], abs(work.trial[2] - q[2])
+            budget -= np.sqrt(dx * dx + dy * dy) + turned * reach + 2.0 * (top - work.fingers[0])
+            q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
+            rows = _record(trace, rows, q, work.fingers)
+            if work.fingers[0] - work.fingers[1] <= 1e-6:
+                return 0.0, SLIPPED, 0, rows
+    held = _held_as(A, rho, q, h, thickness, work)
+    return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
 @kernel
 def squeeze_many(
     outline: Array, A: Array, rho: float, mu: Array, jaws: Array, step: float, poses: Array, width: Array,
-    status: IntArray, forced: IntArray, work: SqueezeWork,
+    status: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
     """`squeeze` for every row of `poses` (n, 3) with its own A (n, 3, 3) and mu (n, 2); outputs in place."""
     reach = 0.0
     for i in range(outline.shape[0]):
         reach = max(reach, np.sqrt(outline[i, 0] ** 2 + outline[i, 1] ** 2))
+    trace = np.zeros((0, 4))
     for i in range(poses.shape[0]):
-        width[i], status[i], forced[i] = squeeze(
-            outline, reach, A[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], work
+        width[i], status[i], given_up[i], _ = squeeze(
+            outline, reach, A[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], work, trace
         )

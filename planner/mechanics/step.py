@@ -1,7 +1,7 @@
 """One quasi-static step: the part's displacement while the fingers advance (paper, eqs 1-5).
 
 The step is posed at displacement level. With the ellipsoid limit surface, eq. 1 reads V = A F up to a positive
-factor that the forces absorb, so for contacts with wrench directions N_i (normal) and T_i (tangent)
+factor that the forces absorb, so for wrench directions N_i (normal) and T_i (tangent)
 
     V = A sum_i (f_n N_i + f_t T_i)                                                     (1, 2)
     0 <= f_n  _|_  gap_i + N_i . V - u_n        >= 0                                     (3)
@@ -88,7 +88,9 @@ def rotate_surface(A: Array, theta: float, out: Array) -> None:
 
 
 @kernel
-def directions(C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float) -> None:
+def directions(
+    C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float
+) -> None:
     """Moments and finger displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
     for k in range(count):
         nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
@@ -98,7 +100,9 @@ def directions(C: Array, I: IntArray, count: int, rho: float, top_advance: float
 
 
 @kernel
-def turn(C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float) -> None:
+def turn(
+    C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float
+) -> None:
     """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
     angle = half[2] - q[2]
     c, s = np.cos(angle), np.sin(angle)
@@ -116,7 +120,9 @@ def turn(C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, b
 
 
 @kernel
-def _assemble(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int) -> None:
+def _assemble(
+    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int
+) -> None:
     """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m)."""
     M, q, active = work.M, work.q, work.active
     for i in range(4 * m):
@@ -193,7 +199,8 @@ def solve(
         A: (3, 3) limit surface matrix in the hand frame.
         mu_top: friction at the upper finger.
         mu_bottom: friction at the lower finger.
-        C, I: contacts, completed by `directions`; the forces are modified in place.
+        C: contacts, completed by `directions`; the forces are modified in place.
+        I: the same, integers.
         count: how many of them are valid.
         work: workspace, modified in place.
         V: (3,) receives the displacement (dx, dy, rho dtheta) [mm].
@@ -234,7 +241,7 @@ def solve(
 
 @kernel
 def event_fraction(C: Array, count: int, V: Array) -> float:
-    """Share of the step (linear in it) up to the first event; 1 where there is none.
+    """Share of the step (linear in it) up to the first event; 1 without one.
 
     Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
     """

@@ -1,12 +1,13 @@
 """The partition of outcomes by width: k-means on encoder counts (paper V.A).
 
 In one dimension k-means is solved exactly by dynamic programming over the histogram of counts. k is the
-smallest number of clusters within which widths scatter no more than the encoder does; clusters whose means the
-encoder cannot tell apart are not made.
+smallest number of clusters within which widths scatter no more than the encoder does; clusters whose means
+the encoder cannot tell apart are not made.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ def partition(counts: IntArray) -> Partition:
     bounds = _best_bounds(values.astype(np.float64), weight[values].astype(np.float64))
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = [], [], [], []
-    segments = list(zip(bounds[:-1], bounds[1:], strict=True))
+    segments = list(pairwise(bounds))
     for k, (start, stop) in enumerate(reversed(segments)):
         members = values[start:stop]
         label[members] = k
@@ -103,6 +104,6 @@ def _segment_costs(values: Array, weight: Array) -> Array:
 def _too_close(values: Array, weight: Array, bounds: list[int]) -> bool:
     """Whether two neighbouring clusters have means that the encoder cannot tell apart."""
     means = [
-        np.average(values[a:b], weights=weight[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
+        np.average(values[a:b], weights=weight[a:b]) for a, b in pairwise(bounds)
     ]
     return bool(np.any(np.diff(means) < APART_COUNTS))

@@ -42,9 +42,7 @@ class MotionModel:
     simulator: Simulator
     encoder: Encoder
 
-    def squeeze(
-        self, cases: list[tuple[Array, Array]], rng: np.random.Generator
-    ) -> list[Outcomes]:
+    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
         """Squeezes beliefs at placements.
 
         Args:
