@@ -63,24 +63,49 @@ def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int)
 
 
 @kernel
-def _add(
-    C: Array, I: IntArray, count: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
+def _slot(C: Array, count: int, gap: float) -> int:
+    """Row for a new contact: the next free one, else that of the widest gap if it is wider; -1 for none."""
+    if count < MAX_CONTACTS:
+        return count
+    widest = 0
+    for k in range(MAX_CONTACTS):
+        if C[k, GAP] > C[widest, GAP]:
+            widest = k
+    return widest if C[widest, GAP] > gap else -1
+
+
+@kernel
+def _write(
+    C: Array, I: IntArray, slot: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
     ry: float, nx: float, ny: float, low: float, high: float,
-) -> int:  # fmt: skip
-    """Appends one contact, or replaces the widest gap where the buffers are full."""
-    slot = count
-    if count >= MAX_CONTACTS:
-        slot = 0
-        for k in range(MAX_CONTACTS):
-            if C[k, GAP] > C[slot, GAP]:
-                slot = k
-        if C[slot, GAP] <= gap:
-            return count
-        count -= 1
+) -> None:  # fmt: skip
+    """Fills one row of the buffers."""
     C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
     C[slot, LOW], C[slot, HIGH] = low, high
     I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
-    return count + 1
+
+
+@kernel
+def _convex_neighbour(I: IntArray, count: int, points: Array, i: int, finger: int, side: int) -> int:
+    """The contact of the same finger corner with an edge that meets edge i at a convex vertex; -1 for none.
+
+    A point is outside two such edges when it is outside either, so only the wider gap counts.
+    """
+    n = points.shape[0]
+    for k in range(count):
+        if I[k, KIND] != CORNER or I[k, FINGER] != finger or I[k, SIDE] != side:
+            continue
+        first, second = I[k, VERTEX], i
+        if second == (first - 1) % n:
+            first, second = second, first
+        elif second != (first + 1) % n:
+            continue
+        third = (second + 1) % n
+        ax, ay = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
+        bx, by = points[third, 0] - points[second, 0], points[third, 1] - points[second, 1]
+        if ax * by - ay * bx >= 0.0:
+            return k
+    return -1
 
 
 @kernel
@@ -98,7 +123,11 @@ def _add_face(
             return count
     rx, ry = points[i, 0] - x, points[i, 1] - y
     along = finger * points[i, 0]
-    return _add(C, I, count, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger), -h - along, h - along)
+    slot = _slot(C, count, gap)
+    if slot < 0:
+        return count
+    _write(C, I, slot, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger), -h - along, h - along)
+    return min(count + 1, MAX_CONTACTS)
 
 
 @kernel
@@ -121,8 +150,16 @@ def _add_corners(
         along = dx * ex + dy * ey
         if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
             continue
+        slot = _convex_neighbour(I, count, points, i, finger, side)
+        if slot >= 0 and C[slot, GAP] >= gap:
+            continue
+        if slot < 0:
+            slot = _slot(C, count, gap)
+            if slot < 0:
+                continue
+            count = min(count + 1, MAX_CONTACTS)
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
-        count = _add(C, I, count, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
+        _write(C, I, slot, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
         if abs(ey) <= NEARLY_PARALLEL:
             count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
             count = _add_face(C, I, count, points, x, y, j, finger, face, h, margin)
@@ -183,9 +220,11 @@ def find(
                 local = side * points[b, 0] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
                     rx, ry = xi - q[0], yi - q[1]
-                    count = _add(
-                        C, I, count, gap, finger, END, side, i, rx, ry, float(side), 0.0, -np.inf, np.inf
-                    )
+                    slot = _slot(C, count, gap)
+                    if slot >= 0:
+                        nx = float(side)
+                        _write(C, I, slot, gap, finger, END, side, i, rx, ry, nx, 0.0, -np.inf, np.inf)
+                        count = min(count + 1, MAX_CONTACTS)
     return count
 
 

@@ -48,6 +48,8 @@ TOUCHING_MM = 1e-3
 """Contacts with a smaller gap enter the step; the others are awaited as events."""
 PAST_END_MM = 1e-4
 """How far a contact goes past the end of its feature, so that the next feature takes over."""
+UNBOUNDED = 1e7
+"""A force beyond this, where 1 moves the part by about 1 mm, is a ray of the exact problem seen through rounding."""
 OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
@@ -159,6 +161,9 @@ def _all_touching(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArr
     status = lemke(work.M, work.q, 4 * m, work.tableau, work.basis, work.z)
     if status != SOLVED:
         return status
+    for a in range(m):
+        if work.z[a] > UNBOUNDED:
+            return RAY
     if residual(work.M, work.q, work.z, 4 * m) > 1e-7:
         return PIVOT_LIMIT
     for a in range(m):
