@@ -91,7 +91,8 @@ class Lines:
             told.append(f"{sightings[-1].crashes} crashes")
         squeezes = sum(len(result.steps) for result, _ in results)
         told.append(f"{squeezes / max(len(results), 1):.2f} squeezes a part")
-        print(f"{len(results)} parts: {', '.join(told)}; journal {journal}", flush=True)
+        parts = "1 part" if len(results) == 1 else f"{len(results)} parts"
+        print(f"{parts}: {', '.join(told)}; journal {journal}", flush=True)
 
 
 class Objects:

@@ -10,6 +10,8 @@ from runtime.table import Calibration, Limits, Table
 SLOWEST_UM_S, FASTEST_UM_S = 20_000, 150_000
 WEAKEST_MN, STRONGEST_MN = 20_000, 235_000
 CLOSED_COUNTS = 255
+# Tells of a silence before this reading, which by itself is the end of it (devices.md 1.3).
+NO_COMMUNICATION = 0x09
 
 # The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (devices.md 4.3).
 PLACED_MM = 0.5
@@ -63,7 +65,7 @@ def ready_gripper(gripper: Gripper) -> GripperState:
         GripperStateError: not activated, in fault, or still moving.
     """
     state = gripper.state()
-    if state.fault:
+    if state.fault not in (0, NO_COMMUNICATION):
         raise GripperStateError(
             f"the gripper reports fault 0x{state.fault:02X}; look at its LED, remove the cause, "
             "then start again with --activate"

@@ -62,7 +62,7 @@ def run_journalled(
             results.append(result)
     except BaseException as error:
         with suppress(JournalError):
-            cell.journal.record("end", _end_fields(results, _code(error), str(error) or type(error).__name__))
+            cell.journal.record("end", _end_fields(results, _code(error), _reason(error)))
         raise
     cell.journal.record("end", _end_fields(results, exit_code(results), None))
     return results
@@ -117,6 +117,10 @@ def _code(error: BaseException) -> int:
         return StoppedError.exit_code
     code = getattr(error, "exit_code", 1)
     return code if isinstance(code, int) else 1
+
+
+def _reason(error: BaseException) -> str:
+    return "stopped by the operator" if isinstance(error, KeyboardInterrupt) else repr(error)
 
 
 def _end_fields(results: Results, code: int, reason: str | None) -> dict[str, object]:

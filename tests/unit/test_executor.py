@@ -243,6 +243,10 @@ def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(made: F
     assert len(made.log.named("move_linear")) <= 1  # the retreat of the safe sequence
 
 
+def test_a_gripper_that_tells_of_a_silence_before_is_ready() -> None:
+    assert run(faulty(fault=0x09)).outcome is Outcome.LEAF
+
+
 def test_a_stale_reading_is_a_fault_and_no_child() -> None:
     made = fake_cell(LONGEST)
     made.gripper.echo_off = 1

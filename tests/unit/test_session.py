@@ -78,7 +78,7 @@ def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.Capt
     )
     # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
     assert part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990; true error 0.50 mm"
-    assert summary == "1 parts: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
+    assert summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
 
 
 def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.CaptureFixture[str]) -> None:
