@@ -39,7 +39,11 @@ I_COLUMNS = 4
 MAX_CONTACTS = 12
 NEARLY_PARALLEL = 0.08
 """Sine of the angle below which an edge counts as parallel to a finger's face."""
+LEAST_ARM_MM = 0.5
+"""Of a flush edge, the vertex on the face alone counts where the finger's corner is nearer to it than this."""
 EDGE_SLACK_MM = 1e-9
+BEHIND_MM = 0.1
+"""What lies further than this behind an inner face is beside or behind the finger, not before it."""
 END_DEPTH_MM = 0.01
 """How far behind the inner face a vertex must be to count as beside the finger."""
 
@@ -150,6 +154,9 @@ def _add_corners(
         along = dx * ex + dy * ey
         if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
             continue
+        lower = along if finger * y0 >= finger * y1 else length - along
+        if side * ey > 0.0 and lower < LEAST_ARM_MM:
+            continue
         slot = _convex_neighbour(I, count, points, i, finger, side)
         if slot >= 0 and C[slot, GAP] >= gap:
             continue
@@ -239,21 +246,56 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
         h: half the finger's length [mm].
 
     Returns:
-        The distance [mm], infinite where the part lies beside the finger.
+        The distance [mm], infinite where the part lies beside or behind the finger.
     """
     n = points.shape[0]
     nearest = np.inf
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        if abs(x0) <= h:
-            nearest = min(nearest, finger * (face - y0))
+        gap = finger * (face - y0)
+        if abs(x0) <= h and gap > -BEHIND_MM:
+            nearest = min(nearest, gap)
         for side in (-1, 1):
             x = side * h
             if (x0 - x) * (x1 - x) < 0.0:
-                y = y0 + (y1 - y0) * (x - x0) / (x1 - x0)
-                nearest = min(nearest, finger * (face - y))
+                gap = finger * (face - y0 - (y1 - y0) * (x - x0) / (x1 - x0))
+                if gap > -BEHIND_MM:
+                    nearest = min(nearest, gap)
     return nearest
+
+
+@kernel
+def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
+    """Whether part and finger box share any area: the finger cannot be set down there.
+
+    Args:
+        points: (N, 2) outline in the hand frame [mm].
+        finger: +1 or -1.
+        face: y of its inner face [mm].
+        h: half the finger's length [mm].
+        thickness: the finger's thickness [mm].
+    """
+    n = points.shape[0]
+    inside = False
+    middle = face + 0.5 * finger * thickness
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        x0, y0, x1, y1 = points[i, 0], points[i, 1] - middle, points[j, 0], points[j, 1] - middle
+        if (y0 > 0.0) != (y1 > 0.0) and x0 + (x1 - x0) * y0 / (y0 - y1) > 0.0:
+            inside = not inside
+        # The edge's stretch within the box (Liang and Barsky): start < end where there is one.
+        start, end = 0.0, 1.0
+        for origin, step, half in ((x0, x1 - x0, h), (y0, y1 - y0, 0.5 * thickness)):
+            if abs(step) < 1e-12:
+                if abs(origin) >= half:
+                    start = 2.0
+            else:
+                enter, leave = (-half - origin) / step, (half - origin) / step
+                start, end = max(start, min(enter, leave)), min(end, max(enter, leave))
+        if end - start > 1e-9:
+            return True
+    return inside
 
 
 @kernel

@@ -181,6 +181,18 @@ def _close_freely(
 
 
 @kernel
+def _blocked(outline: Array, q: Array, h: float, thickness: float, work: SqueezeWork) -> bool:
+    """Whether the open fingers would stand on the part."""
+    for i in range(outline.shape[0]):
+        work.placed[i] = i
+    contact.place(outline, q, work.points, work.placed, outline.shape[0])
+    top, bottom = work.fingers[0], work.fingers[1]
+    return contact.blocked(work.points, 1, top, h, thickness) or contact.blocked(
+        work.points, -1, bottom, h, thickness
+    )
+
+
+@kernel
 def _find(q: Array, h: float, thickness: float, margin: float, work: SqueezeWork) -> None:
     """Finds the contacts among the near vertices."""
     work.listed[FOUND] = contact.find(
@@ -290,14 +302,11 @@ def squeeze(
     touched, verdict = False, ACCEPTED
     budget, size, margin = 0.0, step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
+    if _blocked(outline, q, h, thickness, work):
+        return jaws[0], JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and budget < margin:
             found = _close_freely(outline, q, h, top_share, bottom_share, work)
-            opening = work.fingers[0] - work.fingers[1]
-            if not touched and contact.overlap(
-                work.points, work.fingers[0], work.fingers[1], h, thickness
-            ) > PENETRATION_MM:  # fmt: skip
-                return opening, JAMMED, 0, rows
             if not found:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)

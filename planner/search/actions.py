@@ -10,7 +10,7 @@ from planner.arrays import Array, IntArray
 from planner.frames import to_hand
 from planner.job import Job
 from planner.kernel import kernel
-from planner.mechanics.contacts import clearance, overlap, place
+from planner.mechanics.contacts import blocked, clearance, place
 
 SIDE_MARGIN_MM = 1.0
 """The fingers count as this much longer at both ends when clearance is judged."""
@@ -41,14 +41,16 @@ def actions_of(job: Job) -> ActionSet:
 @kernel
 def _least_clearance(outline: Array, poses: Array, opening: float, h: float, thickness: float, points: Array,
                      listed: IntArray) -> float:  # fmt: skip
-    """Least distance along y between the open fingers and any of the poses; negative in collision [mm]."""
+    """Least distance along y between the open fingers and any of the poses; -1 in collision [mm]."""
     n = outline.shape[0]
     least = 0.5 * opening
     for k in range(poses.shape[0]):
         place(outline, poses[k], points, listed, n)
-        least = min(least, clearance(points, 1, 0.5 * opening, h), clearance(points, -1, -0.5 * opening, h))
-        if least < 0.0:
-            return min(least, -overlap(points, 0.5 * opening, -0.5 * opening, h, thickness))
+        for finger in (1, -1):
+            face = 0.5 * finger * opening
+            if blocked(points, finger, face, h, thickness):
+                return -1.0
+            least = min(least, max(clearance(points, finger, face, h), 0.0))
     return least
 
 
@@ -67,7 +69,7 @@ def least_clearance(
         margin_mm: the fingers count as this much longer at both ends.
 
     Returns:
-        At most half the opening; negative where a finger would stand on the part.
+        At most half the opening; -1 where a finger would stand on the part.
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
     n = len(outline)
