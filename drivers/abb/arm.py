@@ -135,8 +135,11 @@ class Arm:
         """Wait out the server's start and throw away what it still had to tell its last client."""
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
-            if self._readable(left) and not self._receive():
-                break
+            try:
+                if self._readable(left) and not self._receive():
+                    raise ConnectionResetError("closed by the arm")
+            except OSError as error:
+                raise self._lose("the connection broke", b"", _CutOffError) from error
 
     def _ask(self, code: int, numbers: tuple[str, ...], budget_s: float) -> Reply:
         """Send one command in one piece and wait for its own reply."""

@@ -4,6 +4,7 @@ import contextlib
 import math
 import select
 import socket
+import struct
 import threading
 from collections.abc import Callable
 
@@ -42,7 +43,8 @@ class ArmServer:
         self._stopped = stopped
         self._executed = executed
         self._stale: str | None = None
-        self._listener = self._listen(0)
+        self._waiting: list[socket.socket] = []
+        self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
         self._thread = threading.Thread(target=self._serve, name="arm", daemon=True)
 
@@ -59,19 +61,12 @@ class ArmServer:
         """Wait for the end; the cell's stop event must be set."""
         if self._thread.is_alive():
             self._thread.join()
+        self._cut_off()
         self._listener.close()
-
-    @staticmethod
-    def _listen(port: int) -> socket.socket:
-        listener = socket.socket()
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(("127.0.0.1", port))
-        listener.listen(1)
-        return listener
 
     def _serve(self) -> None:
         while not self._stopped.is_set():
-            if not self._wait_readable(self._listener):
+            if self._listener not in self._readable([self._listener]):
                 continue
             client, _ = self._listener.accept()
             with client:
@@ -79,9 +74,14 @@ class ArmServer:
                 self._sleep(ACCEPT_S)
                 with contextlib.suppress(OSError):
                     self._serve_client(client)
-            # SERVER.mod closes both sockets and makes them anew: who queued meanwhile is cut off.
-            self._listener.close()
-            self._listener = self._listen(self.port)
+            self._cut_off()
+
+    def _cut_off(self) -> None:
+        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
+        for waiting in self._waiting:
+            waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            waiting.close()
+        self._waiting.clear()
 
     def _serve_client(self, client: socket.socket) -> None:
         if self._stale is not None:
@@ -89,7 +89,9 @@ class ArmServer:
             stale, self._stale = self._stale, None
             client.sendall(stale.encode("latin-1"))
         while not self._stopped.is_set():
-            if not self._wait_readable(client):
+            ready = self._readable([client, self._listener])
+            if client not in ready:
+                self._waiting += [self._listener.accept()[0] for _ in ready]
                 continue
             data = client.recv(MAX_STRING)
             if not data:
@@ -122,8 +124,8 @@ class ArmServer:
             return False
         return True
 
-    def _wait_readable(self, connection: socket.socket) -> bool:
-        return bool(select.select([connection], [], [], 0.1)[0])
+    def _readable(self, sockets: list[socket.socket]) -> list[socket.socket]:
+        return select.select(sockets, [], [], 0.1)[0]
 
 
 def _gone(client: socket.socket) -> bool:

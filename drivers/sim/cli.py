@@ -78,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def serve(options: argparse.Namespace) -> int:
     """Load, start, tell the endpoints, and stay until asked to end."""
+    # A shell starts background jobs with SIGINT ignored, and that is inherited.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     setting: Setting = load(options.tree, options.job, options.world)
     if options.world is None and not setting.truthful:
         print(

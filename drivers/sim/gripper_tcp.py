@@ -84,6 +84,12 @@ def rtu_over_tcp(model: GripperModel, now: Callable[[], float]) -> RtuSlave:
     return RtuSlave(GripperRegisters(model, now))
 
 
+def stop_jaws(model: GripperModel, now: Callable[[], float]) -> None:
+    """What the closing of a Modbus TCP connection does: rGTO falls to 0."""
+    action = model.read_output()[0] & ~0x08
+    model.write_output(0, bytes((action,)), now())
+
+
 class TcpPort:
     """Serves one client at a time on a TCP port of this machine.
 

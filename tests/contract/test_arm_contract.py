@@ -1,0 +1,211 @@
+"""What every arm must do, run against the open_abb driver and its simulator; and whom the driver refuses."""
+
+import contextlib
+import math
+import random
+import socket
+import threading
+import time
+
+import pytest
+
+from drivers import connect
+from drivers.abb.codec import Pose
+from drivers.errors import ArmError, PortError
+from drivers.sim.arm import ArmModel
+from drivers.sim.arm_server import ArmServer
+
+SCALE = 40.0
+BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
+
+
+class Rig:
+    def __init__(self):
+        self.stopped = threading.Event()
+        start = time.monotonic()
+        self.now = lambda: (time.monotonic() - start) * SCALE
+        self.model = ArmModel(BASE)
+        self.server = ArmServer(
+            self.model, threading.RLock(), self.now, lambda s: self.stopped.wait(s / SCALE), self.stopped
+        )
+        self.server.start()
+
+    def open(self, **options):
+        return contextlib.closing(connect.arm(self.server.url, time_scale=SCALE, **options))
+
+    def close(self):
+        self.stopped.set()
+        self.server.close()
+
+
+@pytest.fixture
+def rig():
+    made = Rig()
+    yield made
+    made.close()
+
+
+def test_connecting_moves_nothing(rig):
+    with rig.open() as arm:
+        assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
+    assert rig.model.moves == 0
+
+
+def test_a_move_ends_where_it_was_sent(rig):
+    rng = random.Random(1)
+    with rig.open() as arm:
+        for _ in range(10):
+            x, y, z, a = (
+                rng.uniform(-100, 100),
+                rng.uniform(-100, 100),
+                rng.uniform(5, 80),
+                rng.uniform(-7, 7),
+            )
+            arm.move_linear(x, y, z, a, 500.0)
+            assert rig.model.pose_at(rig.now())[:3] == pytest.approx((x, y, z), abs=0.001)
+            seen = arm.pose()
+            assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
+            assert math.remainder(seen.angle_rad - a, math.tau) == pytest.approx(0.0, abs=0.003)
+
+
+def test_a_move_is_over_when_the_call_returns(rig):
+    with rig.open() as arm:
+        arm.move_linear(50.0, 0.0, 50.0, 1.0, 100.0)
+        now = rig.now()
+        assert rig.model.pose_at(now) == rig.model.pose_at(now + 100.0)
+
+
+def test_settings_of_the_last_client_do_not_matter(rig):
+    with rig.open(tool=Pose(0.0, 0.0, 120.0, (1.0, 0.0, 0.0, 0.0))) as arm:
+        assert arm.pose().z_mm == pytest.approx(-20.0)
+        arm.move_linear(10.0, 0.0, 10.0, 0.0, 50.0)
+    with rig.open() as arm:
+        assert arm.pose().z_mm == pytest.approx(130.0)
+
+
+def test_work_object_is_the_frame_of_poses(rig):
+    with rig.open(work_object=Pose(20.0, 0.0, 10.0, (1.0, 0.0, 0.0, 0.0))) as arm:
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 200.0)
+    assert rig.model.pose_at(1e9)[:3] == pytest.approx((0.0, 0.0, 50.0))
+    with rig.open() as arm:
+        assert arm.pose()[:3] == pytest.approx((20.0, 0.0, 60.0))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e6])
+def test_numbers_that_cannot_be_sent_are_refused_and_the_arm_stays_usable(rig, bad):
+    with rig.open() as arm:
+        for target in ((bad, 0.0, 50.0, 0.0), (0.0, 0.0, bad, 0.0)):
+            with pytest.raises(ArmError, match="not moved") as raised:
+                arm.move_linear(*target, 100.0)
+            assert raised.value.exit_code == 22
+        for speed in (0.0, -5.0, bad):
+            with pytest.raises(ArmError):
+                arm.move_linear(0.0, 0.0, 50.0, 0.0, speed)
+        assert rig.model.moves == 0
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+
+
+def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
+    with rig.open() as arm:
+        with pytest.raises(ArmError, match="silence"):
+            arm.move_linear(900.0, 0.0, 50.0, 0.0, 5000.0)
+        for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+            with pytest.raises(ArmError, match="state unknown since"):
+                call()
+    assert rig.model.moves == 0
+
+
+def test_a_vanished_clients_move_does_not_confuse_the_next(rig):
+    stranger = socket.create_connection(("127.0.0.1", rig.server.port))
+    stranger.sendall(b"8 20 90 #")
+    assert stranger.recv(16) == b"8 1 "
+    stranger.sendall(b"1 60 0 100 0 1 0 0 #")
+    time.sleep(0.02)
+    stranger.close()
+    time.sleep(0.15)
+    with rig.open() as arm:
+        assert arm.pose().x_mm == pytest.approx(60.0)
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+
+
+def test_reconnecting_at_once_works(rig):
+    for _ in range(5):
+        with rig.open() as arm:
+            assert arm.pose().z_mm == pytest.approx(100.0)
+
+
+def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
+    class Interrupted(BaseException):
+        pass
+
+    with rig.open() as arm:
+        arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
+        receive = arm._readable
+
+        def interrupt(seconds):
+            arm._readable = receive
+            raise Interrupted
+
+        arm._readable = interrupt
+        with pytest.raises(Interrupted):
+            arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
+        assert arm.pose().x_mm == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("url", ["tcp://127.0.0.1:1", "tcp://127.0.0.1", "rtu+tcp://127.0.0.1:5000", "x"])
+def test_nobody_there(url):
+    with pytest.raises(PortError):
+        connect.arm(url)
+
+
+class Impostor:
+    """Accepts connections and answers every message with the same bytes; hangs up after `answers` of them."""
+
+    def __init__(self, answer, answers=1000):
+        self.answer, self.answers = answer, answers
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self.listener.getsockname()[1]}"
+        self.thread = threading.Thread(target=self.serve, daemon=True)
+        self.thread.start()
+
+    def serve(self):
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self.listener.accept()
+                with client:
+                    for _ in range(self.answers):
+                        if not client.recv(100):
+                            break
+                        client.sendall(self.answer)
+
+    def close(self):
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        self.thread.join()
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"HTTP/1.1 400 Bad Request", "does not fit"),
+        (b"0 0 ", "bad message"),
+        (b"0 1 ", "does not fit|silence"),  # also to SET_TOOL: the echoed code is checked
+        (b"0 1 0 1 ", "does not fit"),
+    ],
+)
+def test_whoever_is_no_open_abb_server_is_refused(answer, message):
+    impostor = Impostor(answer)
+    try:
+        with pytest.raises(ArmError, match=message):
+            connect.arm(impostor.url, time_scale=SCALE)
+    finally:
+        impostor.close()
+
+
+def test_a_server_that_hangs_up_is_tried_again_and_then_given_up():
+    impostor = Impostor(b"", answers=0)
+    try:
+        with pytest.raises(ArmError, match="connection broke"):
+            connect.arm(impostor.url, time_scale=SCALE)
+    finally:
+        impostor.close()

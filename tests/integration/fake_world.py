@@ -1,0 +1,33 @@
+"""A world with a plain answer: a 21 mm part that lines up with the fingers and is centred between them."""
+
+
+class FakeWorld:
+    def __init__(self, job, seed):
+        self.job, self.seed = job, seed
+
+    def squeeze(self, pose_hand):
+        x, _, _ = pose_hand
+        return (x, 0.0, 0.0), 21.0, "grasped"
+
+    def collides(self, pose_hand, opening_mm):
+        return abs(pose_hand[1]) > opening_mm / 2.0 - 21.0
+
+
+def make(job, seed):
+    return FakeWorld(job, seed)
+
+
+class Nothing:
+    def squeeze(self, pose_hand):
+        return pose_hand, 0.0, "untouched"
+
+
+def nothing(job, seed):
+    return Nothing()
+
+
+def broken(job, seed):
+    raise RuntimeError("this world\nis broken")
+
+
+not_callable = 3

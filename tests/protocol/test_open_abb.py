@@ -1,0 +1,342 @@
+"""The simulated open_abb server as a stranger's client meets it, traps of SERVER.mod included.
+
+Some tests use the model (no time passes), the others raw TCP with no code of our driver.
+"""
+
+import math
+import random
+import select
+import socket
+import threading
+import time
+
+import pytest
+
+from drivers.abb.codec import Pose
+from drivers.sim import rapid
+from drivers.sim.arm import ArmModel
+from drivers.sim.arm_server import ArmServer
+
+SCALE = 50.0
+BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
+
+
+@pytest.fixture
+def arm():
+    return ArmModel(BASE)
+
+
+def ask(arm, text, now=0.0):
+    return arm.execute(text, now).text
+
+
+def pose(arm, now=1e9):
+    return [float(field) for field in ask(arm, "3 #", now).split()[2:]]
+
+
+# -- the parser -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "reply"),
+    [
+        ("0 #", "0 1 "),
+        ("00 #", "0 1 "),
+        ("03 #", "3 1 0.00 0.00 100.00 0.000 1.000 0.000 0.000"),
+        ("0 1 #", "0 0 "),  # ping takes no parameters
+        ("8 100 50 #", "8 1 "),
+        ("8 100 50 0 0 #", "8 1 "),
+        ("8 100 50 0 #", "8 0 "),  # neither two nor four
+        ("8 100 50#", "8 0 "),  # no space before #: the last parameter is lost
+        ("8 +100.0 +050.5 #", "8 1 "),
+        ("9 1 0 0 0 #", "9 1 "),
+        ("32 #", "32 1 0.00"),
+        ("97 1 #", "97 0 "),  # only the client knows it
+        ("1.5 #", "2 0 "),
+        ("98 #", "98 1 120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"),
+        ("0 #8 1 1 #", "0 1 "),  # what follows the first # is lost
+        ("5 #", "5 1 0.00 0.00 0.00 0.00 0.00 0.00"),
+    ],
+)
+def test_single_messages(arm, text, reply):
+    assert ask(arm, text) == reply
+
+
+@pytest.mark.parametrize("text", ["0 ", "", "#", "03#", "x #", " 0 #", "hello world"])
+def test_a_malformed_head_runs_the_previous_code_as_a_bad_message(arm, text):
+    ask(arm, "9 1 0 0 0 #")
+    assert ask(arm, text) == "9 0 "
+
+
+def test_the_first_message_of_all_may_be_malformed(arm):
+    assert ask(arm, "garbage") == "0 0 "
+
+
+def test_a_garbled_number_keeps_the_value_of_an_earlier_message(arm):
+    ask(arm, "8 1000 1000 #")
+    ask(arm, "1 10 20 30 0 1 0 0 #")
+    ask(arm, "1 40 2O 50 0 1 0 0 #", 1000.0)  # the letter O
+    assert pose(arm)[:3] == [40.0, 20.0, 50.0]
+
+
+def test_an_empty_number_counts_and_keeps_the_old_value(arm):
+    ask(arm, "8 1000 1000 #")
+    ask(arm, "1 10 20 30 0 1 0 0 #")
+    assert ask(arm, "1 40  50 0 1 0 0 #", 1000.0) == "1 1 "
+    assert pose(arm)[:3] == [40.0, 20.0, 50.0]
+
+
+def test_a_wrong_count_moves_nothing(arm):
+    assert ask(arm, "1 10 20 30 0 1 0 #") == "1 0 "
+    assert arm.moves == 0
+
+
+def test_eleven_parameters_run_into_the_error_handler(arm):
+    with pytest.raises(rapid.RapidError):
+        ask(arm, "1 " + "1 " * 11 + "#")
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "1,5", "", "--1", "1e", "0x1", "1 "])
+def test_numbers_rapid_does_not_read(text):
+    assert rapid.to_value(text) is None or text == "1 "
+
+
+def test_numbers_are_single_precision():
+    assert rapid.to_value("16777217") == 16777216.0
+    assert rapid.to_value("1E2") == 100.0
+
+
+def test_numbers_out_have_fixed_decimals_and_no_negative_zero():
+    assert rapid.to_string(1.005, 2) in {"1.00", "1.01"}
+    assert rapid.to_string(-0.001, 2) == "0.00"
+    assert rapid.to_string(-2.5, 0) == "-3"
+    assert rapid.to_string(99.0, 0) == "99"
+
+
+# -- moves ----------------------------------------------------------------------------------------
+
+
+def test_a_move_is_acknowledged_when_the_path_is_done(arm):
+    ask(arm, "8 50 90 #")
+    ask(arm, "9 1 0 0 0 #")
+    answer = arm.execute("1 100 0 100 0 1 0 0 #", 5.0)
+    assert answer.ready_s == pytest.approx(5.0 + 100 / 50)
+    assert arm.pose_at(6.0)[:3] == pytest.approx((50.0, 0.0, 100.0))
+    assert arm.pose_at(99.0)[:3] == pytest.approx((100.0, 0.0, 100.0))
+
+
+def test_a_turn_takes_its_time_too(arm):
+    ask(arm, "8 1000 45 #")
+    ask(arm, "9 1 0 0 0 #")
+    half = math.radians(90) / 2
+    answer = arm.execute(f"1 0 0 100 0 {math.cos(half):.5f} {math.sin(half):.5f} 0 #", 0.0)
+    assert answer.ready_s == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_fly_by_zone_is_acknowledged_early(arm):
+    ask(arm, "8 50 90 #")
+    ask(arm, "9 0 20 30 3 #")
+    assert arm.execute("1 100 0 100 0 1 0 0 #", 0.0).ready_s == pytest.approx(2.0 - 20 / 50)
+
+
+@pytest.mark.parametrize(
+    "text", ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"]
+)
+def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
+    answer = arm.execute(text, 0.0)
+    assert answer.text is None
+    assert math.isinf(answer.ready_s)
+    assert arm.halted
+    assert arm.moves == 0
+
+
+def test_tool_and_work_object_shift_what_a_pose_means(arm):
+    ask(arm, "8 1000 1000 #")
+    ask(arm, "6 0 0 50 1 0 0 0 #")
+    assert pose(arm)[2] == pytest.approx(50.0)  # the tool hangs 50 below the flange
+    ask(arm, "7 10 0 20 1 0 0 0 #")
+    assert pose(arm)[:3] == pytest.approx([-10.0, 0.0, 30.0])
+    ask(arm, "1 5 6 40 0 1 0 0 #")
+    assert pose(arm)[:3] == pytest.approx([5.0, 6.0, 40.0])
+    ask(arm, "7 0 0 0 1 0 0 0 #", 1e9)
+    assert pose(arm)[:3] == pytest.approx([15.0, 6.0, 60.0])
+
+
+def test_joints_and_poses_agree(arm):
+    ask(arm, "8 1000 1000 #")
+    ask(arm, "1 30 40 60 0 0.9238795 0.3826834 0 #")
+    before = pose(arm)
+    joints = ask(arm, "4 #", 1e9).split()[2:]
+    ask(arm, "1 0 0 80 0 1 0 0 #", 1e9)
+    ask(arm, "2 " + " ".join(joints) + " #", 2e9)
+    assert pose(arm, 3e9) == pytest.approx(before, abs=0.2)
+
+
+def test_the_buffer_holds_512_and_drops_the_rest_silently(arm):
+    for _ in range(520):
+        assert ask(arm, "30 10 0 90 0 1 0 0 #") == "30 1 "
+    assert ask(arm, "32 #") == "32 1 512.00"
+    assert ask(arm, "31 #") == "31 1 "
+    assert ask(arm, "32 #") == "32 1 0.00"
+
+
+def test_the_buffer_runs_with_the_speeds_it_was_filled_with(arm):
+    ask(arm, "9 1 0 0 0 #")
+    ask(arm, "8 10 90 #")
+    ask(arm, "30 10 0 100 0 1 0 0 #")
+    ask(arm, "8 100 90 #")
+    ask(arm, "30 110 0 100 0 1 0 0 #")
+    assert arm.execute("33 #", 0.0).ready_s == pytest.approx(1.0 + 1.0)
+    assert arm.pose_at(0.5).x_mm == pytest.approx(5.0)
+    assert arm.pose_at(1.5).x_mm == pytest.approx(60.0)
+    assert ask(arm, "32 #") == "32 1 2.00"  # running does not empty it
+
+
+# -- the socket -----------------------------------------------------------------------------------
+
+
+class Served:
+    """A server at 50 times the speed of life, and strangers' clients."""
+
+    def __init__(self):
+        self.stopped = threading.Event()
+        start = time.monotonic()
+        self.now = lambda: (time.monotonic() - start) * SCALE
+        self.model = ArmModel(BASE)
+        self.server = ArmServer(
+            self.model, threading.RLock(), self.now, lambda s: self.stopped.wait(s / SCALE), self.stopped
+        )
+        self.server.start()
+        self.clients = []
+
+    def client(self):
+        made = socket.create_connection(("127.0.0.1", self.server.port), timeout=5.0)
+        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.clients.append(made)
+        return made
+
+    def close(self):
+        self.stopped.set()
+        for client in self.clients:
+            client.close()
+        self.server.close()
+
+
+@pytest.fixture
+def served():
+    made = Served()
+    yield made
+    made.close()
+
+
+def talk(client, text):
+    client.sendall(text.encode())
+    return client.recv(256).decode()
+
+
+def silent(client, seconds=0.15):
+    return not select.select([client], [], [], seconds)[0]
+
+
+def test_no_greeting_and_half_a_second_before_the_first_answer(served):
+    before = served.now()
+    client = served.client()
+    assert talk(client, "0 #") == "0 1 "
+    assert served.now() - before >= 0.5
+
+
+def test_replies_have_no_terminator(served):
+    assert talk(served.client(), "32 #") == "32 1 0.00"
+
+
+def test_settings_outlive_the_client(served):
+    client = served.client()
+    talk(client, "7 10 0 0 1 0 0 0 #")
+    client.sendall(b"99 #")
+    assert client.recv(16) == b""  # no reply, the connection is closed
+    assert talk(served.client(), "3 #").startswith("3 1 -10.00 ")
+
+
+def test_a_command_in_two_pieces_is_two_bad_messages(served):
+    client = served.client()
+    assert talk(client, "0 #") == "0 1 "
+    assert talk(client, "9 1 0 ") == "0 0 "
+    assert talk(client, "0 0 #") == "0 0 "  # read as code 0 with one parameter
+
+
+def test_pipelined_commands_are_lost(served):
+    client = served.client()
+    assert talk(client, "0 #") == "0 1 "
+    assert talk(client, "0 #31 #32 #") == "0 1 "
+    assert silent(client)
+
+
+def test_the_81st_character_belongs_to_the_next_message(served):
+    client = served.client()
+    assert talk(client, "0 #") == "0 1 "
+    client.sendall(b"8 " + b"1".rjust(78, b"0") + b" 2 #")
+    received = b""
+    while received.count(b" ") < 4:
+        received += client.recv(64)
+    assert received == b"0 0 0 0 "  # no # in the first 80: previous code, bad; the rest has no code either
+
+
+def test_nothing_is_answered_during_a_move(served):
+    client = served.client()
+    talk(client, "8 20 90 #")
+    client.sendall(b"1 100 0 100 0 1 0 0 #")  # 5 s, 0.1 s here
+    assert silent(client, 0.04)
+    client.sendall(b"0 #")
+    assert client.recv(4) == b"1 1 "
+    assert client.recv(4) == b"0 1 "
+
+
+def test_an_unreachable_target_leaves_the_connection_open_and_mute(served):
+    client = served.client()
+    client.sendall(b"1 2000 0 100 0 1 0 0 #")
+    assert silent(client)
+    client.sendall(b"0 #")
+    assert silent(client)
+    assert silent(served.client())
+
+
+def test_the_next_client_gets_the_stale_acknowledgement(served):
+    client = served.client()
+    talk(client, "8 20 90 #")
+    client.sendall(b"1 100 0 100 0 1 0 0 #")
+    assert silent(client, 0.04)
+    client.close()
+    time.sleep(0.15)
+    heir = served.client()
+    assert heir.recv(16) == b"1 1 "  # though it has asked nothing
+    assert talk(heir, "3 #").startswith("3 1 100.00 ")
+
+
+def test_one_client_at_a_time(served):
+    first = served.client()
+    assert talk(first, "0 #") == "0 1 "
+    second = served.client()
+    second.sendall(b"0 #")
+    assert silent(second)
+    assert talk(first, "0 #") == "0 1 "
+    first.close()
+    with pytest.raises(ConnectionResetError):
+        second.recv(16)
+    assert talk(served.client(), "0 #") == "0 1 "
+
+
+def test_too_many_parameters_hang_up_and_the_server_lives(served):
+    client = served.client()
+    client.sendall(b"1 " + b"1 " * 11 + b"#")
+    assert client.recv(16) == b""
+    assert talk(served.client(), "0 #") == "0 1 "
+
+
+def test_random_bytes_never_move_it(served):
+    rng = random.Random(6)
+    client = served.client()
+    assert talk(client, "0 #") == "0 1 "
+    for _ in range(50):
+        reply = talk(client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode())
+        assert reply == "0 0 "
+    assert served.model.moves == 0

@@ -1,0 +1,120 @@
+"""The open_abb codec: strict numbers out, unterminated replies in, no garbled one taken for whole."""
+
+import math
+import random
+
+import pytest
+
+from drivers.abb import codec
+from drivers.abb.codec import Pose, ProtocolError
+from drivers.sim.rapid import Message
+
+
+def test_the_space_before_the_hash_is_there():
+    assert codec.command(codec.PING) == b"0 #"
+    assert codec.command(8, "100.000", "50.000") == b"8 100.000 50.000 #"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e5, -2e6])
+def test_numbers_that_cannot_be_sent_are_refused(value):
+    with pytest.raises(ProtocolError):
+        codec.number(value, 3)
+
+
+def test_numbers_have_no_exponent_and_no_negative_zero():
+    assert codec.number(1e-9, 3) == "0.000"
+    assert codec.number(-1e-9, 3) == "0.000"
+    assert codec.number(-0.0015, 3) in {"-0.001", "-0.002"}
+    rng = random.Random(4)
+    for _ in range(2000):
+        value = rng.uniform(-1, 1) * 10 ** rng.uniform(-12, 4.9)
+        text = codec.number(value, 3)
+        assert set(text) <= set("-0123456789.")
+        assert abs(float(text) - value) <= 0.0005001
+
+
+def test_the_worst_pose_line_fits_the_string_limit():
+    worst = Pose(-99999.999, -99999.999, -99999.999, codec.hand_rotation(-2.5))
+    long = codec.command(
+        codec.MOVE_LINEAR, *codec.pose_numbers(Pose(-999.999, -999.999, -999.999, worst.rotation))
+    )
+    assert len(long) <= codec.MAX_LINE
+    with pytest.raises(ProtocolError, match="too long"):
+        codec.command(1, *["1"] * 11)
+    with pytest.raises(ProtocolError, match="too long"):
+        codec.command(1, *["12345678901"] * 7)
+
+
+def test_a_quaternion_off_unit_length_is_refused():
+    with pytest.raises(ProtocolError, match="normalise"):
+        codec.pose_numbers(Pose(0.0, 0.0, 0.0, (1.0, 0.1, 0.0, 0.0)))
+    with pytest.raises(ProtocolError):
+        codec.pose_numbers(Pose(0.0, 0.0, 0.0, (math.nan, 0.0, 0.0, 0.0)))
+
+
+def test_the_server_reads_what_was_meant():
+    rng = random.Random(5)
+    for _ in range(500):
+        pose = Pose(*(rng.uniform(-400, 400) for _ in range(3)), codec.hand_rotation(rng.uniform(-7, 7)))
+        message = Message()
+        message.parse(codec.command(1, *codec.pose_numbers(pose)).decode())
+        assert (message.code, message.count) == (1, 7)
+        assert message.parameters[:3] == pytest.approx(list(pose[:3]), abs=0.00055)
+        assert message.parameters[3:7] == pytest.approx(list(pose.rotation), abs=2e-7)
+
+
+def test_hand_angles_come_back_in_one_turn():
+    for step in range(-40, 41):
+        angle = step * 0.2
+        back = codec.hand_angle(codec.hand_rotation(angle))
+        assert -math.pi <= back <= math.pi
+        assert math.remainder(back - angle, math.tau) == pytest.approx(0.0, abs=1e-12)
+        w, x, y, z = codec.hand_rotation(angle)
+        assert codec.hand_angle((-w, -x, -y, -z)) == pytest.approx(back)
+
+
+def test_a_hand_that_does_not_point_down_has_no_angle():
+    with pytest.raises(ProtocolError, match="point down"):
+        codec.hand_angle((1.0, 0.0, 0.0, 0.0))
+
+
+def test_acknowledgements():
+    assert codec.parse_reply("1 1 ", 1) == codec.Reply(1, True, ())
+    assert codec.parse_reply("1 0 ", 1) == codec.Reply(1, False, ())
+    assert codec.parse_reply("3 0 ", 3) == codec.Reply(3, False, ())
+
+
+def test_every_prefix_of_a_reply_is_unfinished_until_its_last_field_begins():
+    text = "3 1 10.00 -20.50 30.00 0.000 1.000 0.000 0.000"
+    last = text.rindex(" ") + 1
+    for end in range(len(text) + 1):
+        reply = codec.parse_reply(text[:end], 3)
+        assert (reply is not None) == (end > last)
+    seen = codec.parse_pose(codec.parse_reply(text, 3))
+    assert seen == Pose(10.0, -20.5, 30.0, (0.0, 1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("text", ["2 1 ", "1 2 ", "1 1 x", "31 1 ", "hello", "1 1  ", "-1 1 "])
+def test_answers_that_do_not_fit_are_refused(text):
+    with pytest.raises(ProtocolError):
+        codec.parse_reply(text, 1)
+
+
+def test_surplus_fields_are_refused():
+    with pytest.raises(ProtocolError, match="more than"):
+        codec.parse_reply("3 1 1 2 3 4 5 6 7 8", 3)
+
+
+def test_garbled_pose_numbers_are_refused():
+    with pytest.raises(ProtocolError, match="garbled"):
+        codec.parse_pose(codec.Reply(3, True, ("1", "2", "x", "0", "1", "0", "0")))
+    with pytest.raises(ProtocolError, match="finite"):
+        codec.parse_pose(codec.Reply(3, True, ("1", "2", "nan", "0", "1", "0", "0")))
+
+
+def test_stale_acknowledgements_are_dropped_and_nothing_else():
+    assert codec.drop_stale("1 1 0 1 ", 0) == "0 1 "
+    assert codec.drop_stale("1 1 33 0 0 1 ", 0) == "0 1 "
+    assert codec.drop_stale("0 1 ", 0) == "0 1 "
+    assert codec.drop_stale("1 1", 0) == "1 1"
+    assert codec.drop_stale("3 1 1 2 3 4 5 6 7", 0) == "3 1 1 2 3 4 5 6 7"

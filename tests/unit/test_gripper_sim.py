@@ -1,0 +1,263 @@
+"""The simulated 2F-85 as a state machine over simulated time: the behaviour the manuals describe."""
+
+import random
+
+import pytest
+
+from drivers.robotiq.registers import OUTPUT_FIELDS, pack, speed_mm_s
+from drivers.robotiq.state import decode
+from drivers.sim.gripper import CYCLE_S, GripperModel
+from drivers.sim.jaws import Jaws
+
+
+class Bench:
+    """A model, its clock, and something between the fingers."""
+
+    def __init__(self, contact=None, seed=1):
+        self.contact = contact
+        self.asked = 0
+        self.grips = 0
+        self.now = 0.0
+        self.model = GripperModel(random.Random(seed), Jaws(), self)
+
+    def closing(self):
+        self.asked += 1
+        return self.contact
+
+    def gripped(self):
+        self.grips += 1
+
+    def write(self, **fields):
+        self.model.write_output(0, pack(OUTPUT_FIELDS, fields), self.now)
+
+    def read(self, after=0.0):
+        self.now += after
+        return decode(self.model.read_input(self.now))
+
+    def traffic(self, seconds):
+        """Let time pass with a master that polls, so that fault 9 stays away."""
+        for _ in range(round(seconds / 0.05)):
+            self.read(0.05)
+        return self.read()
+
+    def activated(self):
+        contact, self.contact = self.contact, None
+        self.write(rACT=1)
+        assert self.traffic(6.0).activated
+        self.contact, self.asked = contact, 0
+        return self
+
+
+def test_power_up_is_reset():
+    seen = Bench().read(0.1)
+    assert not seen.enabled
+    assert not seen.activated
+    assert (seen.fault, seen.going) == (0, False)
+
+
+def test_activation_takes_seconds_and_ends_open():
+    bench = Bench()
+    bench.write(rACT=1)
+    positions = []
+    while not (seen := bench.read(0.05)).activated:
+        assert seen.activating
+        positions.append(seen.position_counts)
+        assert bench.now < 10.0
+    assert bench.now > 1.0
+    assert max(positions) > 225
+    assert seen.position_counts == 3
+
+
+def test_rewriting_ract_does_not_activate_again():
+    bench = Bench().activated()
+    bench.write(rACT=1)
+    assert bench.read(0.05).activated
+
+
+def test_clearing_ract_resets_at_once():
+    bench = Bench().activated()
+    bench.write()
+    seen = bench.read(0.01)
+    assert not seen.enabled
+    assert not seen.activated
+
+
+def test_a_command_in_reset_gives_fault_7():
+    bench = Bench()
+    bench.write(rGTO=1, rPR=100)
+    assert bench.read(0.05).fault == 0x07
+    assert bench.read(0.2).position_counts == 3
+
+
+def test_a_command_during_activation_is_delayed_with_fault_5_then_obeyed():
+    bench = Bench()
+    bench.write(rACT=1)
+    bench.read(0.05)
+    bench.write(rACT=1, rGTO=1, rPR=100, rSP=255)
+    seen = bench.read(0.05)
+    assert seen.fault == 0x05
+    assert not seen.going  # gGTO reads 0 while activating
+    seen = bench.traffic(6.0)
+    assert (seen.fault, seen.activated, seen.position_counts) == (0, True, 100)
+
+
+def test_something_in_the_sweep_is_fault_d_until_reset():
+    bench = Bench(contact=150)
+    bench.write(rACT=1)
+    seen = bench.traffic(5.0)
+    assert (seen.fault, seen.activated, seen.position_counts) == (0x0D, False, 150)
+    bench.write(rACT=1, rGTO=1, rPR=0, rSP=255)
+    assert bench.traffic(1.0).position_counts == 150
+    bench.write()
+    assert bench.read(0.05).fault == 0
+    bench.contact = None
+    bench.write(rACT=1)
+    assert bench.traffic(6.0).activated
+
+
+def test_the_request_echoes_at_once_while_gobj_is_stale():
+    for seed in range(30):
+        bench = Bench(seed=seed).activated()
+        bench.write(rACT=1, rGTO=1, rPR=200, rSP=0)
+        seen = bench.read()
+        assert seen.echo_counts == 200
+        assert seen.object_flag == 3  # still of the move before
+        late = 0.0
+        while bench.read(CYCLE_S).object_flag == 3:
+            late += CYCLE_S
+        assert late <= 5.001 * CYCLE_S
+
+
+@pytest.mark.parametrize("speed", [0, 100, 255])
+def test_speed_is_finite_and_linear_in_rsp(speed):
+    bench = Bench().activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=speed)
+    first, t = bench.read(0.1), 0.3
+    second = bench.read(t)
+    travelled = (second.position_counts - first.position_counts) * 85.0 / 227.0
+    assert travelled == pytest.approx(speed_mm_s(speed) * t, abs=85.0 / 227.0 + speed_mm_s(speed) * CYCLE_S)
+
+
+@pytest.mark.parametrize(("request_counts", "ends_at"), [(0, 3), (3, 3), (100, 100), (230, 230), (255, 230)])
+def test_end_stops(request_counts, ends_at):
+    bench = Bench().activated()
+    bench.write(rACT=1, rGTO=1, rPR=120, rSP=255)
+    bench.traffic(2.0)
+    bench.write(rACT=1, rGTO=1, rPR=request_counts, rSP=255)
+    seen = bench.traffic(2.0)
+    assert (seen.position_counts, seen.object_flag, seen.echo_counts) == (ends_at, 3, request_counts)
+
+
+def test_contact_stops_the_jaws_raises_the_current_and_keeps_the_request():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=255, rFR=128)
+    moving = bench.read(0.2)
+    assert moving.moving
+    peak = max(bench.read(0.01).current_ma for _ in range(100))
+    seen = bench.read()
+    assert (seen.position_counts, seen.object_flag, seen.echo_counts) == (174, 2, 255)
+    assert peak > moving.current_ma > 0
+    assert bench.grips == 1
+
+
+def test_a_request_short_of_the_part_meets_nothing():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=150, rSP=255)
+    seen = bench.traffic(2.0)
+    assert (seen.position_counts, seen.object_flag, bench.grips) == (150, 3, 0)
+
+
+def test_pressing_on_a_held_part_does_nothing_and_asks_no_world():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=255)
+    bench.traffic(2.0)
+    bench.write(rACT=1, rGTO=1, rPR=240, rSP=255)
+    seen = bench.traffic(1.0)
+    assert (seen.position_counts, seen.object_flag) == (174, 2)
+    assert (bench.asked, bench.grips) == (1, 1)
+
+
+def test_the_world_is_asked_once_a_closing_even_if_speed_changes_on_the_way():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=10)
+    bench.read(0.3)
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=200)
+    assert bench.traffic(3.0).position_counts == 174
+    assert (bench.asked, bench.grips) == (1, 1)
+
+
+def test_opening_lets_go_and_closing_again_asks_again():
+    bench = Bench(contact=174).activated()
+    for squeeze in (1, 2, 3):
+        bench.write(rACT=1, rGTO=1, rPR=255, rSP=255)
+        bench.traffic(2.0)
+        bench.write(rACT=1, rGTO=1, rPR=0, rSP=255)
+        seen = bench.traffic(2.0)
+        assert (seen.position_counts, seen.object_flag, seen.current_ma) == (3, 3, 0)
+        assert (bench.asked, bench.grips) == (squeeze, squeeze)
+
+
+def test_stop_halfway_holds_the_jaws_and_completes_no_squeeze():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=0)
+    bench.read(0.5)
+    bench.write(rACT=1, rPR=255)
+    here = bench.read(0.01)
+    assert not here.going
+    assert here.echo_counts == 255
+    assert bench.traffic(3.0).position_counts == here.position_counts
+    assert bench.grips == 0
+
+
+def test_a_contact_is_not_missed_when_nobody_reads():
+    bench = Bench(contact=174).activated()
+    bench.write(rACT=1, rGTO=1, rPR=255, rSP=255)
+    bench.now += 5.0
+    bench.write(rACT=1, rGTO=1, rPR=0, rSP=255)
+    assert bench.grips == 1
+
+
+def test_silence_of_a_second_shows_as_fault_9_in_the_first_answer_only():
+    bench = Bench().activated()
+    assert bench.read(0.9).fault == 0
+    assert bench.read(1.1).fault == 0x09
+    assert bench.read(CYCLE_S).fault == 0
+    bench.now += 2.0
+    bench.write(rACT=1)
+    assert bench.read(CYCLE_S).fault == 0
+
+
+@pytest.mark.parametrize(("direction", "ends_at"), [(1, 3), (0, 230)])
+def test_automatic_release_is_slow_latches_and_needs_reactivation(direction, ends_at):
+    bench = Bench().activated()
+    bench.write(rACT=1, rGTO=1, rPR=100, rSP=255)
+    bench.traffic(2.0)
+    bench.write(rACT=1, rATR=1, rARD=direction, rGTO=1, rPR=100)
+    seen = bench.read(0.1)
+    assert (seen.fault, seen.going) == (0x0B, False)
+    seen = bench.traffic(6.0)
+    assert (seen.fault, seen.position_counts, seen.activated) == (0x0F, ends_at, False)
+    bench.write(rACT=1, rGTO=1, rPR=50, rSP=255)
+    assert bench.traffic(1.0).fault == 0x0F
+    bench.write()
+    bench.write(rACT=1)
+    assert bench.traffic(6.0).activated
+
+
+def test_same_seed_same_registers():
+    def trace(seed):
+        bench = Bench(contact=140, seed=seed).activated()
+        bench.write(rACT=1, rGTO=1, rPR=255, rSP=200, rFR=10)
+        return [bench.read(0.003) for _ in range(400)]
+
+    assert trace(5) == trace(5)
+    assert trace(5) != trace(6)
+
+
+def test_counts_and_openings_agree_with_the_sdk_map():
+    jaws = Jaws()
+    assert jaws.count_at(85.0) == 3
+    assert jaws.count_at(0.0) == 230
+    assert jaws.count_at(200.0) == 3
+    for count in range(3, 231):
+        assert jaws.count_at(jaws.opening_at(count)) == count

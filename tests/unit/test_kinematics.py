@@ -1,0 +1,77 @@
+"""Poses and the IRB 120: forward and inverse undo each other, and the data sheet's numbers come out."""
+
+import math
+import random
+
+import pytest
+
+from drivers.abb.codec import Pose
+from drivers.sim import kinematics
+from drivers.sim.kinematics import compose, forward, inverse, invert
+
+
+def apart(a, b):
+    return math.dist(a[:3], b[:3]) + kinematics.turn_between(a.rotation, b.rotation)
+
+
+def random_pose(rng):
+    parts = [rng.gauss(0, 1) for _ in range(4)]
+    length = math.hypot(*parts)
+    return Pose(*(rng.uniform(-100, 100) for _ in range(3)), tuple(part / length for part in parts))
+
+
+def test_zero_position_of_the_data_sheet():
+    home = forward((0.0,) * 6)
+    assert home[:3] == pytest.approx((374.0, 0.0, 630.0))
+    assert kinematics.rotate(home.rotation, (0.0, 0.0, 1.0)) == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_reach_of_the_data_sheet():
+    """580 mm from the shoulder to the wrist centre, straight ahead with the hand pointing ahead too."""
+    ahead = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
+    assert inverse(Pose(581.0 + 72.0, 0.0, 290.0, ahead)) is None
+    target = Pose(579.0 + 72.0, 0.0, 290.0, ahead)
+    assert apart(forward(inverse(target)), target) < 1e-6
+
+
+def test_inverse_undoes_forward_poses():
+    rng = random.Random(1)
+    for _ in range(500):
+        joints = tuple(rng.uniform(low, high) for low, high in kinematics.LIMITS_DEG)
+        target = forward(joints)
+        found = inverse(target)
+        if found is not None:
+            assert kinematics.within_limits(found)
+            assert apart(forward(found), target) < 1e-6
+
+
+def test_every_hand_pointing_down_over_the_table_is_in_reach():
+    rng = random.Random(2)
+    for _ in range(500):
+        turn = rng.uniform(-math.pi, math.pi)
+        target = Pose(
+            300.0 + rng.uniform(-150, 150),
+            rng.uniform(-150, 150),
+            rng.uniform(5, 100),
+            (0.0, math.cos(turn / 2), math.sin(turn / 2), 0.0),
+        )
+        assert apart(forward(inverse(target)), target) < 1e-6
+
+
+def test_compose_and_invert():
+    rng = random.Random(3)
+    for _ in range(200):
+        a, b, c = (random_pose(rng) for _ in range(3))
+        assert apart(compose(compose(a, b), c), compose(a, compose(b, c))) < 1e-6
+        assert apart(compose(a, compose(invert(a), b)), b) < 1e-6
+
+
+def test_the_way_between_two_poses_is_even():
+    rng = random.Random(4)
+    for _ in range(100):
+        a, b = random_pose(rng), random_pose(rng)
+        middle = kinematics.between(a, b, 0.5)
+        assert apart(kinematics.between(a, b, 0.0), a) < 1e-6
+        assert apart(kinematics.between(a, b, 1.0), b) < 1e-6
+        half = kinematics.turn_between(a.rotation, b.rotation) / 2
+        assert kinematics.turn_between(a.rotation, middle.rotation) == pytest.approx(half, abs=1e-6)

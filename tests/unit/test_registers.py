@@ -1,0 +1,97 @@
+"""The register map: fields do not overlap, and decode the frames printed in the manuals."""
+
+import itertools
+
+import pytest
+
+from drivers.errors import FAULTS, MAJOR, GripperFault, fault_text
+from drivers.robotiq.registers import (
+    INPUT_FIELDS,
+    OUTPUT_FIELDS,
+    pack,
+    speed_mm_s,
+    to_bytes,
+    to_registers,
+    unpack,
+)
+from drivers.robotiq.state import decode
+
+
+@pytest.mark.parametrize("fields", [OUTPUT_FIELDS, INPUT_FIELDS])
+def test_no_two_fields_share_a_bit(fields):
+    bits = [(field.byte, field.shift + i) for field in fields for i in range(field.width)]
+    assert len(bits) == len(set(bits))
+    assert all(byte < 6 and bit < 8 for byte, bit in bits)
+    assert all(field.source.startswith("[") for field in fields)
+
+
+@pytest.mark.parametrize("fields", [OUTPUT_FIELDS, INPUT_FIELDS])
+def test_every_value_of_every_field_comes_back_and_touches_no_other(fields):
+    for field, value in itertools.chain.from_iterable(
+        ((field, value) for value in range(1 << field.width)) for field in fields
+    ):
+        seen = unpack(fields, pack(fields, {field.name: value}))
+        assert seen.pop(field.name) == value
+        assert set(seen.values()) == {0}
+
+
+def test_a_value_that_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match="rPR = 256"):
+        pack(OUTPUT_FIELDS, {"rPR": 256})
+    with pytest.raises(ValueError, match="rSP = -1"):
+        pack(OUTPUT_FIELDS, {"rSP": -1})
+    with pytest.raises(ValueError, match="no register field gPO"):
+        pack(OUTPUT_FIELDS, {"gPO": 1})
+
+
+def test_activate_and_close_blocks_of_the_manual():
+    assert pack(OUTPUT_FIELDS, {"rACT": 1}) == bytes.fromhex("010000000000")
+    full = {"rACT": 1, "rGTO": 1, "rPR": 255, "rSP": 255, "rFR": 255}
+    assert pack(OUTPUT_FIELDS, full) == bytes.fromhex("090000FFFFFF")
+
+
+def test_gripped_status_of_the_manual():
+    seen = decode(bytes.fromhex("B90000FFBD00"))
+    assert seen.activated
+    assert seen.going
+    assert not seen.moving
+    assert (seen.object_flag, seen.echo_counts, seen.position_counts, seen.fault) == (2, 255, 189, 0)
+
+
+def test_moving_and_activating_status_of_the_manual():
+    assert decode(bytes.fromhex("390000FF0000")).moving
+    seen = decode(bytes.fromhex("110000000000"))
+    assert seen.activating
+    assert not seen.activated
+    assert decode(bytes.fromhex("310000000000")).activated
+
+
+def test_fault_nibbles_are_kept_apart():
+    seen = decode(bytes.fromhex("3100E9000000"))
+    assert (seen.fault, seen.controller_fault) == (9, 0xE)
+
+
+def test_current_is_ten_milliamperes_a_count():
+    assert decode(bytes.fromhex("31000000000A")).current_ma == 100  # the manuals' own example
+
+
+def test_registers_are_big_endian():
+    assert to_registers(bytes.fromhex("0900 00FF")) == (0x0900, 0x00FF)
+    assert to_bytes((0x0900, 0x00FF)) == bytes.fromhex("0900 00FF")
+
+
+def test_speed_range_of_the_sdk():
+    assert (speed_mm_s(0), speed_mm_s(255)) == (20.0, 150.0)
+
+
+def test_every_fault_says_what_it_means_and_what_to_do():
+    for code, text in FAULTS.items():
+        error = GripperFault.from_code(code, "closing")
+        assert error.code == code
+        assert text.sentence in str(error)
+        assert text.remedy in str(error)
+        assert "\n" not in str(error)
+
+
+def test_unknown_faults_are_major():
+    assert fault_text(0x03).severity == MAJOR

@@ -1,0 +1,127 @@
+"""An RTU slave's ear: whole frames get answers, everything else gets silence, noise does not deafen it."""
+
+import random
+
+import pytest
+from pymodbus.framer.rtu import FramerRTU
+
+from drivers.sim.gripper import GripperModel
+from drivers.sim.modbus import GripperRegisters, crc16, frame_length
+from drivers.sim.rtu import RtuSlave
+
+READ = bytes.fromhex("09 03 07D0 0003 040E")
+READ_REPLY_LENGTH = 11
+
+
+def frame(text):
+    body = bytes.fromhex(text)
+    return body + crc16(body)
+
+
+@pytest.fixture
+def slave():
+    model = GripperModel(random.Random(1))
+    return RtuSlave(GripperRegisters(model, lambda: 0.01))
+
+
+def test_crc_against_the_librarys_own():
+    rng = random.Random(2)
+    for length in range(1, 60):
+        data = rng.randbytes(length)
+        assert crc16(data) == FramerRTU.compute_CRC(data).to_bytes(2, "big")
+
+
+@pytest.mark.parametrize(
+    "request_text",
+    [
+        "09 03 07D0 0001",
+        "09 04 07D0 0008",
+        "09 03 03E8 0003",
+        "09 06 03E8 0100",
+        "09 10 03E9 0001 02 00FF",
+        "09 10 03E8 0008 10 0000 0000 0000 0000 0000 0000 0000 0000",
+        "09 17 07D0 0002 03E9 0002 04 00E6 3CC8",
+    ],
+)
+def test_served_requests_answer_with_their_own_id_function_and_crc(slave, request_text):
+    (reply,) = slave.feed(frame(request_text))
+    assert reply[:2] == bytes.fromhex(request_text)[:2]
+    assert crc16(reply[:-2]) == reply[-2:]
+
+
+@pytest.mark.parametrize(
+    "request_text",
+    [
+        "08 03 07D0 0003",  # another slave
+        "00 10 03E8 0001 02 0100",  # broadcast
+        "09 03 0000 0003",  # no such register
+        "09 03 07D0 0009",  # runs over the end of the block
+        "09 03 07CF 0003",  # starts before it
+        "09 03 07D0 0000",  # nothing asked for
+        "09 06 07D0 0100",  # input registers cannot be written
+        "09 10 03E8 0002 02 0100",  # byte count contradicts the register count
+        "09 10 03EF 0002 04 0100 0000",  # runs over the end
+        "09 01 07D0 0003",  # coils: unknown here
+        "09 2B 0E 01 00",  # device identification: unknown here
+        "09 17 0000 0002 03E9 0002 04 00E6 3CC8",  # bad read half
+        "09 17 07D0 0002 0000 0002 04 00E6 3CC8",  # bad write half
+    ],
+)
+def test_everything_else_is_silence_and_never_an_exception_frame(slave, request_text):
+    assert slave.feed(frame(request_text)) == []
+    slave.silence()
+    assert len(slave.feed(READ)[0]) == READ_REPLY_LENGTH
+
+
+def test_every_flipped_bit_is_silence(slave):
+    for bit in range(8 * len(READ)):
+        bad = bytearray(READ)
+        bad[bit // 8] ^= 1 << bit % 8
+        assert slave.feed(bytes(bad)) == []
+        slave.silence()
+
+
+def test_a_bad_read_write_writes_nothing():
+    model = GripperModel(random.Random(1))
+    slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
+    slave.feed(frame("09 17 0000 0002 03E9 0002 04 00E6 3CC8"))
+    assert model.read_output() == bytes(16)
+
+
+def test_frames_may_come_in_any_pieces(slave):
+    for cut in range(1, len(READ)):
+        assert slave.feed(READ[:cut]) == []
+        assert slave.pending
+        assert len(slave.feed(READ[cut:])) == 1
+        assert not slave.pending
+
+
+def test_several_frames_in_one_piece_are_told_apart(slave):
+    other = frame("08 03 07D0 0003")
+    bad = READ[:-1] + b"\0"
+    assert len(slave.feed(READ + other + READ + bad + READ)) == 3
+
+
+def test_an_unfinished_frame_is_forgotten_after_silence(slave):
+    assert slave.feed(READ[:5]) == []
+    slave.silence()
+    assert len(slave.feed(READ)) == 1
+
+
+def test_random_noise_neither_raises_nor_is_obeyed():
+    rng = random.Random(3)
+    model = GripperModel(random.Random(1))
+    slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
+    for _ in range(3000):
+        slave.feed(b"\x09" + rng.randbytes(rng.randrange(1, 24)))
+        slave.silence()
+    assert model.read_output() == bytes(16)
+
+
+def test_length_of_each_request_is_known_from_its_head():
+    for text in ("09 03 07D0 0003", "09 06 03E8 0100", "09 10 03E8 0001 02 0100"):
+        whole = frame(text)
+        assert frame_length(whole) == len(whole)
+    assert frame_length(b"\x09") == 0
+    assert frame_length(b"\x09\x10\x03") == 0
+    assert frame_length(b"\x09\x2b") is None
