@@ -21,8 +21,8 @@ The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9), the arm an o
 line protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}.
 
 exit codes:
-  0 asked to end (SIGTERM, quit, stdin closed)   2 usage   3 file missing   4-7 job file refused
-  30 table refused   31 the cell cannot start   130 interrupted (Ctrl-C)
+  0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing
+  4-8 job file refused   30 table refused   31 the cell cannot start   130 interrupted (Ctrl-C)
 """
 
 
@@ -70,8 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if options.debug:
             raise
-        line = " ".join(str(error).split()) or type(error).__name__
-        print(f"grasp-cell: {line}", file=sys.stderr)
+        print(f"grasp-cell: {_one_line(error)}", file=sys.stderr)
         # Tables and jobs bring their own codes; anything else kept the cell from starting.
         return int(getattr(error, "exit_code", 31))
 
@@ -86,7 +85,9 @@ def serve(options: argparse.Namespace) -> int:
             "grasp-cell: no planner here; widths are drawn from the table's own statistics", file=sys.stderr
         )
     warm_up(setting, options.seed)
+    failures: list[str] = []
     with Cell(setting, options.seed, options.time_scale) as cell:
+        threading.excepthook = lambda failed: _give_up(failed, failures, cell.stopped, debug=options.debug)
         signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
         if options.until_stdin_closes:
             threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
@@ -95,7 +96,23 @@ def serve(options: argparse.Namespace) -> int:
         else:
             print("\n".join(f"{name:8}{value}" for name, value in cell.endpoints.items()), flush=True)
         cell.stopped.wait()
-    return 0
+    for failure in failures[:1]:
+        print(f"grasp-cell: stopped: {failure}", file=sys.stderr)
+    return 1 if failures else 0
+
+
+def _give_up(
+    failed: threading.ExceptHookArgs, failures: list[str], stopped: threading.Event, *, debug: bool
+) -> None:
+    """A server thread failed, most likely in the world: end the cell rather than leave a device mute."""
+    failures.append(_one_line(failed.exc_value))
+    if debug:
+        threading.__excepthook__(failed)
+    stopped.set()
+
+
+def _one_line(error: BaseException | None) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _watch_stdin(stopped: threading.Event) -> None:

@@ -30,4 +30,23 @@ def broken(job, seed):
     raise RuntimeError("this world\nis broken")
 
 
+class Stumbling:
+    """Works once, to warm up; the next one fails."""
+
+    made = 0
+
+    def __init__(self):
+        Stumbling.made += 1
+        self.fails = Stumbling.made > 1
+
+    def squeeze(self, pose_hand):
+        if self.fails:
+            raise RuntimeError("no such squeeze")
+        return pose_hand, 0.0, "untouched"
+
+
+def stumbling(job, seed):
+    return Stumbling()
+
+
 not_callable = 3

@@ -209,6 +209,16 @@ def test_every_way_to_end(how, code):
     made.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
 
 
+def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
+    made = Running(world="fake_world:stumbling")
+    with made.connected() as (gripper, arm, _):
+        arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
+        with pytest.raises((ConnectionError, RuntimeError)):
+            gripper.activate()
+    assert made.process.wait(20) == 1
+    made.end(1, "grasp-cell: stopped: no such squeeze\n")
+
+
 def test_a_client_that_asks_nonsense_is_told(cell):
     with contextlib.closing(connect.scene(cell.endpoints["scene"])) as scene:
         with pytest.raises(ConnectionError, match="known"):
