@@ -19,7 +19,7 @@ from planner.part.outline import canonical, radius_of_gyration
 from planner.part.pressure import Pressure, support
 
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
-"""The paper's gripper: opening, finger length, finger thickness (mm), the upper finger's share of the closing."""
+"""The paper's gripper: opening, finger length and thickness (mm), the upper finger's share of the closing."""
 LONG_JAWS = np.array([85.0, 400.0, 9.5, 0.5])
 """Fingers longer than any part: nothing reaches their ends."""
 

@@ -1,0 +1,174 @@
+"""Distances, overlaps and contacts of part and fingers, against shapely's geometry of the same shapes."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from problems import random_convex, random_poses, random_star
+
+from planner.mechanics import contacts
+from planner.mechanics.contacts import CORNER, END, FACE, FINGER, GAP, KIND, NX, NY, RX, RY, SIDE, VERTEX
+
+HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
+FINGERS = pytest.mark.parametrize("finger", [1, -1])
+
+
+def finger_box(finger: int, face: float) -> shapely.Polygon:
+    return shapely.box(
+        -HALF, min(face, face + finger * THICKNESS), HALF, max(face, face + finger * THICKNESS)
+    )
+
+
+def placed(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.ascontiguousarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+
+
+def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
+    """The valid rows of both contact arrays."""
+    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
+    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+    listed = np.arange(len(points))
+    count = contacts.find(C, I, points, listed, len(points), pose, top, bottom, HALF, THICKNESS, margin)
+    return C[:count], I[:count]
+
+
+def scenes(seed: int, count: int, radius: float = 30.0):
+    """Random parts, two of three concave, at random poses."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        outline = random_convex(rng, 6) if k % 3 == 0 else random_star(rng, int(rng.integers(4, 14)))
+        pose = random_poses(rng, 1, radius)[0]
+        yield rng, placed(outline, pose), pose
+
+
+def test_place_turns_and_shifts_the_listed_vertices_only():
+    rng = np.random.default_rng(1)
+    outline, pose = random_star(rng, 9), np.array([3.0, -4.0, 0.7])
+    points = np.zeros_like(outline)
+    listed = np.array([1, 4, 8, 0])
+    contacts.place(outline, pose, points, listed, 3)
+    assert np.allclose(points[[1, 4, 8]], placed(outline, pose)[[1, 4, 8]], atol=1e-12)
+    assert not points[[0, 2, 3, 5, 6, 7]].any()
+
+
+@FINGERS
+def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(finger):
+    missed = 0
+    strip = shapely.box(-HALF, -500.0, HALF, 500.0)
+    for _, points, _ in scenes(2, 400):
+        below = shapely.intersection(shapely.Polygon(points), strip)
+        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        if below.is_empty:
+            missed += 1
+            assert way == math.inf
+        else:
+            extreme = below.bounds[3] if finger == 1 else -below.bounds[1]
+            assert way == pytest.approx(100.0 - extreme, abs=1e-9)
+    assert 0 < missed < 300
+
+
+@FINGERS
+def test_a_finger_that_closed_by_its_clearance_touches_and_does_not_overlap(finger):
+    for _, points, _ in scenes(3, 300, radius=20.0):
+        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        if math.isinf(way):
+            continue
+        part, face = shapely.Polygon(points), finger * (100.0 - way)
+        assert part.distance(finger_box(finger, face)) < 1e-9
+        assert part.distance(finger_box(finger, face + finger * 0.5)) > 0.0
+        assert contacts.penetration(points, finger, face, HALF, THICKNESS) < 1e-9
+
+
+@FINGERS
+def test_penetration_is_the_depth_of_the_deepest_vertex_or_finger_corner(finger):
+    """Both depths by shapely: of the part's vertices in the finger, of the finger's corners in the part."""
+    deep = 0
+    for rng, points, _ in scenes(4, 400, radius=20.0):
+        face = finger * rng.uniform(-5.0, 25.0)
+        part, box = shapely.Polygon(points), finger_box(finger, face)
+        inside = [p for p in shapely.points(points) if box.contains(p)]
+        corners = [c for c in shapely.points([[-HALF, face], [HALF, face]]) if part.contains(c)]
+        depths = [box.exterior.distance(p) for p in inside] + [part.exterior.distance(c) for c in corners]
+        deep += len(depths) > 0
+        depth = contacts.penetration(points, finger, face, HALF, THICKNESS)
+        assert depth == pytest.approx(max(depths, default=0.0), abs=1e-9)
+        if not part.intersects(box):
+            assert depth == 0.0
+    assert deep > 100
+
+
+def test_overlap_is_the_deeper_of_the_two_fingers():
+    for rng, points, _ in scenes(5, 100, radius=20.0):
+        top, bottom = rng.uniform(0, 20), rng.uniform(-20, 0)
+        each = [contacts.penetration(points, f, y, HALF, THICKNESS) for f, y in ((1, top), (-1, bottom))]
+        assert contacts.overlap(points, top, bottom, HALF, THICKNESS) == max(each)
+
+
+@FINGERS
+def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
+    """However the part lies: no part is touched without a row that says so."""
+    touched = 0
+    for rng, points, pose in scenes(6, 500, radius=25.0):
+        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        if math.isinf(way):
+            continue
+        touched += 1
+        gap = rng.uniform(0.0, 1e-3)
+        faces = {1: FAR + 60, -1: -FAR - 60, finger: finger * (100.0 - way + gap)}
+        C, I = found(points, pose, faces[1], faces[-1], margin=0.5)
+        assert (I[:, FINGER] == finger).all()
+        along_y = C[:, GAP] / np.abs(C[:, NY])
+        assert along_y.min() == pytest.approx(gap, abs=1e-9)
+    assert touched > 200
+
+
+def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
+    """Faces just before they touch; far apart where one passes by the part."""
+    ways = [contacts.clearance(points, f, f * 100.0, HALF) for f in (1, -1)]
+    top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
+    return top, -bottom
+
+
+def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
+    """Moves the part to the right of the fingers, close to their ends; the upper finger reaches past it."""
+    leftmost = points[points[:, 0].argmin()]
+    shift = HALF + rng.uniform(0.0, 0.3) - leftmost[0]
+    points[:, 0] += shift
+    pose[0] += shift
+    return leftmost[1] - rng.uniform(1.0, 8.0), -FAR
+
+
+def test_each_contact_is_a_pair_of_features_at_its_gap():
+    """The point lies on the part's boundary; from there, along the normal, the finger is one gap away."""
+    kinds = []
+    for rng, points, pose in scenes(7, 600, radius=20.0):
+        top, bottom = nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
+        part = shapely.Polygon(points)
+        for c, i in zip(*found(points, pose, top, bottom, margin=0.5), strict=True):
+            box = finger_box(i[FINGER], top if i[FINGER] == 1 else bottom)
+            kinds.append(i[KIND])
+            on_part, normal = pose[:2] + c[[RX, RY]], c[[NX, NY]]
+            assert np.hypot(*normal) == pytest.approx(1.0, abs=1e-12)
+            assert part.exterior.distance(shapely.Point(on_part)) < 1e-9
+            assert box.exterior.distance(shapely.Point(on_part - c[GAP] * normal)) < 1e-9
+            if i[KIND] == CORNER:
+                face = top if i[FINGER] == 1 else bottom
+                assert np.allclose(on_part - c[GAP] * normal, [i[SIDE] * HALF, face], atol=1e-9)
+                edge = points[(i[VERTEX] + 1) % len(points)] - points[i[VERTEX]]
+                assert abs(edge @ normal) < 1e-9 * np.hypot(*edge)
+            else:
+                assert np.allclose(on_part, points[i[VERTEX]], atol=1e-9)
+    assert all(kinds.count(kind) > 20 for kind in (FACE, CORNER, END)), kinds
+
+
+def test_buffers_that_overflow_keep_the_nearest_contacts():
+    """A part with 30 teeth under the finger has more contacts than the buffers."""
+    teeth = np.linspace(12.0, -12.0, 61)
+    heights = np.where(np.arange(61) % 2 == 1, 10.0 + 0.01 * np.arange(61), 5.0)
+    points = np.concatenate([[[-12.5, 0.0], [12.5, 0.0]], np.column_stack([teeth, heights])])
+    C, _ = found(points, np.zeros(3), 10.7, -FAR, margin=1.0)
+    expected = np.sort(10.7 - heights[heights > 6.0])[: contacts.MAX_CONTACTS]
+    assert len(C) == contacts.MAX_CONTACTS
+    assert np.allclose(np.sort(C[:, GAP]), expected)
