@@ -93,10 +93,8 @@ def compile_job(
             break
     table, evaluation = with_evaluation(table, evaluation, job)
     if not any(leaf.resolved for leaf in table.leaves):
-        error = NoPlanError(
-            f"{job.part.name}: no leaf comes within {job.goal.distance_mm} mm at confidence {job.goal.confidence}; "
-            "add actions, or ask for less"
-        )
+        goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
+        error = NoPlanError(f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less")
         error.success = float(np.mean(evaluation.error_mm < evaluation.goal_mm))
         raise error
     return Plan(table, root, evaluation)

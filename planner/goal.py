@@ -132,4 +132,13 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
             pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
         if best == n:
             break
+    # Among equals the mean is the better prediction.
+    _inliers(poses, pose, goal, rho, period, mean)
+    for _ in range(REFINEMENTS):
+        centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
+        count = _inliers(poses, centre, goal, rho, period, mean)
+        if count < best:
+            break
+        best = count
+        pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
     return float(best / n)

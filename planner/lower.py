@@ -29,7 +29,7 @@ from runtime.table import (
 )
 
 MARGIN_COUNTS = 2
-"""A branch's interval reaches this many counts beyond the widths seen in planning: rare ones, not strangers."""
+"""A branch's interval reaches this many counts beyond the widths seen in planning: rare, not strange."""
 
 
 def lower(root: TreeNode, job: Job) -> Table:

@@ -71,18 +71,16 @@ def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:
     figures = plan.evaluation.summary()
     low, high = figures["success_ci95"]
     unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
-    return "\n".join(
-        [
-            f"{part}: {len(plan.table.nodes)} squeezes planned, {len(plan.table.leaves)} leaves"
-            + (f" ({unresolved} of them unresolved)" if unresolved else ""),
-            f"success {figures['success_rate']:.2%} (95 % interval {low:.2%} to {high:.2%}) in "
-            f"{figures['trials']} fresh trials; {figures['mean_squeezes']:.2f} squeezes on average, "
-            f"{figures['max_squeezes']} at most; about {figures['mean_seconds']:.1f} s a part",
-            f"rejected {figures['reject_rate']:.2%}, unresolved {figures['unresolved_rate']:.2%}, "
-            f"wrong {figures['wrong_rate']:.2%}",
-            f"wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s",
-        ]
-    )
+    leaves = f"{len(plan.table.leaves)} leaves" + (f", {unresolved} of them unresolved" if unresolved else "")
+    return f"""\
+{part}: {len(plan.table.nodes)} squeezes planned, {leaves}
+success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
+(95 % interval {low:.2%} to {high:.2%})
+rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
+wrong {figures["wrong_rate"]:.2%}
+{figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
+about {figures["mean_seconds"]:.1f} s
+wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 
 if __name__ == "__main__":

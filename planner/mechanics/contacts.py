@@ -40,7 +40,7 @@ MAX_CONTACTS = 12
 NEARLY_PARALLEL = 0.08
 """Sine of the angle below which an edge counts as parallel to a finger's face."""
 LEAST_ARM_MM = 0.5
-"""Of a flush edge, the vertex on the face alone counts where the finger's corner is nearer to it than this."""
+"""Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 BEHIND_MM = 0.1
 """What lies further than this behind an inner face is beside or behind the finger, not before it."""

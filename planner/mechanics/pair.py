@@ -100,7 +100,7 @@ def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, s
 
 @kernel
 def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
-    """Contact i sticks while j slides with sense sj; `o` is 0 where i is the first of the pair in G, else 2."""
+    """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
     a10, a11, a12 = G[o + 1, o], G[o + 1, o + 1], G[o + 1, v] + sj * mu_j * G[o + 1, v + 1]

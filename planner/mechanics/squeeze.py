@@ -294,7 +294,7 @@ def squeeze(
         trace: (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
-        Final width [mm], status, 1 where the squeeze had to be given up (0 in a sound one), rows of the trace.
+        Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
     """
     h, thickness = 0.5 * jaws[1], jaws[2]
     top_share, bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])

@@ -1,7 +1,7 @@
 """One quasi-static step: the part's displacement while the fingers advance (paper, eqs 1-5).
 
-The step is posed at displacement level. With the ellipsoid limit surface, eq. 1 reads V = A F up to a positive
-factor that the forces absorb, so for wrench directions N_i (normal) and T_i (tangent)
+The step is posed at displacement level. With the ellipsoid limit surface, eq. 1 reads V = A F up to a
+positive factor that the forces absorb, so for wrench directions N_i (normal) and T_i (tangent)
 
     V = A sum_i (f_n N_i + f_t T_i)                                                     (1, 2)
     0 <= f_n  _|_  gap_i + N_i . V - u_n        >= 0                                     (3)
@@ -49,7 +49,7 @@ TOUCHING_MM = 1e-3
 PAST_END_MM = 1e-4
 """How far a contact goes past the end of its feature, so that the next feature takes over."""
 UNBOUNDED = 1e7
-"""A force beyond this, where 1 moves the part by about 1 mm, is a ray of the exact problem seen through rounding."""
+"""A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
 OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
@@ -149,8 +149,9 @@ def _assemble(
 
 
 @kernel
-def _all_touching(A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork,
-                  V: Array) -> int:  # fmt: skip
+def _all_touching(
+    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
+) -> int:
     """Lemke's method on all touching contacts, with the residual checked."""
     m = 0
     for k in range(count):
@@ -265,5 +266,15 @@ def event_fraction(C: Array, count: int, V: Array) -> float:
     return fraction
 
 
-__all__ = ["PIVOT_LIMIT", "RAY", "SOLVED", "StepWork", "directions", "event_fraction", "rotate_surface", "solve",
-           "turn", "workspace"]  # fmt: skip
+__all__ = [
+    "PIVOT_LIMIT",
+    "RAY",
+    "SOLVED",
+    "StepWork",
+    "directions",
+    "event_fraction",
+    "rotate_surface",
+    "solve",
+    "turn",
+    "workspace",
+]

@@ -1,0 +1,1 @@
+"""Pictures of squeezes and of plans. Only its modules import matplotlib, so import them where one is drawn."""

@@ -1,0 +1,131 @@
+"""What the pictures share: colours that colour-blind readers can tell apart, outlines, fingers, whole files."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from planner.arrays import Array
+from planner.job import Job
+
+# Okabe and Ito's palette, and greys.
+BLUE = "#0072B2"
+RED = "#D55E00"
+GREEN = "#009E73"
+BLACK = "#1a1a1a"
+GREY = "#a6a6a6"
+PALE = "#d9d9d9"
+
+STYLE = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.size": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": GREY,
+    "xtick.color": "#595959",
+    "ytick.color": "#595959",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.0,
+    "ytick.major.size": 2.0,
+    "svg.hashsalt": "squeezetree",  # ids of an SVG do not change from run to run
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+}
+DPI = 200
+PICTURES = (".png", ".svg", ".pdf")
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The look of all pictures, for as long as one is drawn and saved."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file to write instead of `path`, which it replaces when all went well: whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+    os.close(handle)
+    try:
+        yield Path(name)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure, in the format that the suffix names: the same bytes for the same figure.
+
+    Args:
+        figure: drawn under `style`.
+        path: ends in one of `PICTURES`.
+    """
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix.lower(), {})
+    with replacing(path) as file:
+        figure.savefig(file, dpi=DPI, metadata=undated)
+        if path.suffix.lower() == ".svg":
+            file.write_text(lighter(file.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def lighter(svg: str) -> str:
+    """The same picture in a third of the bytes: styles that recur become classes, decimals stop at 0.001 px."""
+    styles = Counter(re.findall(r'style="([^"]*)"', svg))
+    names = {text: f"s{k}" for k, (text, count) in enumerate(styles.most_common()) if count > 1}
+
+    def name(match: re.Match[str]) -> str:
+        known = names.get(match[1])
+        return f'class="{known}"' if known else match[0]
+
+    svg = re.sub(r'style="([^"]*)"', name, svg)
+    svg = re.sub(r"(\.\d{3})\d+", r"\1", svg)
+    rules = "".join(f".{known}{{{text}}}" for text, known in names.items())
+    return svg.replace("</style>", f"{rules}</style>", 1)
+
+
+def outlines(outline: Array, poses: Array) -> Array:
+    """The part at each of the poses.
+
+    Args:
+        outline: (N, 2) in the part's frame [mm].
+        poses: (n, 3) [mm, mm, rad].
+
+    Returns:
+        (n, N, 2) [mm].
+    """
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)  # (n, 2, 2)
+    return np.asarray(np.einsum("nij,kj->nki", turn, outline) + poses[:, None, :2])
+
+
+def jaws_of(job: Job) -> Array:
+    """Opening, finger length, finger thickness [mm], and the upper finger's share of the closing: half."""
+    gripper = job.gripper
+    return np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, 0.5])
+
+
+def finger_boxes(jaws: Array, width_mm: float) -> Array:
+    """Both fingers, closed to a width, in the hand frame.
+
+    Args:
+        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+        width_mm: between the inner faces.
+
+    Returns:
+        (2, 4, 2) the upper and the lower box [mm].
+    """
+    opening, length, thickness, share = jaws
+    top = 0.5 * opening - share * (opening - width_mm)
+    x = 0.5 * length * np.array([-1.0, 1.0, 1.0, -1.0])
+    y = thickness * np.array([0.0, 0.0, 1.0, 1.0])
+    return np.stack([np.stack([x, top + y], axis=-1), np.stack([x, top - width_mm - y], axis=-1)])

@@ -1,0 +1,104 @@
+"""Parts sent through a table, with their poses kept: the beliefs that the table itself does not hold.
+
+A table stores decisions only (paper, Fig. 2: "no belief distribution needs to be stored"). A picture of it
+needs the beliefs again, and finds them as the table was judged: many parts, squeezed in the stochastic world,
+each sent on by the encoder count it would read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief import initial
+from planner.encoder import Encoder, encoder_of
+from planner.evaluate import placement_of
+from planner.frames import to_hand, to_world
+from planner.job import Job
+from planner.world import ContactWorld
+from runtime.table import REJECT, Calibration, Node, Table, count_map
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visit:
+    """The parts that came to one node.
+
+    Attributes:
+        before: (n, 3) their poses in the world before the squeeze [mm, mm, rad].
+        after: (n, 3) and after it.
+        width_mm: (n,) true opening at which the fingers stopped.
+        branch: (n,) where the encoder's reading sends each, `REJECT` where it fits no branch.
+    """
+
+    before: Array
+    after: Array
+    width_mm: Array
+    branch: IntArray
+
+    def through(self, branch: int) -> Array:
+        """Poses (m, 3) of the parts that leave through one branch, or through `REJECT`."""
+        return np.asarray(self.after[self.branch == branch])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replay:
+    """All parts, node by node.
+
+    Attributes:
+        visits: one for each node of the table.
+        leaves: for each leaf, the poses (m, 3) of the parts that ended there.
+    """
+
+    visits: tuple[Visit, ...]
+    leaves: tuple[Array, ...]
+
+
+def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
+    """Sends parts through a table.
+
+    Args:
+        table: canonical, so that every node comes after the one that leads to it.
+        job: the job it was compiled from.
+        trials: number of parts.
+        seed: of their poses, the mechanics and the encoder's noise.
+    """
+    rng = np.random.default_rng([seed, 0x5245504C])
+    world, encoder = ContactWorld(job, seed), encoder_of(job)
+    calibration = Calibration.linear(table.gripper)
+    nobody = np.empty((0, 3))
+    arrivals = [nobody] * len(table.nodes)
+    leaves = [nobody] * len(table.leaves)
+    arrivals[0] = initial(job, trials, rng)
+    visits = []
+    for index, node in enumerate(table.nodes):
+        visit = _visit(node, arrivals[index], world, encoder, calibration, rng)
+        visits.append(visit)
+        for number, branch in enumerate(node.branches):
+            if branch.target >= 0:
+                arrivals[branch.target] = visit.through(number)
+            else:
+                leaves[~branch.target] = visit.through(number)
+    return Replay(tuple(visits), tuple(leaves))
+
+
+def _visit(
+    node: Node,
+    before: Array,
+    world: ContactWorld,
+    encoder: Encoder,
+    calibration: Calibration,
+    rng: np.random.Generator,
+) -> Visit:
+    """One squeeze of all that came to a node."""
+    if len(before) == 0:
+        return Visit(before, before, np.empty(0), np.empty(0, np.int64))
+    placement = placement_of(node.squeeze)
+    rolled = world.squeeze_many(to_hand(before, placement))
+    outcome = np.array(count_map(node, calibration), dtype=np.int64)
+    branch = outcome[encoder.read(rolled.width_mm, rng)]
+    return Visit(before, to_world(rolled.poses, placement), rolled.width_mm, branch)
+
+
+__all__ = ["REJECT", "Replay", "Visit", "replay"]

@@ -1,0 +1,138 @@
+"""Squeezes as the paper's Fig. 3 shows them: initial, intermediate and final, and the centre's trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from planner.arrays import Array
+from planner.report import canvas
+
+MOST_PANELS = 12
+COLUMNS = 4
+BETWEEN = 4
+"""Intermediate states drawn of one squeeze."""
+MARK_MM = 1.5
+"""Distance between the marks of a trace."""
+WIDTH_IN = 2.1
+"""Width of one panel."""
+
+
+class Squeezed(NamedTuple):
+    """One squeeze, step by step.
+
+    Attributes:
+        states: (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], k >= 2; the first row open, the last
+            final.
+        status: one of the simulator's words.
+    """
+
+    states: Array
+    status: str
+
+
+def along(states: Array, widths_mm: Array) -> Array:
+    """The squeeze at given widths, interpolated between its steps.
+
+    Args:
+        states: (k, 4) as in `Squeezed`.
+        widths_mm: (n,) falling or equal, within the squeeze.
+
+    Returns:
+        (n, 4) states.
+    """
+    order = np.arange(len(states))[::-1]  # np.interp wants rising widths; a later state wins among equals
+    rising = states[order, 3]
+    columns = [np.interp(widths_mm, rising, states[order, j]) for j in range(3)]
+    return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)
+
+
+def touch(states: Array) -> float:
+    """Width at which the part begins to move; the final width if it never does [mm]."""
+    moved = np.any(np.abs(states[:, :3] - states[0, :3]) > 1e-9, axis=1)
+    if not moved.any():
+        return float(states[-1, 3])
+    return float(states[max(int(np.argmax(moved)) - 1, 0), 3])
+
+
+def trail(centres: Array) -> Array:
+    """Points (n, 2) at equal distances along a path (k, 2), its two ends among them [mm]."""
+    passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(centres, axis=0).T))])
+    marks = np.linspace(0.0, passed[-1], 1 + round(passed[-1] / MARK_MM))
+    return np.stack([np.interp(marks, passed, centres[:, j]) for j in range(2)], axis=-1)
+
+
+def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed], path: Path) -> None:
+    """Draws one panel for each squeeze.
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+        traces: 1 to `MOST_PANELS` squeezes.
+        path: the picture; ends in .png, .svg or .pdf.
+    """
+    with canvas.style():
+        canvas.save(panels(outline, jaws, traces), path)
+
+
+def panels(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
+    """The figure that `figure` saves; arguments alike. Each panel is a group `squeeze-1`, ... in an SVG."""
+    columns = min(COLUMNS, len(traces))
+    rows = ceil(len(traces) / columns)
+    half = extent(outline, jaws, traces)
+    size = (columns * WIDTH_IN + 0.35, rows * (WIDTH_IN * half[1] / half[0] + 0.22) + 0.3)
+    result = Figure(figsize=size, facecolor="white", layout="constrained")
+    grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[len(traces) :]:
+        axes.remove()
+    for k, (axes, trace) in enumerate(zip(grid.flat, traces, strict=False)):
+        axes.set_gid(f"squeeze-{k + 1}")
+        frame(axes, half)
+        _draw(axes, outline, jaws, trace.states)
+        axes.set_title(f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0)
+    result.supxlabel("x / mm, along the fingers", fontsize=8.0)
+    result.supylabel("y / mm, closing", fontsize=8.0)
+    return result
+
+
+def extent(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> tuple[float, float]:
+    """Half width and half height that hold all of all squeezes, and a margin [mm]."""
+    reach = float(np.max(np.hypot(*outline.T)))
+    centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
+    x = max(0.5 * float(jaws[1]), float(centres[:, 0].max()) + reach)
+    y = max(0.5 * float(jaws[0]) + float(jaws[2]), float(centres[:, 1].max()) + reach)
+    return x + 3.0, y + 3.0
+
+
+def frame(axes: Axes, half: tuple[float, float]) -> None:
+    """Equal axes in mm with a faint grid."""
+    axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal")
+    axes.set_xticks([-20, 0, 20])
+    axes.set_yticks([-40, -20, 0, 20, 40])
+    axes.tick_params(labelsize=7.0)
+    axes.grid(color="#ececec", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
+    """Black, grey and red states over each other, and the centre's trace."""
+    begun = touch(states)
+    between = along(states, np.linspace(begun, states[-1, 3], BETWEEN + 2)[:-1])
+    for rows, color, width, order in (
+        (between, canvas.GREY, 0.6, 2.0),
+        (states[:1], canvas.BLACK, 0.9, 2.5),
+        (states[-1:], canvas.RED, 1.3, 3.0),
+    ):
+        boxes = [box for state in rows for box in canvas.finger_boxes(jaws, float(state[3]))]
+        shapes = [*boxes, *canvas.outlines(outline, rows[:, :3])]
+        drawn = PolyCollection(shapes, facecolors="none", edgecolors=color, linewidths=width, zorder=order)
+        axes.add_collection(drawn, autolim=False)
+    marks = trail(states[:, :2])
+    axes.plot(marks[:, 0], marks[:, 1], "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)

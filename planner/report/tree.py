@@ -1,0 +1,259 @@
+"""A compiled table as one picture, after the paper's Figs 2 and 6.
+
+Every node shows the belief when it is reached, as outlines whose overlap darkens, and the fingers of the
+squeeze that led there, at their expected width. Arrow heads close along the next squeeze. Leaves, framed, show
+the predicted pose. Lengths on the page are pixels at a hundred to the inch.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch, PathPatch, Polygon
+from matplotlib.path import Path as Curve
+from matplotlib.transforms import Bbox, TransformedBbox
+
+from planner.arrays import Array
+from planner.belief import subsample
+from planner.evaluate import placement_of
+from planner.frames import to_world
+from planner.job import Job
+from planner.report import canvas
+from planner.report.layout import Layout, Sizes, Spot, tidy
+from planner.report.replay import Replay, replay
+from runtime.table import PPM, Branch, Leaf, Node, Table
+
+DIM = "#6b6b6b"
+LINE = "#8c8c8c"
+PANEL = 64.0
+GAP = 53.0
+BUS = 14.0
+"""How far below a panel its branches part."""
+EDGE = 5.0
+FONT_PX = 9.5
+LINE_PX = 17.0
+SIZES = Sizes(panel=0.5 * PANEL, label=29.0, text=29.0, margin=6.0)
+LEGEND = (
+    (canvas.BLUE, "belief on arrival, darker where denser"),
+    (canvas.RED, "fingers after the squeeze, at their expected width"),
+    (canvas.GREEN, "leaf: predicted x, y (mm) and angle; success in its trials"),
+    (canvas.BLACK, "arrow heads: how the next squeeze closes; below, the angle of the hand"),
+    (LINE, "branch: interval of widths between the fingers (mm), share of all parts"),
+)
+LEGEND_PX = 400.0
+OUTLINES = 60
+"""Most outlines drawn in one panel."""
+DARKNESS = 0.7
+"""Of the place that all outlines of a panel cover."""
+TRIALS = 20_000
+
+
+def draw(table: Table, job: Job, path: Path, trials: int = TRIALS, seed: int = 0) -> None:
+    """Draws a table.
+
+    Args:
+        table: canonical.
+        job: the job it was compiled from.
+        path: the picture; ends in .png, .svg or .pdf.
+        trials: parts sent through the table, to find the beliefs.
+        seed: of these.
+    """
+    with canvas.style():
+        canvas.save(figure(table, job, replay(table, job, trials, seed)), path)
+
+
+def figure(table: Table, job: Job, beliefs: Replay) -> Figure:
+    """The picture; each panel is a group named `node-3` or `leaf-0` in an SVG."""
+    page = _Page(table, job, beliefs, tidy(table, SIZES))
+    page.draw_nodes()
+    page.draw_leaves()
+    page.draw_legend()
+    return page.figure
+
+
+class _Page:
+    """The page under way: one pair of axes in pixels, y downwards."""
+
+    def __init__(self, table: Table, job: Job, beliefs: Replay, layout: Layout) -> None:
+        self.table, self.beliefs, self.layout = table, beliefs, layout
+        self.outline, self.jaws = job.part.outline_mm, canvas.jaws_of(job)
+        self.scale = 0.5 * PANEL / _reach(table, self.outline, self.jaws, beliefs)  # px per mm
+        self.width = 2 * EDGE + layout.width
+        self.legend_y = EDGE + (layout.rows - 1) * (PANEL + GAP)
+        last = [spot.x for spot in (*layout.nodes, *layout.leaves) if spot.depth == layout.rows - 1]
+        if min(last) - 0.5 * PANEL < LEGEND_PX:  # no room beside the last row
+            self.legend_y += PANEL + GAP
+        lines = LINE_PX * (len(LEGEND) + 1)
+        self.height = max(EDGE + layout.rows * (PANEL + GAP), self.legend_y + lines)
+        self.figure = Figure(figsize=(self.width / 100, self.height / 100), facecolor="white")
+        self.axes: Axes = self.figure.add_axes((0, 0, 1, 1), xlim=(0, self.width), ylim=(self.height, 0))
+        self.axes.set_axis_off()
+
+    def draw_nodes(self) -> None:
+        """All nodes, each with the branches that leave it."""
+        trials = len(self.beliefs.visits[0].before)
+        self._belief("node-0", self.layout.nodes[0], self.beliefs.visits[0].before)
+        for node, spot, visit in zip(self.table.nodes, self.layout.nodes, self.beliefs.visits, strict=True):
+            self._frame(spot, canvas.PALE, 0.7, "solid")
+            self._next_squeeze(spot, node)
+            for number, branch in enumerate(node.branches):
+                poses, target = visit.through(number), branch.target
+                child = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
+                self._branch(spot, child, branch, len(poses) / trials)
+                self._belief(f"node-{target}" if target >= 0 else f"leaf-{~target}", child, poses)
+                self._fingers(child, node, branch)
+
+    def draw_leaves(self) -> None:
+        """The predicted poses, framed, with their figures below."""
+        for leaf, spot in zip(self.table.leaves, self.layout.leaves, strict=True):
+            if leaf.resolved:
+                pose = np.array([[leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6]])
+                self._polygon(spot, canvas.outlines(self.outline, pose)[0], canvas.GREEN, 1.0, 0.0, 4)
+                self._frame(spot, canvas.GREEN, 1.6, "solid")
+            else:
+                self._frame(spot, LINE, 1.2, "dashed")
+            self._leaf_text(spot, leaf)
+
+    def draw_legend(self) -> None:
+        """What the signs mean, and how good the whole is."""
+        predicted = self.table.predicted
+        total = (
+            f"{len(self.table.nodes)} squeezes planned, {predicted.mean_squeezes_ppm / PPM:.2f} a part on average; "
+            f"success {100 * predicted.success_ppm / PPM:.2f} % of {predicted.trials}"
+        )
+        for k, (color, text) in enumerate((*LEGEND, ("", total))):
+            y = self.legend_y + LINE_PX * (k + 0.5)
+            self._write(EDGE + 17, y, text)
+            if color == LINE:
+                self.axes.plot([EDGE + 1, EDGE + 11], [y, y], color=LINE, linewidth=2.0)
+            elif color == canvas.BLACK:
+                head = np.array([(EDGE + 9, y), (EDGE + 3, y - 3), (EDGE + 3, y + 3)])
+                self.axes.add_patch(Polygon(head, facecolor=color, edgecolor="none"))
+            elif color:
+                swatch = FancyBboxPatch((EDGE + 1, y - 4), 10, 8, boxstyle="round,pad=0,rounding_size=1.5")
+                swatch.set(facecolor=to_rgba(color, 0.25), edgecolor=color, linewidth=0.9)
+                self.axes.add_patch(swatch)
+
+    def _belief(self, name: str, spot: Spot, poses: Array) -> None:
+        """A sample of the poses, so transparent that full overlap looks alike in all panels."""
+        poses = subsample(poses, OUTLINES)
+        fill = 1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1))
+        parts = PolyCollection(
+            list(self._at(spot, canvas.outlines(self.outline, poses))),
+            facecolors=to_rgba(canvas.BLUE, fill), edgecolors=to_rgba(canvas.BLUE, min(0.8, 4.0 * fill)),
+            linewidths=0.35, zorder=2, gid=name,
+        )  # fmt: skip
+        self.axes.add_collection(parts, autolim=False)
+        x, y = self._corner(spot)
+        parts.set_clip_box(TransformedBbox(Bbox([[x, y], [x + PANEL, y + PANEL]]), self.axes.transData))
+
+    def _fingers(self, spot: Spot, node: Node, branch: Branch) -> None:
+        boxes = canvas.finger_boxes(self.jaws, branch.expected_um / 1e3)
+        for box in _in_world(boxes, node):
+            self._polygon(spot, box, canvas.RED, 0.8, 0.2, 3)
+
+    def _frame(self, spot: Spot, color: str, width: float, dashes: str) -> None:
+        frame = FancyBboxPatch(self._corner(spot), PANEL, PANEL, boxstyle="round,pad=0,rounding_size=3")
+        frame.set(fill=False, edgecolor=color, linewidth=width, linestyle=dashes, zorder=5)
+        self.axes.add_patch(frame)
+
+    def _next_squeeze(self, spot: Spot, node: Node) -> None:
+        """Two arrow heads that close along the next squeeze, and below them the hand's angle."""
+        angle = node.squeeze.angle_urad / 1e6
+        along = np.array([-np.sin(angle), np.cos(angle)])  # the hand's y in the world
+        across = np.array([along[1], -along[0]])
+        middle = self._middle(spot)
+        rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5
+        for side in (1.0, -1.0):
+            head = side * np.array([(rim - 6.0) * along, rim * along + 3.0 * across, rim * along - 3.0 * across])
+            self.axes.add_patch(
+                Polygon(middle + head * (1.0, -1.0), facecolor=canvas.BLACK, edgecolor="none", zorder=6)
+            )
+        below = middle + (4.0, 0.5 * PANEL + 0.5 * BUS)
+        self._write(below[0], below[1], f"{np.degrees(angle):.0f}°")
+
+    def _branch(self, spot: Spot, child: Spot, branch: Branch, share: float) -> None:
+        """The line to a child, as thick as the share of parts that takes it, and what it says."""
+        x0, y0 = self._middle(spot)
+        x1, y1 = self._middle(child)
+        y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
+        line = PathPatch(Curve([(x0, y0), (x0, y0 + BUS), (x1, y0 + BUS), (x1, y1)]), fill=False, zorder=1)
+        line.set(edgecolor=LINE, linewidth=0.6 + 3.0 * share, joinstyle="round", capstyle="butt")
+        self.axes.add_patch(line)
+        interval = f"{branch.low_um / 1e3:.1f}–{branch.high_um / 1e3:.1f}"
+        self._write(x1, y0 + BUS + 10.0, interval, ha="center", ground=True)
+        self._write(x1, y0 + BUS + 21.0, _percent(share), DIM, ha="center", ground=True)
+
+    def _leaf_text(self, spot: Spot, leaf: Leaf) -> None:
+        x, y = self._middle(spot)
+        y += 0.5 * PANEL + 9.0
+        period = 360.0 / self.table.goal.symmetry
+        angle = round(float(np.degrees(leaf.theta_urad / 1e6)), 1) % period
+        place = f"{_signed(leaf.x_um / 1e3)}, {_signed(leaf.y_um / 1e3)}"
+        lines = [(place, canvas.BLACK), (f"{angle:.1f}°", canvas.BLACK)]
+        if not leaf.resolved:
+            lines = [("not", canvas.BLACK), ("resolved", canvas.BLACK)]
+        lines.append((f"{100 * leaf.success_ppm / PPM:.1f} %", canvas.GREEN if leaf.resolved else DIM))
+        lines.append((f"of {leaf.trials}", DIM))
+        for k, (line, color) in enumerate(lines):
+            self._write(x, y + 11.0 * k, line, color, ha="center")
+
+    def _polygon(
+        self, spot: Spot, points: Array, color: str, width: float, opacity: float, zorder: float
+    ) -> None:
+        polygon = Polygon(self._at(spot, points), edgecolor=color, linewidth=width, zorder=zorder)
+        polygon.set_facecolor(to_rgba(color, opacity))
+        self.axes.add_patch(polygon)
+
+    def _write(
+        self, x: float, y: float, text: str, color: str = canvas.BLACK, ha: str = "left",
+        zorder: float = 5, ground: bool = False,
+    ) -> None:  # fmt: skip
+        """Text at the middle of its height; on white ground where a line runs behind it."""
+        written = self.axes.text(x, y, text, color=color, fontsize=0.72 * FONT_PX, zorder=zorder)
+        written.set(ha=ha, va="center_baseline")
+        if ground:
+            written.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
+
+    def _middle(self, spot: Spot) -> Array:
+        return np.array([EDGE + spot.x, EDGE + spot.depth * (PANEL + GAP) + 0.5 * PANEL])
+
+    def _corner(self, spot: Spot) -> tuple[float, float]:
+        x, y = self._middle(spot) - 0.5 * PANEL
+        return float(x), float(y)
+
+    def _at(self, spot: Spot, points: Array) -> Array:
+        """Points of the world (..., 2) on the page, in a panel."""
+        return np.asarray(self._middle(spot) + self.scale * points * np.array([1.0, -1.0]))
+
+
+def _in_world(boxes: Array, node: Node) -> Array:
+    """Boxes (2, 4, 2) from the frame of a node's hand to the world."""
+    return to_world(np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1), placement_of(node.squeeze))[..., :2]
+
+
+def _reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:
+    """Half the side of a square in the world that holds nearly all beliefs and all closed fingers [mm]."""
+    part = float(np.max(np.hypot(*outline.T)))
+    reach = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9)) + part
+    for node in table.nodes:
+        for branch in node.branches:
+            boxes = _in_world(canvas.finger_boxes(jaws, branch.expected_um / 1e3), node)
+            reach = max(reach, float(np.max(np.abs(boxes))))
+    return 1.03 * reach
+
+
+def _percent(share: float) -> str:
+    if 0.0 < share < 0.001:
+        return "< 0.1 %"
+    return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
+
+
+def _signed(value: float) -> str:
+    """One decimal, with a minus sign of the right length and no negative zero."""
+    return f"{round(value, 1) + 0.0:.1f}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,183 @@
+"""The planner's commands as a user types them, with wrong input too."""
+
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+JOB = ROOT / "trees" / "rectangle" / "job.toml"
+TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+SHARED = ROOT.parent / "shared" / "data"
+
+
+def start(command, *arguments):
+    words = [sys.executable, "-m", f"planner.cli.{command}", *map(str, arguments)]
+    return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def run(command, *arguments):
+    process = start(command, *arguments)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def one_line(err):
+    return err.count("\n") == 1 and "Traceback" not in err
+
+
+def test_evaluate_prints_the_promised_keys():
+    code, out, _ = run("evaluate", TABLE, "--trials", 500, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["trials"] == 500
+    names = {"success_rate", "success_ci95", "mean_squeezes", "max_squeezes", "reject_rate"}
+    assert names <= set(figures)
+
+
+def write_poses(path, rows):
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([("x_mm", "y_mm", "theta_rad"), *rows])
+
+
+def read_rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
+    write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
+    code, _, _ = run(
+        "simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    )
+    rows = read_rows(tmp_path / "out.csv")
+    assert code == 0
+    assert [float(row["x_mm"]) for row in rows] == [1, 100]
+    assert rows[0]["status"] in {"grasped", "jammed"}
+    assert rows[1]["status"] == "untouched"
+    assert float(rows[1]["final_x_mm"]) == 100
+    assert float(rows[1]["width_mm"]) == 0
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="reference data ../shared/data is not beside the checkout")
+def test_simulate_reproduces_the_reference_squeezes(tmp_path):
+    reference = read_rows(SHARED / "oracle_rect.csv")
+    poses = [(1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference]
+    write_poses(tmp_path / "in.csv", poses)
+    run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5)
+    for want, got in zip(reference, read_rows(tmp_path / "out.csv"), strict=True):
+        dx = 1e3 * float(want["x_m"]) - float(got["final_x_mm"])
+        dy = 1e3 * float(want["y_m"]) - float(got["final_y_mm"])
+        turn = math.remainder(float(want["th_rad"]) - float(got["final_theta_rad"]), 2 * math.pi)
+        assert math.hypot(dx, dy) < 0.5
+        assert abs(math.degrees(turn)) < 2.0
+
+
+BAD_JOBS = {
+    "toml": (4, lambda text: text.replace("[goal]", "[goal")),
+    "key": (5, lambda text: text.replace("distance_mm", "distance_mn")),
+    "friction": (6, lambda text: text.replace("finger_part_min = 0.4", "finger_part_min = 0.7")),
+    "crossing": (7, lambda text: text.replace("[30, 21], [0, 21]]", "[0, 21], [30, 21]]")),
+    "large": (
+        8,
+        lambda text: text.replace("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0,0],[99,0],[99,99],[0,99]]"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_JOBS)
+def test_a_bad_job_has_its_own_exit_code_and_one_line(tmp_path, name):
+    expected, spoil = BAD_JOBS[name]
+    bad = tmp_path / "bad.toml"
+    bad.write_text(spoil(JOB.read_text()))
+    assert bad.read_text() != JOB.read_text()
+    code, _, err = run("compile", bad, "-o", tmp_path / "out.msgpack")
+    assert code == expected
+    assert one_line(err)
+    assert not (tmp_path / "out.msgpack").exists()
+
+
+def test_an_unknown_key_is_answered_with_the_nearest_name(tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text(BAD_JOBS["key"][1](JOB.read_text()))
+    assert "distance_mm" in run("compile", bad, "-o", tmp_path / "out.msgpack")[2]
+
+
+def test_missing_files_and_folders_are_named(tmp_path):
+    for arguments in (
+        ("compile", tmp_path / "none.toml", "-o", tmp_path / "out.msgpack"),
+        ("compile", JOB, "-o", tmp_path / "none" / "out.msgpack"),
+        ("evaluate", tmp_path / "none.msgpack"),
+        ("simulate", JOB, "--poses", tmp_path / "none.csv", "-o", tmp_path / "out.csv"),
+    ):
+        code, _, err = run(*arguments)
+        assert code == 3
+        assert one_line(err)
+        assert "none" in err
+
+
+def test_bad_poses_name_their_line(tmp_path):
+    write_poses(tmp_path / "in.csv", [(1, 2, 3), (1, "nan", 3)])
+    code, _, err = run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv")
+    assert code == 6
+    assert "line 3" in err
+    (tmp_path / "in.csv").write_text("x_mm,y_mm\n1,2\n")
+    code, _, err = run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv")
+    assert code == 5
+    assert "theta_rad" in err
+
+
+def test_usage_errors(tmp_path):
+    write_poses(tmp_path / "in.csv", [(1, 2, 3)])
+    files = ("--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv")
+    assert run("simulate", JOB, *files, "--nominal")[0] == 2
+    assert run("evaluate", TABLE, "--world", "no.such.module:make", "--trials", 1)[0] == 2
+    assert run("evaluate", TABLE, "--world", "math:sqrt2", "--trials", 1)[0] == 2
+    assert run("compile")[0] == 2
+
+
+def test_a_damaged_table_is_refused(tmp_path):
+    data = bytearray(TABLE.read_bytes())
+    (tmp_path / "cut.msgpack").write_bytes(data[:-7])
+    data[len(data) // 2] ^= 4
+    (tmp_path / "bit.msgpack").write_bytes(data)
+    for name in ("cut", "bit"):
+        code, _, err = run("evaluate", tmp_path / f"{name}.msgpack")
+        assert code == 30
+        assert one_line(err)
+
+
+def test_ctrl_c_in_the_middle_of_a_compile_leaves_nothing_behind(tmp_path):
+    process = start("compile", JOB, "-o", tmp_path / "out.msgpack", "--trials", 5_000_000)
+    time.sleep(4.0)
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert one_line(err)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_any_world_can_be_plugged_in(tmp_path):
+    (tmp_path / "otherworld.py").write_text(
+        "from planner.world import make as contact\n"
+        "class Slow:\n"
+        "    def __init__(self, job, seed): self.inner = contact(job, seed)\n"
+        "    def squeeze(self, pose): return self.inner.squeeze(pose)\n"
+        "def make(job, seed):\n"
+        "    assert job.part.outline_mm.shape[1] == 2 and job.part.symmetry == 2\n"
+        "    return Slow(job, seed)\n"
+    )
+    words = [sys.executable, "-m", "planner.cli.evaluate", str(TABLE), "--trials", "60", "--json"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [*words, "--world", "otherworld:make"], cwd=tmp_path, env=environment, capture_output=True, text=True,
+        timeout=120, check=True,
+    )  # fmt: skip
+    assert json.loads(done.stdout)["success_rate"] > 0.9

@@ -1,0 +1,30 @@
+"""Wilson's interval."""
+
+import numpy as np
+import pytest
+
+from planner.statistics import wilson_interval
+from runtime.table import wilson_upper
+
+
+def test_ends_solve_wilsons_equation():
+    for hits, trials in [(0, 10), (3, 10), (19, 20), (20, 20), (970, 1000)]:
+        for bound in wilson_interval(hits, trials):
+            gap = abs(hits / trials - bound)
+            assert gap == pytest.approx(1.959963984540054 * np.sqrt(bound * (1 - bound) / trials), abs=1e-9)
+
+
+def test_without_trials_nothing_is_known():
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_planner_and_runtime_agree():
+    for hits, trials in [(0, 1), (9, 10), (500, 503)]:
+        assert wilson_interval(hits, trials)[1] == pytest.approx(wilson_upper(hits, trials))
+
+
+def test_coverage_is_about_95_percent():
+    rng = np.random.default_rng(0)
+    hits = rng.binomial(200, 0.97, size=4000)
+    covered = [low <= 0.97 <= high for low, high in (wilson_interval(int(h), 200) for h in hits)]
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.03)
