@@ -168,8 +168,10 @@ def _add_corners(
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
         _write(C, I, slot, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
         if abs(ey) <= NEARLY_PARALLEL:
-            count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
-            count = _add_face(C, I, count, points, x, y, j, finger, face, h, margin)
+            if along > LEAST_ARM_MM:
+                count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
+            if length - along > LEAST_ARM_MM:
+                count = _add_face(C, I, count, points, x, y, j, finger, face, h, margin)
     return count
 
 
