@@ -23,7 +23,7 @@ class GripperState(Protocol):
 
     @property
     def fault(self) -> int:
-        """The fault code, 0 for none (devices.md 1.3)."""
+        """The fault code, 0 for none (2F-85 manual, register 2001, FAULT STATUS)."""
 
     @property
     def object_flag(self) -> int:

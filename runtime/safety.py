@@ -6,14 +6,14 @@ from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.ports import Arm, Gripper, GripperState, Pose, Settled
 from runtime.table import Calibration, Limits, Table
 
-# Speed is the rate of the opening, force the nominal grip force, both linear over 0..255 (devices.md 1.6).
+# Speed is the rate of the opening, force the nominal grip force, both linear over 0..255 (Robotiq SDK, units.cpp).
 SLOWEST_UM_S, FASTEST_UM_S = 20_000, 150_000
 WEAKEST_MN, STRONGEST_MN = 20_000, 235_000
 CLOSED_COUNTS = 255
-# Tells of a silence before this reading, which by itself is the end of it (devices.md 1.3).
+# Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
 NO_COMMUNICATION = 0x09
 
-# The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (devices.md 4.3).
+# The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
 PLACED_MM = 0.5
 PLACED_RAD = 0.01
 OPENED_COUNTS = 2

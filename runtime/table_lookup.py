@@ -33,7 +33,7 @@ class Calibration:
 
     @classmethod
     def linear(cls, gripper: GripperSpec) -> Self:
-        """The straight line between the two end counts, clamped at both ends (devices.md 1.6).
+        """The straight line between the two end counts, clamped at both ends (Robotiq SDK, units.cpp).
 
         Args:
             gripper: opening in um, `count_open` and `count_closed`.

@@ -6,6 +6,7 @@ import csv
 import math
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from planner import job as job_file
 from planner.arrays import Array
 from planner.cli import shell
 from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
-from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, RollOut, Simulator
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
+PICTURE_SUFFIXES = ((".png", ".svg", ".pdf"), (".gif",), (".html",))
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 
@@ -45,12 +47,23 @@ def main(argv: list[str] | None = None) -> int:
         help="closing step of a finger (default: %(default)s)",
     )
     parser.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
+    parser.add_argument(
+        "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
+    )
+    parser.add_argument("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
+    parser.add_argument(
+        "--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12"
+    )
     arguments = parser.parse_args(argv)
 
     def body() -> int:
         _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
+        pictures = Pictures(arguments.figure, arguments.gif, arguments.html)
+        pictures.check()
         job = job_file.load(arguments.job)
         poses = read_poses(arguments.poses)
+        if any(pictures) and not len(poses):
+            raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
         output = shell.writable(arguments.output)
         simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
         if arguments.nominal:
@@ -60,10 +73,59 @@ def main(argv: list[str] | None = None) -> int:
             parameters = simulator.sample(len(poses), np.random.default_rng(seed))
         rolled = simulator.roll_out(poses, parameters)
         write_results(output, poses, rolled)
-        _report(rolled, output, arguments.json)
+        if any(pictures):
+            draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
+        _report(rolled, output, pictures, arguments.json)
         return 0
 
     return shell.run(NAME, arguments.debug, body)
+
+
+class Pictures(NamedTuple):
+    """Files to draw, each None if not asked for; the fields are the options' names."""
+
+    figure: Path | None
+    gif: Path | None
+    html: Path | None
+
+    def check(self) -> None:
+        """Checks suffixes and folders before any work is done.
+
+        Raises:
+            UsageError: a suffix names another format.
+            InputFileError: a file cannot be written.
+        """
+        for option, path, known in zip(self._fields, self, PICTURE_SUFFIXES, strict=True):
+            if path is None:
+                continue
+            if path.suffix.lower() not in known:
+                raise UsageError(f"--{option} {path}: the name must end in {' or '.join(known)}")
+            shell.writable(path)
+
+
+def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Parameters, title: str) -> None:
+    """Squeezes the first poses once more, step by step, and draws what was asked for.
+
+    Args:
+        pictures: at least one.
+        simulator: the same as for the results.
+        poses: (n, 3) in the hand frame, n >= 1 [mm, mm, rad].
+        parameters: one set for each pose, the same as for the results.
+        title: of the page.
+    """
+    from planner.report import animation, trajectory  # matplotlib takes its time; most runs draw nothing
+
+    traces = []
+    for pose, A, mu in list(zip(poses, *parameters, strict=True))[: trajectory.MOST_PANELS]:
+        states, status = simulator.trace(pose, A, float(mu[0]))
+        traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
+    outline, jaws = simulator.outline, simulator.jaws
+    if pictures.figure is not None:
+        trajectory.figure(outline, jaws, traces, pictures.figure)
+    if pictures.gif is not None:
+        animation.gif(outline, jaws, traces[0], pictures.gif)
+    if pictures.html is not None:
+        animation.html(outline, jaws, traces, title, pictures.html)
 
 
 def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:
@@ -129,16 +191,18 @@ def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
             writer.writerow([*numbers, STATUS_NAMES[status]])
 
 
-def _report(rolled: RollOut, output: Path, as_json: bool) -> None:
+def _report(rolled: RollOut, output: Path, pictures: Pictures, as_json: bool) -> None:
     tally = {name: int(np.sum(rolled.status == k)) for k, name in enumerate(STATUS_NAMES)}
     given_up = int(rolled.given_up.sum())
     if as_json:
+        drawn = {name: str(path) for name, path in pictures._asdict().items() if path is not None}
         shell.print_json(
-            {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up}
+            {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up, **drawn}
         )
         return
     parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
-    print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {output}")
+    files = ", ".join(str(path) for path in (output, *pictures) if path is not None)
+    print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {files}")
     if given_up:
         print(
             f"{NAME}: {given_up} squeezes could not be stepped to their end; try --step-mm", file=sys.stderr

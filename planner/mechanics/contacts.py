@@ -1,7 +1,7 @@
 """Contacts between a polygonal part and the two fingers, with their gaps.
 
 Finger +1 closes downwards from y = top, finger -1 upwards from y = bottom; both are boxes |x| <= h that
-extend outwards by their thickness. Three pairs of features can touch (planning notes, section 3):
+extend outwards by their thickness. Three pairs of features can touch:
 
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;

@@ -1,1 +1,1 @@
-"""Pictures of squeezes and of plans. Only its modules import matplotlib, so import them where one is drawn."""
+"""Pictures of squeezes and of plans. Importing one of its modules loads matplotlib."""

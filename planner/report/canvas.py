@@ -1,4 +1,4 @@
-"""What the pictures share: colours that colour-blind readers can tell apart, outlines, fingers, whole files."""
+"""What the pictures share: colours that colour-blind readers tell apart, outlines, fingers, whole files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -25,7 +26,7 @@ BLACK = "#1a1a1a"
 GREY = "#a6a6a6"
 PALE = "#d9d9d9"
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
     "font.size": 8.0,
     "axes.linewidth": 0.6,
@@ -79,7 +80,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def lighter(svg: str) -> str:
-    """The same picture in a third of the bytes: styles that recur become classes, decimals stop at 0.001 px."""
+    """The same picture in half the bytes: styles that recur become classes, coordinates end at 0.001 pt."""
     styles = Counter(re.findall(r'style="([^"]*)"', svg))
     names = {text: f"s{k}" for k, (text, count) in enumerate(styles.most_common()) if count > 1}
 
@@ -88,7 +89,7 @@ def lighter(svg: str) -> str:
         return f'class="{known}"' if known else match[0]
 
     svg = re.sub(r'style="([^"]*)"', name, svg)
-    svg = re.sub(r"(\.\d{3})\d+", r"\1", svg)
+    svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d{3})\d+", r"\1", path[0]), svg)
     rules = "".join(f".{known}{{{text}}}" for text, known in names.items())
     return svg.replace("</style>", f"{rules}</style>", 1)
 

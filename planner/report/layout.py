@@ -1,8 +1,8 @@
 """Where the panels of a plan stand: a tidy tree, the root on top.
 
-Subtrees are pushed together until their contours touch (Reingold and Tilford, Tidier Drawings of Trees, 1981).
-Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the branches of a
-node, the text of a leaf) is kept apart too.
+Subtrees are pushed together until their contours touch (Reingold and Tilford, Tidier Drawings of Trees,
+1981). Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the
+branches of a node, the text of a leaf) is kept apart too.
 """
 
 from __future__ import annotations

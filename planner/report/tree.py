@@ -1,8 +1,8 @@
 """A compiled table as one picture, after the paper's Figs 2 and 6.
 
 Every node shows the belief when it is reached, as outlines whose overlap darkens, and the fingers of the
-squeeze that led there, at their expected width. Arrow heads close along the next squeeze. Leaves, framed, show
-the predicted pose. Lengths on the page are pixels at a hundred to the inch.
+squeeze that led there, at their expected width. Arrow heads close along the next squeeze. Leaves, framed,
+show the predicted pose. Lengths on the page are pixels at a hundred to the inch.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ LEGEND = (
     (canvas.BLACK, "arrow heads: how the next squeeze closes; below, the angle of the hand"),
     (LINE, "branch: interval of widths between the fingers (mm), share of all parts"),
 )
-LEGEND_PX = 400.0
+LEGEND_PX = 480.0
+"""Room for the longest line of the legend."""
 OUTLINES = 60
 """Most outlines drawn in one panel."""
 DARKNESS = 0.7
@@ -83,10 +84,11 @@ class _Page:
         self.table, self.beliefs, self.layout = table, beliefs, layout
         self.outline, self.jaws = job.part.outline_mm, canvas.jaws_of(job)
         self.scale = 0.5 * PANEL / _reach(table, self.outline, self.jaws, beliefs)  # px per mm
-        self.width = 2 * EDGE + layout.width
+        self.width = max(2 * EDGE + layout.width, LEGEND_PX)
+        self.left = 0.5 * (self.width - layout.width)
         self.legend_y = EDGE + (layout.rows - 1) * (PANEL + GAP)
         last = [spot.x for spot in (*layout.nodes, *layout.leaves) if spot.depth == layout.rows - 1]
-        if min(last) - 0.5 * PANEL < LEGEND_PX:  # no room beside the last row
+        if self.left + min(last) - 0.5 * PANEL < LEGEND_PX:  # no room beside the last row
             self.legend_y += PANEL + GAP
         lines = LINE_PX * (len(LEGEND) + 1)
         self.height = max(EDGE + layout.rows * (PANEL + GAP), self.legend_y + lines)
@@ -123,21 +125,27 @@ class _Page:
         """What the signs mean, and how good the whole is."""
         predicted = self.table.predicted
         total = (
-            f"{len(self.table.nodes)} squeezes planned, {predicted.mean_squeezes_ppm / PPM:.2f} a part on average; "
-            f"success {100 * predicted.success_ppm / PPM:.2f} % of {predicted.trials}"
+            f"{len(self.table.nodes)} squeezes planned, {predicted.mean_squeezes_ppm / PPM:.2f} a part on "
+            f"average; success {100 * predicted.success_ppm / PPM:.2f} %, "
+            f"rejected {100 * predicted.reject_ppm / PPM:.2f} % of {predicted.trials}"
         )
         for k, (color, text) in enumerate((*LEGEND, ("", total))):
             y = self.legend_y + LINE_PX * (k + 0.5)
             self._write(EDGE + 17, y, text)
-            if color == LINE:
-                self.axes.plot([EDGE + 1, EDGE + 11], [y, y], color=LINE, linewidth=2.0)
-            elif color == canvas.BLACK:
-                head = np.array([(EDGE + 9, y), (EDGE + 3, y - 3), (EDGE + 3, y + 3)])
-                self.axes.add_patch(Polygon(head, facecolor=color, edgecolor="none"))
-            elif color:
-                swatch = FancyBboxPatch((EDGE + 1, y - 4), 10, 8, boxstyle="round,pad=0,rounding_size=1.5")
-                swatch.set(facecolor=to_rgba(color, 0.25), edgecolor=color, linewidth=0.9)
-                self.axes.add_patch(swatch)
+            if color:
+                self._sign(y, color)
+
+    def _sign(self, y: float, color: str) -> None:
+        """A line, an arrow head or a swatch, at the left of a line of the legend."""
+        if color == LINE:
+            self.axes.plot([EDGE + 1, EDGE + 11], [y, y], color=color, linewidth=2.0)
+        elif color == canvas.BLACK:
+            head = np.array([(EDGE + 9, y), (EDGE + 3, y - 3), (EDGE + 3, y + 3)])
+            self.axes.add_patch(Polygon(head, facecolor=color, edgecolor="none"))
+        else:
+            swatch = FancyBboxPatch((EDGE + 1, y - 4), 10, 8, boxstyle="round,pad=0,rounding_size=1.5")
+            swatch.set(facecolor=to_rgba(color, 0.25), edgecolor=color, linewidth=0.9)
+            self.axes.add_patch(swatch)
 
     def _belief(self, name: str, spot: Spot, poses: Array) -> None:
         """A sample of the poses, so transparent that full overlap looks alike in all panels."""
@@ -170,12 +178,13 @@ class _Page:
         middle = self._middle(spot)
         rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5
         for side in (1.0, -1.0):
-            head = side * np.array([(rim - 6.0) * along, rim * along + 3.0 * across, rim * along - 3.0 * across])
+            head = side * np.array(
+                [(rim - 6.0) * along, rim * along + 3.0 * across, rim * along - 3.0 * across]
+            )
             self.axes.add_patch(
                 Polygon(middle + head * (1.0, -1.0), facecolor=canvas.BLACK, edgecolor="none", zorder=6)
             )
-        below = middle + (4.0, 0.5 * PANEL + 0.5 * BUS)
-        self._write(below[0], below[1], f"{np.degrees(angle):.0f}°")
+        self._write(middle[0] + 4.0, middle[1] + 0.5 * (PANEL + BUS), f"{np.degrees(angle):.0f}°")
 
     def _branch(self, spot: Spot, child: Spot, branch: Branch, share: float) -> None:
         """The line to a child, as thick as the share of parts that takes it, and what it says."""
@@ -185,7 +194,7 @@ class _Page:
         line = PathPatch(Curve([(x0, y0), (x0, y0 + BUS), (x1, y0 + BUS), (x1, y1)]), fill=False, zorder=1)
         line.set(edgecolor=LINE, linewidth=0.6 + 3.0 * share, joinstyle="round", capstyle="butt")
         self.axes.add_patch(line)
-        interval = f"{branch.low_um / 1e3:.1f}–{branch.high_um / 1e3:.1f}"
+        interval = f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}"
         self._write(x1, y0 + BUS + 10.0, interval, ha="center", ground=True)
         self._write(x1, y0 + BUS + 21.0, _percent(share), DIM, ha="center", ground=True)
 
@@ -199,7 +208,7 @@ class _Page:
         if not leaf.resolved:
             lines = [("not", canvas.BLACK), ("resolved", canvas.BLACK)]
         lines.append((f"{100 * leaf.success_ppm / PPM:.1f} %", canvas.GREEN if leaf.resolved else DIM))
-        lines.append((f"of {leaf.trials}", DIM))
+        lines.append((f"of {leaf.trials}" if leaf.trials else "untried", DIM))
         for k, (line, color) in enumerate(lines):
             self._write(x, y + 11.0 * k, line, color, ha="center")
 
@@ -221,7 +230,7 @@ class _Page:
             written.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
 
     def _middle(self, spot: Spot) -> Array:
-        return np.array([EDGE + spot.x, EDGE + spot.depth * (PANEL + GAP) + 0.5 * PANEL])
+        return np.array([self.left + spot.x, EDGE + spot.depth * (PANEL + GAP) + 0.5 * PANEL])
 
     def _corner(self, spot: Spot) -> tuple[float, float]:
         x, y = self._middle(spot) - 0.5 * PANEL
@@ -234,7 +243,9 @@ class _Page:
 
 def _in_world(boxes: Array, node: Node) -> Array:
     """Boxes (2, 4, 2) from the frame of a node's hand to the world."""
-    return to_world(np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1), placement_of(node.squeeze))[..., :2]
+    return to_world(np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1), placement_of(node.squeeze))[
+        ..., :2
+    ]
 
 
 def _reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:

@@ -279,7 +279,7 @@ def test_count_map_of_overlapping_intervals_takes_the_nearest_expected_width() -
 
 
 def test_linear_calibration_is_robotiqs_line() -> None:
-    # devices.md 1.6: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
+    # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
     calibration = Calibration.linear(GRIPPER)
     for count in range(256):
         assert calibration.width_um(count) == pytest.approx(
