@@ -19,7 +19,9 @@ RAY = 1
 PIVOT_LIMIT = 2
 
 PIVOT_TOLERANCE = 1e-11
-PIVOTS_PER_ROW = 12
+TIE = 1e-10
+"""Ratios nearer than this are equal, and the lexicographic order decides."""
+PIVOTS_PER_ROW = 50
 
 
 @kernel
@@ -38,7 +40,7 @@ def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
             continue
         best_pivot = tableau[best, entering]
         difference = tableau[row, 2 * n + 1] / pivot - tableau[best, 2 * n + 1] / best_pivot
-        if abs(difference) <= 1e-13:
+        if abs(difference) <= TIE:
             if basis[best] == 2 * n:
                 continue
             if basis[row] == 2 * n:
@@ -47,7 +49,7 @@ def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
             difference = 0.0
             for column in range(n):
                 difference = tableau[row, column] / pivot - tableau[best, column] / best_pivot
-                if abs(difference) > 1e-13:
+                if abs(difference) > TIE:
                     break
         if difference < 0.0:
             best = row
@@ -91,7 +93,7 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array)
     start = 0
     for i in range(n):
         z[i] = 0.0
-        if q[i] < q[start]:
+        if q[i] <= q[start]:  # the last of equals: so all rows are lexicographically positive
             start = i
     if n == 0 or q[start] >= 0.0:
         return SOLVED
