@@ -42,7 +42,13 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 DPI = 200
-PICTURES = (".png", ".svg", ".pdf")
+UNSIGNED = {
+    ".png": {"Software": None},
+    ".svg": {"Creator": None, "Date": None},
+    ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+}
+"""What to leave out of a file, by suffix, so that it does not change with the day."""
+PICTURES = tuple(UNSIGNED)
 
 
 @contextmanager
@@ -72,9 +78,8 @@ def save(figure: Figure, path: Path) -> None:
         figure: drawn under `style`.
         path: ends in one of `PICTURES`.
     """
-    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix.lower(), {})
     with replacing(path) as file:
-        figure.savefig(file, dpi=DPI, metadata=undated)
+        figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
         if path.suffix.lower() == ".svg":
             file.write_text(lighter(file.read_text(encoding="utf-8")), encoding="utf-8")
 

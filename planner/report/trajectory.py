@@ -17,6 +17,9 @@ from planner.report import canvas
 
 MOST_PANELS = 12
 COLUMNS = 4
+COLUMNS_IF_TALL = 6
+TALL = 1.4
+"""Height over width of a panel that counts as tall."""
 BETWEEN = 4
 """Intermediate states drawn of one squeeze."""
 MARK_MM = 1.5
@@ -48,9 +51,9 @@ def along(states: Array, widths_mm: Array) -> Array:
     Returns:
         (n, 4) states.
     """
-    order = np.arange(len(states))[::-1]  # np.interp wants rising widths; a later state wins among equals
-    rising = states[order, 3]
-    columns = [np.interp(widths_mm, rising, states[order, j]) for j in range(3)]
+    latest = states[::-1]
+    rising, rows = np.unique(latest[:, 3], return_index=True)  # of states at one width, the last
+    columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
     return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)
 
 
@@ -84,9 +87,9 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed], path: Path) 
 
 def panels(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
     """The figure that `figure` saves; arguments alike. Each panel is a group `squeeze-1`, ... in an SVG."""
-    columns = min(COLUMNS, len(traces))
-    rows = ceil(len(traces) / columns)
     half = extent(outline, jaws, traces)
+    columns = min(COLUMNS_IF_TALL if half[1] > TALL * half[0] else COLUMNS, len(traces))
+    rows = ceil(len(traces) / columns)
     size = (columns * WIDTH_IN + 0.35, rows * (WIDTH_IN * half[1] / half[0] + 0.22) + 0.3)
     result = Figure(figsize=size, facecolor="white", layout="constrained")
     grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
