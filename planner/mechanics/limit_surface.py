@@ -122,7 +122,7 @@ def twist_directions(count: int = DIRECTIONS) -> Array:
     return np.concatenate([base * sign for sign in signs])
 
 
-def fit(F: Array, V: Array) -> Array:
+def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     """Fit A to pairs of wrench and twist by linear least squares.
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the part of A F across the
@@ -132,6 +132,7 @@ def fit(F: Array, V: Array) -> Array:
     Args:
         F: (K, 3) normalised wrenches.
         V: (K, 3) normalised twists, any magnitude but 0.
+        weights: (K,) of the pairs' squared residuals; even if not given.
 
     Returns:
         A, (3, 3) symmetric positive definite, read-only.
@@ -145,6 +146,9 @@ def fit(F: Array, V: Array) -> Array:
     across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
     rows = np.concatenate([level, across.reshape(-1, 6)])
     target = np.concatenate([np.ones(len(level)), np.zeros(across.shape[0] * 3)])
+    if weights is not None:
+        root = np.sqrt(np.concatenate([weights, np.repeat(weights, 3)]))
+        rows, target = rows * root[:, None], target * root
     coefficients = np.linalg.lstsq(rows, target, rcond=None)[0]
     eigenvalues, vectors = np.linalg.eigh(np.einsum("b,bij->ij", coefficients, basis))
     raised = np.maximum(eigenvalues, MIN_EIGENVALUE)
@@ -154,7 +158,7 @@ def fit(F: Array, V: Array) -> Array:
 def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
     """Draw random ellipsoids around a nominal one: Wishart with `dof` degrees of freedom and mean A.
 
-    Var(A_ij) = (A_ij^2 + A_ii A_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
+    Var(A_ij) = (A_ij^2 + A_ii A_jj) / dof (paper, footnote 1).
 
     Args:
         surface: the nominal limit surface.
@@ -165,11 +169,20 @@ def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) ->
     Returns:
         (n, 3, 3) symmetric positive definite matrices, to be used with the same rho.
     """
-    bartlett = np.zeros((n, 3, 3))
-    for row in range(3):
+    return wishart(surface.A, dof, rng, n)
+
+
+def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
+    """Draw (n, D, D) Wishart matrices with `dof` >= D degrees of freedom and the given positive definite mean.
+
+    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
+    """
+    size = len(mean)
+    bartlett = np.zeros((n, size, size))
+    for row in range(size):
         bartlett[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n))
         bartlett[:, row, :row] = rng.standard_normal((n, row))
-    factor = np.linalg.cholesky(surface.A / dof) @ bartlett
+    factor = np.linalg.cholesky(mean / dof) @ bartlett
     return np.asarray(factor @ factor.transpose(0, 2, 1))
 
 

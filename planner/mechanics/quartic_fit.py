@@ -1,0 +1,170 @@
+"""Fit a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
+
+The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the part of grad H(F) / 4 across the
+unit twist (eq. 1). Both are linear in the coefficients, and those are linear in the certificate Q: least
+squares over positive semidefinite Q that belong to a quartic. It is solved in wrench coordinates in which the
+fitted ellipsoid is the unit sphere, so that the numbers are of one size whatever the load.
+
+CVXPY takes a second to import, so it is imported where the program is built, and that once.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.errors import PlannerError
+from planner.mechanics import limit_surface, quartic
+from planner.mechanics.quartic import QuarticSurface
+
+MARGIN = 1e-3
+"""How much of the sphere's certificate every fitted one contains: strictly convex, so that it can be checked."""
+
+REWEIGHTS = 2
+"""Rounds of a robust fit after the first."""
+
+TYPICAL_ERROR_RAD = 0.1
+"""Twist errors above this pull with their size, not its square, in a robust fit."""
+
+_SPHERE = quartic.of_ellipsoid(np.eye(3), 1.0)
+_DIRECTIONS = limit_surface.twist_directions(200)
+_SPREAD = quartic.monomials(_DIRECTIONS) / np.sqrt(len(_DIRECTIONS))
+"""(200, 15): the squared norm of _SPREAD a is the mean square of H over the unit sphere."""
+
+
+class QuarticFitError(PlannerError):
+    """The conic solver found no certified quartic.
+
+    Attributes:
+        status: what the solver says.
+        pairs: number of pairs that were to be fitted.
+    """
+
+    def __init__(self, status: str = "", pairs: int = 0) -> None:
+        super().__init__(
+            f"the conic solver found no convex quartic for {pairs} pairs ({status}); "
+            "check the pairs for outliers, or fit an ellipsoid"
+        )
+        self.status = status
+        self.pairs = pairs
+
+
+def fit_pressure(
+    points: Array, weights: Array, rho_mm: float, directions: int = limit_surface.DIRECTIONS
+) -> QuarticSurface:
+    """Fit the quartic to a pressure distribution, about its centre, then expressed about the origin.
+
+    Args:
+        points: (M, 2) support points in the part's frame, mm.
+        weights: (M,) shares of the load, summing to 1.
+        rho_mm: normalising length.
+        directions: number of twists to integrate friction over.
+    """
+    centre = weights @ points
+    twists = limit_surface.twist_directions(directions)
+    wrenches = limit_surface.wrenches(points - centre, weights, rho_mm, twists)
+    shift = np.eye(3)
+    shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
+    return fit(wrenches, twists, rho_mm).in_coordinates(shift)
+
+
+def fit(
+    F: Array,
+    V: Array,
+    rho_mm: float,
+    weights: Array | None = None,
+    ridge: float = 0.0,
+    robust: bool = False,
+) -> QuarticSurface:
+    """Fit a convex quartic to pairs of wrench and twist.
+
+    Args:
+        F: (K, 3) normalised wrenches.
+        V: (K, 3) normalised twists, any magnitude but 0.
+        rho_mm: the length that both are normalised with.
+        weights: (K,) of the pairs' squared residuals; even if not given.
+        ridge: pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
+        robust: fit the twist's angle, and that by size instead of square, for measured pairs with outliers.
+
+    Raises:
+        QuarticFitError: the solver fails.
+    """
+    weights = np.ones(len(F)) if weights is None else np.asarray(weights, dtype=np.float64)
+    unit = V / np.linalg.norm(V, axis=1, keepdims=True)
+    whiten = np.linalg.cholesky(limit_surface.fit(F, V, weights)).T  # |whiten F| = 1 on the ellipsoid
+    level = quartic.monomials(F @ whiten.T)
+    gradient = whiten.T @ quartic.gradient_rows(F @ whiten.T) / 4.0  # (K, 3, 15)
+    across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
+    pull = np.sqrt(ridge) * _SPREAD
+    target = np.concatenate([np.sqrt(weights), np.zeros(3 * len(F)), pull @ _SPHERE.coefficients])
+    emphasis = weights
+    for _ in range(REWEIGHTS + 1 if robust else 1):
+        turned = (np.sqrt(emphasis)[:, None, None] * across).reshape(-1, 15)
+        rows = np.concatenate([np.sqrt(weights)[:, None] * level, turned, pull])
+        surface = _solve(rows, target, rho_mm, len(F))
+        emphasis = weights * _emphasis(gradient @ surface.coefficients, unit)
+    return surface.in_coordinates(whiten)
+
+
+def _emphasis(gradient: Array, unit: Array) -> Array:
+    """Return weights (K,) that turn squared lengths across the twist into angles, large ones by their size."""
+    size = np.linalg.norm(gradient, axis=1)
+    angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
+    return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))
+
+
+class _Program(NamedTuple):
+    """The conic program: least |factor a - target|^2 over certified coefficients a."""
+
+    problem: Any
+    factor: Any
+    target: Any
+    certificate: Any
+
+
+@lru_cache(maxsize=1)
+def _program() -> _Program:
+    import cvxpy
+
+    factor, target = cvxpy.Parameter((15, 15)), cvxpy.Parameter(15)
+    beyond = cvxpy.Variable((9, 9), PSD=True)
+    certificate = beyond + MARGIN * _SPHERE.certificate
+    flat = cvxpy.reshape(certificate, (81,), order="C")
+    coefficients = cvxpy.Variable(15)
+    constraints = [
+        coefficients == quartic.COEFFICIENT_ROWS @ flat,
+        _independent(quartic.HESSIAN_ROWS) @ flat == 0.0,
+    ]
+    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(factor @ coefficients - target)), constraints)
+    return _Program(problem, factor, target, certificate)
+
+
+def _independent(rows: Array) -> Array:
+    """Return an orthonormal basis of the row space: solvers dislike constraints that repeat each other."""
+    _, values, vectors = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(vectors[values > 1e-9 * values[0]])
+
+
+def _solve(rows: Array, target: Array, rho_mm: float, pairs: int) -> QuarticSurface:
+    """Return the certified quartic with the least |rows a - target|^2."""
+    import cvxpy
+
+    program = _program()
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
+    program.factor.value = root[:, None] * vectors.T
+    program.target.value = vectors.T @ (rows.T @ target) / root
+    try:
+        with warnings.catch_warnings():
+            # An inaccurate solution is judged below, by its certificate.
+            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+            program.problem.solve(solver=cvxpy.CLARABEL)
+        if program.certificate.value is None:
+            raise QuarticFitError(program.problem.status, pairs)
+        return quartic.from_certificate(program.certificate.value, rho_mm)
+    except (cvxpy.SolverError, ValueError) as error:
+        raise QuarticFitError(str(error), pairs) from error
