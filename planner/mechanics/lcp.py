@@ -19,7 +19,7 @@ RAY = 1
 PIVOT_LIMIT = 2
 
 PIVOT_TOLERANCE = 1e-11
-TIE = 1e-10
+TIE = 1e-11
 """Ratios nearer than this are equal, and the lexicographic order decides."""
 PIVOTS_PER_ROW = 50
 

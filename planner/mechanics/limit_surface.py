@@ -173,7 +173,7 @@ def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) ->
 
 
 def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Draw (n, D, D) Wishart matrices with `dof` >= D degrees of freedom and the given positive definite mean.
+    """Draw (n, D, D) Wishart matrices with `dof` >= D degrees of freedom and a positive definite mean.
 
     Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
     """

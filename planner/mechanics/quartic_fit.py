@@ -12,17 +12,18 @@ from __future__ import annotations
 
 import warnings
 from functools import lru_cache
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.errors import PlannerError
-from planner.mechanics import limit_surface, quartic
+from planner.mechanics import limit_surface, quartic, quartic_form
 from planner.mechanics.quartic import QuarticSurface
 
 MARGIN = 1e-3
-"""How much of the sphere's certificate every fitted one contains: strictly convex, so that it can be checked."""
+"""How much of the sphere's certificate every fitted one contains: strictly convex, so it can be checked."""
 
 REWEIGHTS = 2
 """Rounds of a robust fit after the first."""
@@ -32,7 +33,7 @@ TYPICAL_ERROR_RAD = 0.1
 
 _SPHERE = quartic.of_ellipsoid(np.eye(3), 1.0)
 _DIRECTIONS = limit_surface.twist_directions(200)
-_SPREAD = quartic.monomials(_DIRECTIONS) / np.sqrt(len(_DIRECTIONS))
+_SPREAD = quartic_form.monomials(_DIRECTIONS) / np.sqrt(len(_DIRECTIONS))
 """(200, 15): the squared norm of _SPREAD a is the mean square of H over the unit sphere."""
 
 
@@ -95,9 +96,11 @@ def fit(
     """
     weights = np.ones(len(F)) if weights is None else np.asarray(weights, dtype=np.float64)
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
-    whiten = np.linalg.cholesky(limit_surface.fit(F, V, weights)).T  # |whiten F| = 1 on the ellipsoid
-    level = quartic.monomials(F @ whiten.T)
-    gradient = whiten.T @ quartic.gradient_rows(F @ whiten.T) / 4.0  # (K, 3, 15)
+    whiten: Array = np.asarray(
+        np.linalg.cholesky(limit_surface.fit(F, V, weights)).T, dtype=np.float64
+    )  # |whiten F| = 1 on the ellipsoid
+    level = quartic_form.monomials(F @ whiten.T)
+    gradient = whiten.T @ quartic_form.gradient_rows(F @ whiten.T) / 4.0  # (K, 3, 15)
     across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
     pull = np.sqrt(ridge) * _SPREAD
     target = np.concatenate([np.sqrt(weights), np.zeros(3 * len(F)), pull @ _SPHERE.coefficients])
@@ -111,7 +114,7 @@ def fit(
 
 
 def _emphasis(gradient: Array, unit: Array) -> Array:
-    """Return weights (K,) that turn squared lengths across the twist into angles, large ones by their size."""
+    """Return weights (K,) that turn squares across the twist into angles, large ones by their size."""
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
     return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))
@@ -128,16 +131,15 @@ class _Program(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _program() -> _Program:
-    import cvxpy
-
+    cvxpy: Any = import_module("cvxpy")
     factor, target = cvxpy.Parameter((15, 15)), cvxpy.Parameter(15)
     beyond = cvxpy.Variable((9, 9), PSD=True)
     certificate = beyond + MARGIN * _SPHERE.certificate
     flat = cvxpy.reshape(certificate, (81,), order="C")
     coefficients = cvxpy.Variable(15)
     constraints = [
-        coefficients == quartic.COEFFICIENT_ROWS @ flat,
-        _independent(quartic.HESSIAN_ROWS) @ flat == 0.0,
+        coefficients == quartic_form.COEFFICIENT_ROWS @ flat,
+        _independent(quartic_form.HESSIAN_ROWS) @ flat == 0.0,
     ]
     problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(factor @ coefficients - target)), constraints)
     return _Program(problem, factor, target, certificate)
@@ -151,8 +153,7 @@ def _independent(rows: Array) -> Array:
 
 def _solve(rows: Array, target: Array, rho_mm: float, pairs: int) -> QuarticSurface:
     """Return the certified quartic with the least |rows a - target|^2."""
-    import cvxpy
-
+    cvxpy: Any = import_module("cvxpy")
     program = _program()
     values, vectors = np.linalg.eigh(rows.T @ rows)
     root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))

@@ -50,6 +50,11 @@ PAST_END_MM = 1e-4
 """How far a contact goes past the end of its feature, so that the next feature takes over."""
 UNBOUNDED = 1e7
 """A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
+RESIDUAL = 2e-6
+"""Largest complementarity residual of an accepted solution [mm]."""
+ATTEMPTS = 3
+PERTURBATION_MM = 1e-8
+"""Flush grasps are degenerate; where rounding defeats the lexicographic order, the gaps move by this much."""
 OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
@@ -149,6 +154,15 @@ def _assemble(
 
 
 @kernel
+def _judge(work: StepWork, m: int) -> int:
+    """What Lemke's answer is worth: SOLVED, a ray in disguise, or nothing (PIVOT_LIMIT)."""
+    for a in range(m):
+        if work.z[a] > UNBOUNDED:
+            return RAY
+    return SOLVED if residual(work.M, work.q, work.z, 4 * m) <= RESIDUAL else PIVOT_LIMIT
+
+
+@kernel
 def _all_touching(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
@@ -159,14 +173,17 @@ def _all_touching(
             work.active[m] = k
             m += 1
     _assemble(A, mu_top, mu_bottom, C, I, work, m)
-    status = lemke(work.M, work.q, 4 * m, work.tableau, work.basis, work.z)
+    status = PIVOT_LIMIT
+    for attempt in range(ATTEMPTS):
+        status = lemke(work.M, work.q, 4 * m, work.tableau, work.basis, work.z)
+        if status == SOLVED:
+            status = _judge(work, m)
+        if status != PIVOT_LIMIT:
+            break
+        for i in range(4 * m):
+            work.q[i] += PERTURBATION_MM * (attempt + 1) * ((7 * i + 3) % (4 * m) + 1)
     if status != SOLVED:
         return status
-    for a in range(m):
-        if work.z[a] > UNBOUNDED:
-            return RAY
-    if residual(work.M, work.q, work.z, 4 * m) > 1e-7:
-        return PIVOT_LIMIT
     for a in range(m):
         k = work.active[a]
         C[k, FN], C[k, FT] = work.z[a], work.z[m + a] - work.z[2 * m + a]
