@@ -6,7 +6,7 @@ from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.ports import Arm, Gripper, GripperState, Pose, Settled
 from runtime.table import Calibration, Limits, Table
 
-# Speed is the rate of the opening, force the nominal grip force, both linear over 0..255 (Robotiq SDK, units.cpp).
+# Speed is the rate of the opening, force the nominal grip force, linear over 0..255 (Robotiq SDK, units.cpp).
 SLOWEST_UM_S, FASTEST_UM_S = 20_000, 150_000
 WEAKEST_MN, STRONGEST_MN = 20_000, 235_000
 CLOSED_COUNTS = 255

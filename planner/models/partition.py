@@ -103,7 +103,5 @@ def _segment_costs(values: Array, weight: Array) -> Array:
 
 def _too_close(values: Array, weight: Array, bounds: list[int]) -> bool:
     """Whether two neighbouring clusters have means that the encoder cannot tell apart."""
-    means = [
-        np.average(values[a:b], weights=weight[a:b]) for a, b in pairwise(bounds)
-    ]
+    means = [np.average(values[a:b], weights=weight[a:b]) for a, b in pairwise(bounds)]
     return bool(np.any(np.diff(means) < APART_COUNTS))
