@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from planner.mechanics import contacts
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
@@ -84,11 +85,13 @@ OUTLINES: dict[str, Callable[[], np.ndarray]] = {
 """The eight parts of the convergence table."""
 
 
-def random_star(rng: np.random.Generator, vertices: int) -> np.ndarray:
-    """Star-shaped polygon, 6 to 24 mm from its middle: simple, mostly concave, some corners sharp."""
+def random_star(
+    rng: np.random.Generator, vertices: int, smallest: float = 6.0, largest: float = 24.0
+) -> np.ndarray:
+    """Star-shaped polygon, vertices that far from its middle: simple, mostly concave, some corners sharp."""
     gaps = rng.dirichlet(np.full(vertices, 4.0)) * math.tau
     angles = rng.uniform(0, math.tau) + np.cumsum(gaps)
-    radius = rng.uniform(6.0, 24.0, vertices)
+    radius = rng.uniform(smallest, largest, vertices)
     return canonical(radius[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])).outline_mm
 
 
@@ -124,6 +127,32 @@ def simulator(
         outline=outline, surface=surface or boundary_surface(outline), jaws=jaws, friction=(0.4, 0.6),
         wishart_dof=100, step_mm=step_mm, workers=workers,
     )  # fmt: skip
+
+
+def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Vertices (N, 2) of the outline at a pose (3,)."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.ascontiguousarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+
+
+def finger_box(finger: int, face: float, jaws: np.ndarray = JAWS) -> shapely.Polygon:
+    """The finger (+1 upper, -1 lower) whose inner face lies at y = face."""
+    half, outer = jaws[1] / 2, face + finger * jaws[2]
+    return shapely.box(-half, min(face, outer), half, max(face, outer))
+
+
+def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
+    """How deep a vertex of the part is in the finger, or a finger's corner in the part, by shapely, mm."""
+    part = shapely.Polygon(points)
+    depths = [box.exterior.distance(p) for p in shapely.points(points) if box.contains(p)]
+    corners = shapely.points(shapely.get_coordinates(box)[:4])
+    return max(depths + [part.exterior.distance(c) for c in corners if part.contains(c)], default=0.0)
+
+
+def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float, jaws: np.ndarray = JAWS) -> float:
+    """Deepest overlap of a part with either finger, of jaws that are `width` apart, in mm."""
+    points = place(outline, pose)
+    return max(overlap_depth(points, finger_box(f, f * width / 2, jaws)) for f in (1, -1))
 
 
 class ContactProblem(NamedTuple):

@@ -1,0 +1,117 @@
+"""Random simple polygons, friction and poses: whatever is squeezed, the answer is a state of the world."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import (
+    JAWS,
+    deepest_overlap,
+    goals,
+    random_contacts,
+    random_convex,
+    random_poses,
+    random_star,
+    rows,
+    simulator,
+    wrenches,
+)
+
+from planner.mechanics.contacts import FN, FT
+from planner.mechanics.simulator import STATUS_NAMES, Parameters
+from planner.mechanics.step import SOLVED, solve, workspace
+
+CASES = settings(max_examples=60, deadline=None, derandomize=True)
+PENETRATION_MM = 0.02
+seeds = st.integers(0, 10**6)
+frictions = st.floats(0.0, 1.0)
+
+
+def compact(seed):
+    """A convex part, or a star whose points are too short to reach around a finger."""
+    rng = np.random.default_rng(seed)
+    if seed % 2:
+        return random_convex(rng, 4 + seed % 7)
+    return random_star(rng, 3 + seed % 13, smallest=9.0, largest=15.0)
+
+
+def spiky(seed):
+    """A star with points up to 24 mm long: some reach behind the fingers."""
+    return random_star(np.random.default_rng(seed), 3 + seed % 13)
+
+
+def squeezed(outline, seed, mu, count=25):
+    """Initial poses and what became of them; every squeeze has its own limit surface."""
+    rng = np.random.default_rng(seed + 1)
+    part = simulator(outline)
+    poses = random_poses(rng, count, 30.0)
+    sampled = part.sample(count, rng)
+    return poses, part.roll_out(poses, Parameters(sampled.A, np.full((count, 2), mu)))
+
+
+def assert_no_overlap(outline, poses, result):
+    for before, pose, width in zip(poses, result.poses, result.width_mm, strict=True):
+        if deepest_overlap(outline, before, JAWS[0]) == 0.0:
+            assert deepest_overlap(outline, pose, width) <= PENETRATION_MM
+
+
+@CASES
+@given(compact_seed=seeds, mu=frictions)
+def test_fingers_never_stand_in_the_part(compact_seed, mu):
+    outline = compact(compact_seed)
+    assert_no_overlap(outline, *squeezed(outline, compact_seed, mu))
+
+
+@CASES
+@given(spiky_seed=seeds, mu=frictions)
+def test_fingers_never_stand_in_a_part_that_reaches_behind_them(spiky_seed, mu):
+    outline = spiky(spiky_seed)
+    assert_no_overlap(outline, *squeezed(outline, spiky_seed, mu))
+
+
+@CASES
+@given(seed=seeds, mu=frictions)
+def test_every_squeeze_ends_in_one_of_four_finite_ways(seed, mu):
+    outline = spiky(seed)
+    poses, result = squeezed(outline, seed, mu)
+    assert np.isfinite(result.poses).all()
+    assert ((result.width_mm >= 0.0) & (result.width_mm <= JAWS[0])).all()
+    names = np.array(STATUS_NAMES)[result.status]
+    free = np.isin(names, ["untouched", "slipped"])
+    assert np.array_equal(result.width_mm == 0.0, free)
+    untouched = names == "untouched"
+    assert np.array_equal(result.poses[untouched], poses[untouched])
+    assert np.isin(result.given_up, [0, 1]).all()
+
+
+@CASES
+@given(seed=seeds, mu=frictions)
+def test_fingers_only_push(seed, mu):
+    """The way the part goes along the closing axis is no longer than the way the fingers went."""
+    outline = compact(seed)
+    poses, result = squeezed(outline, seed, mu)
+    closed = 0.5 * (JAWS[0] - result.width_mm)
+    assert (np.abs(result.poses[:, 1]) <= np.abs(poses[:, 1]) + closed + 1e-6).all()
+
+
+@CASES
+@given(seed=seeds, contacts=st.integers(1, 4))
+def test_dissipation_is_never_negative(seed, contacts):
+    """On the table, at each finger, and together no more than the fingers put in."""
+    work, V = workspace(), np.zeros(3)
+    for k in range(20):
+        problem = random_contacts(np.random.default_rng([seed, k]), contacts)
+        problem = problem._replace(gap=np.zeros(contacts))
+        C, I = rows(problem)
+        mu_top, mu_bottom = problem.mu[0], problem.mu[1] if contacts > 1 else 0.0
+        if solve(problem.A, mu_top, mu_bottom, C, I, contacts, work, V) != SOLVED:
+            continue
+        N, T = wrenches(problem)
+        normal, tangential = goals(problem)
+        fn, ft = C[:contacts, FN], C[:contacts, FT]
+        on_table = V @ (N.T @ fn + T.T @ ft)
+        at_fingers = -ft * (T @ V - tangential)
+        put_in = fn @ normal + ft @ tangential
+        rounding = 1e-10 * (1.0 + put_in)
+        assert on_table >= 0.0
+        assert at_fingers.min() >= -rounding
+        assert put_in >= on_table + at_fingers.sum() - rounding

@@ -1,0 +1,33 @@
+"""The kernels against the twin: another formulation, another integrator, another search of contacts."""
+
+import math
+
+import numpy as np
+import pytest
+from problems import JAWS, OUTLINES, deepest_overlap, random_poses, simulator
+from reference.twin import Part, squeeze
+
+CLOSE_MM, CLOSE_RAD = 0.3, math.radians(1.0)
+
+
+def poses_clear_of_the_fingers(outline, seed, count, radius):
+    """Poses that open fingers do not stand on."""
+    poses = random_poses(np.random.default_rng(seed), 4 * count, radius)
+    return np.array([p for p in poses if deepest_overlap(outline, p, JAWS[0]) == 0.0][:count])
+
+
+@pytest.mark.parametrize(("name", "mu", "count"), [
+    ("rectangle", 0.5, 5), ("rectangle", 0.2, 3), ("right triangle", 0.5, 5), ("L", 0.3, 3),
+])  # fmt: skip
+def test_kernels_and_twin_end_alike(name, mu, count):
+    outline = OUTLINES[name]()
+    part = simulator(outline)
+    poses = poses_clear_of_the_fingers(outline, 21, count, 16.0)
+    result = part.roll_out(poses, part.nominal(count, mu))
+    assert not result.given_up.any()
+    for pose, final, width in zip(poses, result.poses, result.width_mm, strict=True):
+        twin = squeeze(Part(outline, part.surface.A, part.surface.rho_mm, mu, JAWS), pose)
+        assert twin.held == (width > 0.0)
+        assert math.hypot(*(twin.pose - final)[:2]) < CLOSE_MM
+        assert abs(twin.pose[2] - final[2]) < CLOSE_RAD
+        assert abs(twin.width_mm - width) < CLOSE_MM

@@ -1,0 +1,152 @@
+"""A second squeeze simulator: slow, obvious, and built another way than the kernels.
+
+The motion is an ordinary differential equation in s, the distance either finger has closed, integrated by
+scipy's `solve_ivp`: at every pose the contacts are listed by geometry, and the velocities follow from trying
+all modes of contact (`lcp_twin.motions`). A contact that is still open by g may close at the rate g / REACH,
+so that nothing is touched at a jump; where no mode is consistent the part is held. Shares no code with
+`planner.mechanics`. Meant for polygons of few vertices.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from problems import ContactProblem
+from reference.lcp_twin import motions
+from scipy.integrate import solve_ivp
+
+REACH_MM = 0.01
+"""Distance over which an open contact closes: the twin is that soft, and good to a few times as much."""
+BESIDE_MM = 0.1
+"""A vertex this far behind a face is beside the finger's end, else on the face."""
+MOST_CONTACTS = 4
+
+
+class Part(NamedTuple):
+    """What is squeezed, and by what.
+
+    Attributes:
+        outline: (N, 2) counter-clockwise, mm.
+        A: (3, 3) limit surface matrix in the part's frame.
+        rho: the length it is normalised with, mm.
+        mu: friction at both fingers.
+        jaws: opening, length and thickness of the fingers, mm (a fourth entry is not read).
+    """
+
+    outline: np.ndarray
+    A: np.ndarray
+    rho: float
+    mu: float
+    jaws: np.ndarray
+
+
+class Result(NamedTuple):
+    """Final pose (3,), width in mm, and whether the part is held."""
+
+    pose: np.ndarray
+    width_mm: float
+    held: bool
+
+
+class HeldError(Exception):
+    """No motion is consistent."""
+
+
+def squeeze(part: Part, pose: np.ndarray) -> Result:
+    """Close the fingers from fully open until the part is held, or they meet."""
+    closed = _first_touch(part, pose)
+    end = 0.5 * part.jaws[0]
+    if closed >= end:
+        return Result(np.array(pose), 0.0, False)
+    last = np.array([closed, *pose])
+
+    def velocity(s: float, q: np.ndarray) -> np.ndarray:
+        return _velocity(part, s, q)
+
+    def remember(s: float, q: np.ndarray) -> float:
+        last[:] = s, *q
+        return 1.0
+
+    try:
+        solve_ivp(
+            velocity, (closed, end), np.array(pose), events=remember, max_step=0.05, rtol=1e-5, atol=1e-5
+        )
+    except HeldError:
+        return Result(last[1:].copy(), 2.0 * (end - last[0]), True)
+    return Result(last[1:].copy(), 0.0, False)
+
+
+def _place(outline: np.ndarray, q: np.ndarray) -> np.ndarray:
+    c, s = math.cos(q[2]), math.sin(q[2])
+    return outline @ np.array([[c, s], [-s, c]]) + q[:2]
+
+
+def _first_touch(part: Part, pose: np.ndarray) -> float:
+    """How far the fingers close before one of them touches."""
+    opening, length, _ = part.jaws[:3]
+    strip = shapely.box(-length / 2, -opening, length / 2, opening)
+    between = shapely.Polygon(_place(part.outline, pose)).intersection(strip)
+    if between.is_empty:
+        return math.inf
+    _, low, _, high = between.bounds
+    return min(opening / 2 - high, opening / 2 + low)
+
+
+def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
+    """d(x, y, theta) / ds with both fingers closing at unit speed."""
+    found = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
+    if not found:
+        return np.zeros(3)
+    c, sine = math.cos(q[2]), math.sin(q[2])
+    turn = np.array([[c, -sine, 0.0], [sine, c, 0.0], [0.0, 0.0, 1.0]])
+    gap, finger, px, py, nx, ny = np.array(found).T
+    problem = ContactProblem(
+        A=turn @ part.A @ turn.T, rho=part.rho, points=np.column_stack([px, py]) - q[:2],
+        normals=np.column_stack([nx, ny]), advance=np.column_stack([0.0 * finger, -finger]),
+        gap=np.maximum(gap / REACH_MM, -1.0), mu=np.full(len(gap), part.mu),
+    )  # fmt: skip
+    consistent = motions(problem)
+    if len(consistent) == 0:
+        raise HeldError
+    V = consistent[0]
+    return np.array([V[0], V[1], V[2] / part.rho])
+
+
+def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
+    """All pairs of features about to touch: (gap, finger, point x, y, normal x, y)."""
+    opening, length, thickness = part.jaws[:3]
+    half, points = length / 2, _place(part.outline, q)
+    found: list[tuple[float, ...]] = []
+    for finger in (1, -1):
+        face = finger * (opening / 2 - s)
+        for x, y in points:
+            gap, beyond = finger * (face - y), abs(x) - half
+            if beyond <= 0.0 and -BESIDE_MM < gap < REACH_MM:
+                found.append((gap, finger, x, y, 0.0, -finger))
+            if -thickness < gap < -BESIDE_MM and abs(beyond) < REACH_MM:
+                found.append((beyond, finger, x, y, math.copysign(1.0, x), 0.0))
+        for side in (-1, 1):
+            found += _corner_contacts(points, finger, np.array([side * half, face]), side)
+    return found
+
+
+def _corner_contacts(
+    points: np.ndarray, finger: int, corner: np.ndarray, side: int
+) -> list[tuple[float, ...]]:
+    """The edges that an inner corner of a finger is about to touch, normals in the corner's cone."""
+    found: list[tuple[float, ...]] = []
+    for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
+        edge = second - first
+        size = math.hypot(*edge)
+        inward = np.array([-edge[1], edge[0]]) / size
+        along = (corner - first) @ edge / size
+        gap = -(corner - first) @ inward
+        # The part pushes the corner along -inward: it must not point out of the finger.
+        in_cone = -finger * inward[1] > -1e-3 and side * inward[0] > -1e-3
+        if in_cone and 0.0 <= along <= size and -BESIDE_MM < gap < REACH_MM:
+            touched = corner + gap * inward
+            found.append((gap, finger, touched[0], touched[1], inward[0], inward[1]))
+    return found

@@ -1,0 +1,242 @@
+"""Whole squeezes with an answer known beforehand: jams, pushes, symmetries, statuses, determinism."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from problems import (
+    JAWS,
+    LONG_JAWS,
+    OUTLINES,
+    boundary_surface,
+    l_shape,
+    random_convex,
+    random_poses,
+    rectangle,
+    right_triangle,
+    simulator,
+    sliver,
+)
+
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.simulator import STATUS_NAMES
+from planner.part.outline import width
+
+DIAGONAL = math.atan2(10.5, 15.0)
+"""Angle of the rectangle's diagonal to its long side."""
+
+
+def squeeze(simulator, poses, mu=0.5):
+    """Final poses, widths and names of the statuses."""
+    poses = np.atleast_2d(np.asarray(poses, float))
+    result = simulator.roll_out(poses, simulator.nominal(len(poses), mu))
+    return result.poses, result.width_mm, [STATUS_NAMES[s] for s in result.status]
+
+
+def tilted(off_axis_deg):
+    """Pose of the rectangle, centred, whose diagonal is that far from the closing axis."""
+    return [0.0, 0.0, math.pi / 2 - DIAGONAL + math.radians(off_axis_deg)]
+
+
+# Jams.
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.2, 0.3, 0.5, 0.65])
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
+    """Off the closing axis by up to atan(mu): jammed where it lies; by more: it turns until flush."""
+    limit = math.degrees(math.atan(mu))
+    inside, outside = tilted(side * (limit - 0.2)), tilted(side * (limit + 0.2))
+    poses, widths, statuses = squeeze(simulator(rectangle(), LONG_JAWS), [inside, outside], mu)
+    assert statuses[0] == "jammed"
+    assert np.allclose(poses[0], inside, atol=1e-9)
+    expected = 2 * math.hypot(15.0, 10.5) * math.cos(math.radians(limit - 0.2))
+    assert widths[0] == pytest.approx(expected, abs=1e-6)
+    assert abs(poses[1, 2] - outside[2]) > 0.02
+    assert widths[1] < widths[0] - 0.1
+
+
+def test_a_rectangle_that_turns_while_jaws_close_jams_no_earlier_than_the_friction_angle():
+    """Squeezed from anywhere, whatever is jammed on a diagonal lies within atan(mu) of the axis."""
+    poses = random_poses(np.random.default_rng(1), 300, 10.0)
+    final, widths, statuses = squeeze(simulator(rectangle(), LONG_JAWS), poses, 0.3)
+    jammed = np.array(statuses) == "jammed"
+    off = np.degrees(np.arccos(np.clip(widths[jammed] / (2 * math.hypot(15.0, 10.5)), -1, 1)))
+    assert jammed.sum() > 10
+    assert off.max() <= math.degrees(math.atan(0.3)) + 0.2
+    flush = np.abs((final[~jammed, 2] + math.pi / 4) % (math.pi / 2) - math.pi / 4)
+    assert np.degrees(flush).max() < 0.2
+
+
+# Frictionless jaws: Goldberg's squeeze function.
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
+    """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
+    rng = np.random.default_rng(seed)
+    outline = random_convex(rng, int(rng.integers(4, 9)))
+    poses, widths, statuses = squeeze(simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0), mu=0.0)
+    assert set(statuses) == {"grasped"}
+    for pose, final_width in zip(poses, widths, strict=True):
+        axis = math.pi / 2 - pose[2]  # the closing axis, seen from the part
+        assert final_width == pytest.approx(width(outline, axis), abs=0.02)
+        nearby = axis + np.radians([-0.5, 0.5])
+        assert min(width(outline, angle) for angle in nearby) > final_width - 0.02
+        assert lowest_nearby(outline, axis) == pytest.approx(final_width, abs=0.02)
+
+
+def lowest_nearby(outline, axis):
+    """Least width within a degree of that axis: the floor of the valley, if the axis is in one."""
+    return min(width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
+
+
+# One contact.
+
+
+def test_a_face_that_is_pushed_squarely_moves_along_without_turning():
+    """A line push through the centre of friction: the part keeps its angle until the other jaw stops it."""
+    final, widths, statuses = squeeze(simulator(rectangle()), [1.5, 8.0, math.pi])
+    assert np.allclose(final, [[1.5, 0.0, math.pi]], atol=1e-9)
+    assert statuses == ["grasped"]
+    assert widths == pytest.approx([21.0], abs=1e-6)
+
+
+def test_a_vertex_that_is_pushed_turns_the_part_as_the_limit_surface_says():
+    """One sticking contact under a small push: V = A F for the F that makes it follow (eqs 1-3)."""
+    outline, pose = rectangle(), np.array([0.0, 20.0, 0.3])
+    surface = LimitSurface(np.diag([1.05, 1.05, 0.58]), 10.5)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    top = max(outline @ [[c, s], [-s, c]] + pose[:2], key=lambda p: p[1])
+    push = 0.002
+    # The upper finger touches; the lower one is out of reach.
+    jaws = np.array([2 * (top[1] + 1e-9), 27.5, 9.5, 0.5])
+    rx, ry = top - pose[:2]
+    J = np.array([[1.0, 0.0, -ry / surface.rho_mm], [0.0, 1.0, rx / surface.rho_mm]])
+    force = np.linalg.solve(J @ surface.A @ J.T, [0.0, -push])
+    assert abs(force[0]) < 0.5 * abs(force[1])
+    V = surface.A @ J.T @ force
+    after = pushed_by(outline, surface, jaws, pose, push)
+    assert np.allclose((after - pose) * [1, 1, surface.rho_mm], V, atol=push * 1e-3)
+
+
+def pushed_by(outline, surface, jaws, pose, push):
+    """Pose after the upper finger has pushed by that much, alone: one step of the simulator's own kernels."""
+    from planner.mechanics import contacts, step
+
+    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
+    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+    points, everything = np.zeros_like(outline), np.arange(len(outline))
+    contacts.place(outline, pose, points, everything, len(outline))
+    count = contacts.find(
+        C, I, points, everything, len(outline), pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05
+    )
+    A, V = np.zeros((3, 3)), np.zeros(3)
+    step.rotate_surface(surface.A, pose[2], A)
+    step.directions(C, I, count, surface.rho_mm, push, 0.0)
+    assert step.solve(A, 0.5, 0.5, C, I, count, step.workspace(), V) == step.SOLVED
+    return pose + V / [1, 1, surface.rho_mm]
+
+
+# Symmetries.
+
+
+@pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
+def test_a_mirrored_squeeze_ends_mirrored(name):
+    """Part, limit surface and pose mirrored in the closing axis."""
+    part = simulator(OUTLINES[name]())
+    mirror = np.array([-1.0, 1.0, -1.0])
+    image = replace(
+        part, outline=np.ascontiguousarray((part.outline * [-1, 1])[::-1]),
+        surface=LimitSurface(part.surface.A * np.outer(mirror, mirror), part.surface.rho_mm),
+    )  # fmt: skip
+    poses = random_poses(np.random.default_rng(2), 40, 12.75)
+    final, widths, statuses = squeeze(part, poses)
+    final_image, widths_image, statuses_image = squeeze(image, poses * mirror)
+    assert statuses == statuses_image
+    assert np.allclose(final * mirror, final_image, atol=1e-9)
+    assert np.allclose(widths, widths_image, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
+def test_a_squeeze_seen_from_the_other_side_of_the_hand_is_the_same(name):
+    """The pose turned by half a turn about the hand; both fingers close alike."""
+    part = simulator(OUTLINES[name]())
+    poses = random_poses(np.random.default_rng(3), 40, 12.75)
+    turned = poses * [-1, -1, 1] + [0, 0, math.pi]
+    final, widths, statuses = squeeze(part, poses)
+    final_turned, widths_turned, statuses_turned = squeeze(part, turned)
+    assert statuses == statuses_turned
+    assert np.allclose(final * [-1, -1, 1] + [0, 0, math.pi], final_turned, atol=1e-9)
+    assert np.allclose(widths, widths_turned, atol=1e-9)
+
+
+# Statuses, extremes and determinism.
+
+
+def test_a_part_between_the_fingers_path_is_not_touched_and_not_moved():
+    poses = np.array([[40.0, 0.0, 0.3], [-45.0, 10.0, 1.0], [0.0, 90.0, 0.0]])
+    final, widths, statuses = squeeze(simulator(rectangle()), poses)
+    assert np.array_equal(final, poses)
+    assert np.array_equal(widths, np.zeros(3))
+    assert statuses == ["untouched"] * 3
+
+
+def test_fingers_that_close_have_width_zero_and_fingers_that_hold_have_not():
+    part = simulator(right_triangle())
+    _, widths, statuses = squeeze(part, random_poses(np.random.default_rng(4), 400, 38.25), 0.3)
+    free = np.isin(statuses, ["untouched", "slipped"])
+    assert 20 < free.sum() < 380
+    assert "slipped" in statuses
+    assert np.array_equal(widths == 0.0, free)
+
+
+def test_a_part_that_the_open_fingers_stand_on_is_reported_and_left_alone():
+    pose = np.array([[0.0, 42.0, 0.0]])
+    final, widths, statuses = squeeze(simulator(rectangle()), pose)
+    assert statuses == ["jammed"]
+    assert widths == [85.0]
+    assert np.array_equal(final, pose)
+
+
+@pytest.mark.parametrize("step_mm", [0.05, 0.4])
+def test_a_part_thinner_than_a_step_is_caught_all_the_same(step_mm):
+    """30 x 0.15 mm between fingers that close by up to 0.8 mm a step: flat it is held at its thickness."""
+    part = simulator(sliver(), step_mm=step_mm)
+    _, widths, statuses = squeeze(part, [[0.0, 5.0, 0.0], [2.0, -3.0, math.pi], [0.0, 0.0, 0.1]])
+    assert statuses == ["grasped"] * 3
+    assert np.allclose(widths, 0.15, atol=0.02)
+
+
+def test_the_finger_that_does_not_move_leaves_the_work_to_the_other():
+    """A share of one: the lower finger stays open, so a part above the middle is pushed down to it."""
+    jaws = JAWS.copy()
+    jaws[3] = 1.0
+    final, widths, statuses = squeeze(simulator(rectangle(), jaws), [0.0, 8.0, 0.0])
+    assert statuses == ["grasped"]
+    assert widths == pytest.approx([21.0], abs=1e-6)
+    assert np.allclose(final, [[0.0, -42.5 + 10.5, 0.0]], atol=1e-6)
+
+
+def test_results_do_not_depend_on_the_number_of_workers():
+    part = simulator(l_shape())
+    poses = random_poses(np.random.default_rng(5), 600, 12.75)
+    parameters = part.sample(600, np.random.default_rng(6))
+    alone = part.roll_out(poses, parameters)
+    shared = replace(part, workers=2).roll_out(poses, parameters)
+    assert [a.tobytes() for a in alone] == [b.tobytes() for b in shared]
+
+
+def test_poses_and_parameters_are_not_modified():
+    part = simulator(rectangle())
+    poses = random_poses(np.random.default_rng(7), 20, 12.75)
+    parameters = part.sample(20, np.random.default_rng(8))
+    before = poses.tobytes(), parameters.A.tobytes(), parameters.mu.tobytes()
+    part.roll_out(poses, parameters)
+    assert (poses.tobytes(), parameters.A.tobytes(), parameters.mu.tobytes()) == before
+
+
+def test_the_nominal_surface_is_the_parts_own():
+    part = simulator(rectangle())
+    assert np.array_equal(part.nominal(2, 0.5).A[1], boundary_surface(rectangle()).A)
