@@ -143,10 +143,11 @@ def finger_box(finger: int, face: float, jaws: np.ndarray = JAWS) -> shapely.Pol
 
 def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
     """How deep a vertex of the part is in the finger, or a finger's corner in the part, by shapely, mm."""
-    part = shapely.Polygon(points)
-    depths = [box.exterior.distance(p) for p in shapely.points(points) if box.contains(p)]
-    corners = shapely.points(shapely.get_coordinates(box)[:4])
-    return max(depths + [part.exterior.distance(c) for c in corners if part.contains(c)], default=0.0)
+    part, depths = shapely.Polygon(points), [0.0]
+    for shape, inner in ((box, points), (part, shapely.get_coordinates(box)[:4])):
+        inside = shapely.points(inner[shapely.contains_xy(shape, inner[:, 0], inner[:, 1])])
+        depths += shapely.distance(shape.exterior, inside).tolist()
+    return max(depths)
 
 
 def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float, jaws: np.ndarray = JAWS) -> float:

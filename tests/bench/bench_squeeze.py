@@ -1,0 +1,232 @@
+"""How well the squeeze converges, and how fast it is, beside scipy and MuJoCo; not part of the gate.
+
+    python tests/bench/bench_squeeze.py [--poses 2000] [--only convergence goldberg speed compile]
+
+Prints tables and writes `results/squeeze.json` beside this file. The speed of MuJoCo is measured where
+`pip install mujoco` has been done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from problems import (  # noqa: E402
+    JAWS,
+    LONG_JAWS,
+    OUTLINES,
+    deepest_overlap,
+    random_convex,
+    random_poses,
+    simulator,
+)
+from reference.twin import Part, squeeze  # noqa: E402
+
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES  # noqa: E402
+from planner.part.outline import width as outline_width  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "squeeze.json"
+RADII_MM = (12.75, 38.25)
+FINER = 20
+CLOSE_MM, CLOSE_DEG = 0.3, 1.0
+Row = dict[str, Any]
+
+FIRST_CALL = """
+import time; start = time.perf_counter()
+import numpy as np
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.simulator import Simulator
+outline = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+jaws = np.array([85, 27.5, 9.5, 0.5])
+part = Simulator(outline, LimitSurface(np.diag([1.05, 1.06, 0.58]), 10.6), jaws, (0.4, 0.6), 100)
+imported = time.perf_counter()
+part.roll_out(np.zeros((1, 3)), part.nominal(1, 0.5))
+print(time.perf_counter() - imported, imported - start)
+"""
+
+
+def convergence(poses: int) -> list[Row]:
+    """Default step against one 20 times finer: every outline, both discs, random friction and surfaces."""
+    table = []
+    for name, make in OUTLINES.items():
+        outline = make()
+        for radius in RADII_MM:
+            row: Row = {"part": name, "disc_mm": radius} | _converged(outline, radius, poses)
+            table.append(row)
+            print("{part:15} {disc_mm:6} {close_percent:7.2f} % {deepest_mm:8.4f} mm {given_up:4} "
+                  "{given_up_fine:4}  {per_second:8.0f}/s  {statuses}".format(**row), flush=True)  # fmt: skip
+    return table
+
+
+def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
+    rng = np.random.default_rng(5)
+    start = random_poses(rng, poses, radius)
+    coarse = simulator(outline)
+    fine = simulator(outline, step_mm=DEFAULT_STEP_MM / FINER, workers=os.cpu_count() or 1)
+    parameters = coarse.sample(poses, rng)
+    clock = time.perf_counter()
+    result = coarse.roll_out(start, parameters)
+    seconds = time.perf_counter() - clock
+    exact = fine.roll_out(start, parameters)
+    offset = result.poses - exact.poses
+    close = (
+        (np.hypot(offset[:, 0], offset[:, 1]) < CLOSE_MM)
+        & (np.abs(np.degrees(offset[:, 2])) < CLOSE_DEG)
+        & (np.abs(result.width_mm - exact.width_mm) < CLOSE_MM)
+    )
+    depths = [
+        deepest_overlap(outline, after, width)
+        for before, after, width in zip(start, result.poses, result.width_mm, strict=True)
+        if deepest_overlap(outline, before, JAWS[0]) == 0.0
+    ]
+    return {
+        "close_percent": 100 * float(close.mean()),
+        "deepest_mm": max(depths),
+        "given_up": int(result.given_up.sum()),
+        "given_up_fine": int(exact.given_up.sum()),
+        "per_second": poses / seconds,
+        "statuses": dict(zip(STATUS_NAMES, np.bincount(result.status, minlength=4).tolist(), strict=True)),
+        "first_given_up": start[np.flatnonzero(result.given_up)[:3]].tolist(),
+        "first_off": start[np.flatnonzero(~close)[:3]].tolist(),
+    }
+
+
+def goldberg(polygons: int = 200, poses: int = 10) -> Row:
+    """Frictionless long jaws on random convex polygons: how many end in a valley of the width function."""
+    ended, held = 0, 0
+    for seed in range(polygons):
+        rng = np.random.default_rng(seed)
+        outline = random_convex(rng, int(rng.integers(4, 9)))
+        part = simulator(outline, LONG_JAWS)
+        result = part.roll_out(random_poses(rng, poses, 10.0), part.nominal(poses, 0.0))
+        held += int((np.array(STATUS_NAMES)[result.status] == "grasped").sum())
+        for pose, width in zip(result.poses, result.width_mm, strict=True):
+            axis = math.pi / 2 - pose[2]
+            floor = min(outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
+            ended += abs(floor - width) < 0.02
+    row: Row = {
+        "polygons": polygons,
+        "squeezes": polygons * poses,
+        "in_a_valley": int(ended),
+        "grasped": held,
+    }
+    print("Goldberg: {in_a_valley} of {squeezes} in a valley of the width function, "
+          "{grasped} of them grasped".format(**row))  # fmt: skip
+    return row
+
+
+def speed() -> list[Row]:
+    """Squeezes a second on one core, and how many times faster that is than scipy and MuJoCo."""
+    table = []
+    for name, count in (("rectangle", 20_000), ("butterfly", 10_000)):
+        outline = OUTLINES[name]()
+        part = simulator(outline)
+        rng = np.random.default_rng(6)
+        poses = random_poses(rng, count, RADII_MM[0])
+        parameters = part.sample(count, rng)
+        part.roll_out(poses[:10], part.nominal(10, 0.5))
+        ours = count / min(_timed(lambda: part.roll_out(poses, parameters)) for _ in range(3))  # noqa: B023
+        table.append(
+            {"part": name, "vertices": len(outline), "per_second": ours} | _others(part, poses[:20], ours)
+        )
+        print(json.dumps(table[-1]), flush=True)
+    return table
+
+
+def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
+    """The twin and MuJoCo on the same poses with nominal parameters, and how far off they end."""
+    nominal = part.roll_out(poses, part.nominal(len(poses), 0.5))
+    model = Part(part.outline, part.surface.A, part.surface.rho_mm, 0.5, JAWS)
+    clock = time.perf_counter()
+    few = [squeeze(model, pose) for pose in poses[:5]]
+    twin = 5 / (time.perf_counter() - clock)
+    row: Row = {
+        "twin_per_second": twin,
+        "times_twin": ours / twin,
+        "twin_width_error_mm": float(np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()),
+    }
+    try:
+        from bench import mujoco_squeeze
+    except ImportError:
+        print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
+        return row
+    clock = time.perf_counter()
+    ends, widths = mujoco_squeeze.squeeze(part.outline, 0.5, poses)
+    mujoco = len(poses) / (time.perf_counter() - clock)
+    offset = np.hypot(*(ends - nominal.poses)[:, :2].T)
+    near = (np.abs(widths - nominal.width_mm) < 1.0) & (offset < 1.0)
+    return row | {"mujoco_per_second": mujoco, "times_mujoco": ours / mujoco,
+                  "mujoco_within_1_mm": f"{near.sum()} of {len(near)}"}  # fmt: skip
+
+
+def _timed(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def first_call() -> Row:
+    """Seconds of the first squeeze in a fresh process, with an empty and with a filled kernel cache."""
+    seconds = []
+    with tempfile.TemporaryDirectory() as folder:
+        environment = os.environ | {"SQUEEZETREE_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)}
+        for _ in range(2):
+            done = subprocess.run(
+                [sys.executable, "-c", FIRST_CALL],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            seconds.append(float(done.stdout.split()[0]))
+    row: Row = {"empty_cache_s": seconds[0], "filled_cache_s": seconds[1]}
+    print(
+        "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(**row)
+    )
+    return row
+
+
+def main() -> None:
+    """Run the chosen benches and record them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--poses", type=int, default=2000, help="for each part and disc")
+    benches: dict[str, Callable[[argparse.Namespace], Any]] = {
+        "compile": lambda _: first_call(),
+        "speed": lambda _: speed(),
+        "goldberg": lambda _: goldberg(),
+        "convergence": lambda options: convergence(options.poses),
+    }
+    parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
+    options = parser.parse_args()
+    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for name in options.only:
+        results[name] = benches[name](options)
+    results["setting"] = {
+        "step_mm": DEFAULT_STEP_MM,
+        "poses": options.poses,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
