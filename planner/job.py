@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from planner import job_checks
+from planner import job_checks, surface_file
 from planner.arrays import Array
 from planner.errors import InputFileError, TomlError
 from planner.part import symmetry
@@ -260,6 +260,7 @@ def _build(document: dict[str, Any], where: str, drawn: bool) -> Job:
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], where, drawn)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
+    surface_file.resolve(values["pressure"], where, drawn)
     job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
     job_checks.check_conflicts(values, where)
     actions, cell = values["actions"], values["cell"]

@@ -11,6 +11,7 @@ import shapely
 from planner.arrays import Array
 from planner.errors import FitError, JobError, OutlineError, ValueRangeError
 from planner.part import outline, symmetry
+from planner.surface_file import check_ellipsoid
 
 Values = dict[str, dict[str, Any]]
 
@@ -38,7 +39,7 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
             or a stated ellipsoid is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
-        _check_ellipsoid(pressure["ellipsoid"], where)
+        check_ellipsoid(pressure["ellipsoid"], where, "pressure")
     if pressure["kind"] != "points":
         return
     points = pressure["points_mm"] + shift + 0.0
@@ -134,12 +135,6 @@ def _check_supports(points: Array, part_outline: outline.Outline, where: str) ->
     if np.ptp(points, axis=0).max() <= ON_PART_MM:
         problem = "lie all in one place, where friction resists no turning; give at least two places"
         raise _conflict(problem, where, "pressure", "points_mm", points.tolist())
-
-
-def _check_ellipsoid(A: Array, where: str) -> None:
-    if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
-        problem = "must be a symmetric positive definite 3 x 3 matrix"
-        raise _conflict(problem, where, "pressure", "ellipsoid", A.tolist())
 
 
 def _conflict(problem: str, where: str, section: str, key: str, value: object) -> JobError:

@@ -23,6 +23,13 @@ from planner.fields import (
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
+
+class FileName(Text):
+    """A path to a file, relative to the job file."""
+
+    longest = 1_000
+
+
 TOP_LEVEL: Mapping[str, Field] = {
     "seed": Integer(0, 2**63 - 1, default=0),
 }
@@ -34,7 +41,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "symmetry": Either("auto", Integer(1, 10_000), default="auto"),
     },
     "pressure": {
-        "kind": Text(("boundary", "uniform", "points", "stated"), default="boundary"),
+        "kind": Text(("boundary", "uniform", "points", "identified", "stated"), default="boundary"),
         "wishart_dof": Integer(3, 1_000_000, default=100),
     },
     "friction": {
@@ -83,11 +90,20 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
     },
 }
 
+LIMIT_SURFACE: Mapping[str, Field] = {
+    "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3, default=None),
+    "quartic": Numbers(Number(-1e9, 1e9), least=15, most=15, default=None),
+    "certificate": Numbers(Number(-1e9, 1e9), columns=9, least=9, most=9, default=None),
+    "rho_mm": Number(0, MM, above=True, default=None),
+}
+"""An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho."""
+
 PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
     "points": {
         "points_mm": Numbers(PLACE, columns=2, least=2),
         "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
     },
+    "identified": {"surface_file": FileName(default=None), **LIMIT_SURFACE},
     "stated": {
         "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3),
         "rho_mm": Number(0, MM, above=True),

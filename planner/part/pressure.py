@@ -17,7 +17,7 @@ import shapely
 from planner.arrays import Array
 from planner.part.outline import Outline
 
-Kind = Literal["boundary", "uniform", "points", "stated"]
+Kind = Literal["boundary", "uniform", "points", "identified", "stated"]
 
 CELLS = 400
 """Pieces that a boundary or an area is cut into at least: 0.1 % in the friction integral, or better."""
@@ -29,11 +29,15 @@ class Pressure:
 
     Attributes:
         kind: "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
-            "points" (discrete supports) or "stated" (no pressure; the ellipsoid is given).
+            "points" (discrete supports), "identified" (no pressure; a limit surface from measured pushes) or
+            "stated" (no pressure; the ellipsoid is given).
         points_mm: (M, 2) supports in the part's frame, for "points".
         weights: (M,) share of the load on each support, summing to 1, for "points".
-        ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated".
-        rho_mm: the rho that `ellipsoid` is normalised with, for "stated".
+        ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated", and for
+            "identified" unless it is a quartic.
+        rho_mm: the rho that `ellipsoid` or `quartic` is normalised with.
+        quartic: (15,) coefficients of a convex quartic (`planner.mechanics.quartic`), for "identified".
+        certificate: (9, 9) certificate that `quartic` is convex.
         wishart_dof: degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1).
     """
 
@@ -43,6 +47,8 @@ class Pressure:
     weights: Array | None = None
     ellipsoid: Array | None = None
     rho_mm: float | None = None
+    quartic: Array | None = None
+    certificate: Array | None = None
 
 
 class Support(NamedTuple):
@@ -61,11 +67,11 @@ def support(pressure: Pressure, outline: Outline) -> Support:
     """Return the pressure as weighted points, with exact centre and second moments.
 
     Args:
-        pressure: any kind but "stated".
+        pressure: any kind but "identified" and "stated".
         outline: (N, 2), mm, the part's frame.
 
     Raises:
-        ValueError: the pressure is "stated", so there is nothing to integrate over.
+        ValueError: a limit surface is given in place of a pressure, so there is nothing to integrate over.
     """
     if pressure.kind == "boundary":
         return _boundary_support(outline)
