@@ -23,11 +23,11 @@ from planner.mechanics.step import (
     StepWork,
     directions,
     event_fraction,
-    rotate_surface,
     solve,
     turn,
     workspace,
 )
+from planner.mechanics.surface_step import solve_surface
 
 UNTOUCHED = 0
 SLIPPED = 1
@@ -57,7 +57,9 @@ class SqueezeWork(NamedTuple):
         placed: (N,) vertices kept placed.
         near: (N,) vertices near the fingers.
         listed: (3,) how many are placed, how many near, and how many contacts were found.
-        A: (3, 3) the limit surface in the hand frame.
+        A: (3, 3) the ellipsoid, or the quartic's local one, in the hand frame.
+        local: (3, 3) the same in the part's frame.
+        F: (3,) unit wrench of the last step, in the part's frame.
         V: (3,) displacement.
         trial: (3,) pose after the step.
         half: (3,) pose in its middle.
@@ -72,6 +74,8 @@ class SqueezeWork(NamedTuple):
     near: IntArray
     listed: IntArray
     A: Array
+    local: Array
+    F: Array
     V: Array
     trial: Array
     half: Array
@@ -93,6 +97,8 @@ def squeeze_workspace(vertices: int) -> SqueezeWork:
         near=np.zeros(vertices, np.int64),
         listed=np.zeros(3, np.int64),
         A=np.zeros((3, 3)),
+        local=np.zeros((3, 3)),
+        F=np.array([0.0, 1.0, 0.0]),
         V=np.zeros(3),
         trial=np.zeros(3),
         half=np.zeros(3),
@@ -102,7 +108,7 @@ def squeeze_workspace(vertices: int) -> SqueezeWork:
 
 @kernel
 def _midpoint(
-    A: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, h: float, step_top: float,
+    surface: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, h: float, step_top: float,
     step_bottom: float, work: SqueezeWork,
 ) -> tuple[int, float]:  # fmt: skip
     """One midpoint step from pose q into `work.trial`, for contacts already found at q.
@@ -110,10 +116,11 @@ def _midpoint(
     Returns the status and the difference between the Euler and the midpoint step [mm]; -1 where there is no
     Euler step.
     """
-    C, I, V, Ah, count = work.C, work.I, work.V, work.A, work.listed[FOUND]
-    rotate_surface(A, q[2], Ah)
+    C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve(Ah, mu_top, mu_bottom, C, I, count, work.step, V)
+    status = solve_surface(
+        surface, q[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
+    )
     if status != SOLVED:
         return status, -1.0
     v0, v1, v2 = V[0], V[1], V[2]
@@ -122,9 +129,10 @@ def _midpoint(
     work.half[2] = q[2] + 0.5 * v2 / rho
     top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
     turn(C, I, count, q, work.half, top, bottom, h)
-    rotate_surface(A, work.half[2], Ah)
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve(Ah, mu_top, mu_bottom, C, I, count, work.step, V)
+    status = solve_surface(
+        surface, work.half[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
+    )
     if status != SOLVED:
         return status, 0.0
     work.trial[0] = q[0] + V[0]
@@ -212,7 +220,7 @@ def _overlap(C: Array, count: int) -> float:
 
 @kernel
 def _try_step(
-    outline: Array, A: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
+    outline: Array, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
     size: float, margin: float, q: Array, work: SqueezeWork,
 ) -> tuple[int, float]:  # fmt: skip
     """Tries a step of the given size; returns what came of it and the size to go on with.
@@ -222,7 +230,7 @@ def _try_step(
     h, thickness = 0.5 * jaws[1], jaws[2]
     step_top, step_bottom = 2.0 * jaws[3] * size, 2.0 * (1.0 - jaws[3]) * size
     smallest = size <= step * SMALLEST_STEP
-    status, error = _midpoint(A, rho, mu_top, mu_bottom, q, h, step_top, step_bottom, work)
+    status, error = _midpoint(surface, rho, mu_top, mu_bottom, q, h, step_top, step_bottom, work)
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
@@ -249,13 +257,18 @@ def _try_step(
 
 
 @kernel
-def _held_as(A: Array, rho: float, q: Array, h: float, thickness: float, work: SqueezeWork) -> int:
-    """GRASPED where the part is blocked without friction too, else JAMMED."""
+def _held_as(rho: float, q: Array, h: float, thickness: float, work: SqueezeWork) -> int:
+    """GRASPED where the part is blocked without friction too, else JAMMED.
+
+    Without friction only the contact normals decide, so any limit surface will do.
+    """
     _find(q, h, thickness, 0.02, work)
     count = work.listed[FOUND]
     for k in range(count):
         work.C[k, GAP] = 0.0
-    rotate_surface(A, q[2], work.A)
+    for i in range(3):
+        for j in range(3):
+            work.A[i, j] = 1.0 if i == j else 0.0
     directions(work.C, work.I, count, rho, 0.1, 0.1)
     status = solve(work.A, 0.0, 0.0, work.C, work.I, count, work.step, work.V)
     return JAMMED if status == SOLVED else GRASPED
@@ -274,7 +287,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 
 @kernel
 def squeeze(
-    outline: Array, reach: float, A: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
+    outline: Array, reach: float, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
     step: float, q: Array, work: SqueezeWork, trace: Array,
 ) -> tuple[float, int, int, int]:  # fmt: skip
     """Closes the fingers on one part.
@@ -282,7 +295,7 @@ def squeeze(
     Args:
         outline: (N, 2) counter-clockwise, in the part's frame [mm].
         reach: largest distance of a vertex from the part's origin [mm].
-        A: (3, 3) limit surface matrix in the part's frame, normalised by rho.
+        surface: (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table, in the part's frame.
         rho: length that normalises rotations [mm].
         mu_top: friction at the upper finger.
         mu_bottom: friction at the lower finger.
@@ -299,6 +312,7 @@ def squeeze(
     h, thickness = 0.5 * jaws[1], jaws[2]
     top_share, bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
     work.fingers[0], work.fingers[1] = 0.5 * jaws[0], -0.5 * jaws[0]
+    work.F[0], work.F[1], work.F[2] = 0.0, 1.0, 0.0
     touched, verdict = False, ACCEPTED
     budget, size, margin = 0.0, step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
@@ -322,7 +336,7 @@ def squeeze(
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
         top = work.fingers[0]
-        verdict, size = _try_step(outline, A, rho, mu_top, mu_bottom, jaws, step, size, margin, q, work)
+        verdict, size = _try_step(outline, surface, rho, mu_top, mu_bottom, jaws, step, size, margin, q, work)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
@@ -332,21 +346,21 @@ def squeeze(
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(A, rho, q, h, thickness, work)
+    held = _held_as(rho, q, h, thickness, work)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
 @kernel
 def squeeze_many(
-    outline: Array, A: Array, rho: float, mu: Array, jaws: Array, step: float, poses: Array, width: Array,
-    status: IntArray, given_up: IntArray, work: SqueezeWork,
+    outline: Array, surfaces: Array, rho: float, mu: Array, jaws: Array, step: float, poses: Array,
+    width: Array, status: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
-    """`squeeze` for every row of `poses` (n, 3) with its own A (n, 3, 3) and mu (n, 2); outputs in place."""
+    """`squeeze` for every row of `poses` (n, 3) with its own surface and mu (n, 2); outputs in place."""
     reach = 0.0
     for i in range(outline.shape[0]):
         reach = max(reach, np.sqrt(outline[i, 0] ** 2 + outline[i, 1] ** 2))
     trace = np.zeros((0, 4))
     for i in range(poses.shape[0]):
         width[i], status[i], given_up[i], _ = squeeze(
-            outline, reach, A[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], work, trace
+            outline, reach, surfaces[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], work, trace
         )

@@ -1,0 +1,102 @@
+"""The step for either limit surface: one LCP for the ellipsoid, a sequence of them for the quartic.
+
+A convex quartic answers V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem), an ellipsoid's law whose
+matrix depends on the wrench. The step is solved with A at the wrench before, until the wrench's direction
+stands still: a fixed point of eqs 1-5 (paper, IV.A: "solving a sequence of LCP problems").
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.kernel import kernel
+from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
+from planner.mechanics.step import PIVOT_LIMIT, SOLVED, StepWork, rotate_surface, solve
+
+DIRECTION_TOLERANCE = 1e-6
+"""Change of the unit wrench at which the sequence has converged."""
+MOST_ITERATIONS = 60
+DAMPED_FROM = 8
+"""From this iteration on the wrench moves half way: two modes of sliding may otherwise take turns."""
+
+
+@kernel
+def local_matrix(table: Array, F: Array, out: Array) -> None:
+    """A(F) = hess H(F) / 3 of a quartic.
+
+    Args:
+        table: (6, 6), xx, xy, xz, yy, yz, zz of hess H as forms in the six products of F.
+        F: (3,) normalised wrench in the part's frame.
+        out: (3, 3), modified in place.
+    """
+    for row in range(6):
+        i = 0 if row < 3 else (1 if row < 5 else 2)
+        j = row if row < 3 else (row - 2 if row < 5 else 2)
+        entry = table[row, 0] * F[0] * F[0] + table[row, 1] * F[0] * F[1] + table[row, 2] * F[0] * F[2]
+        entry += table[row, 3] * F[1] * F[1] + table[row, 4] * F[1] * F[2] + table[row, 5] * F[2] * F[2]
+        out[i, j] = entry / 3.0
+        out[j, i] = entry / 3.0
+
+
+@kernel
+def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
+    """Unit wrench of all contact forces in the part's frame into `F` (3,); returns its former length."""
+    f0, f1, f2 = 0.0, 0.0, 0.0
+    for k in range(count):
+        fn, ft = C[k, FN], C[k, FT]
+        f0 += fn * C[k, NX] - ft * C[k, NY]
+        f1 += fn * C[k, NY] + ft * C[k, NX]
+        f2 += fn * C[k, N2] + ft * C[k, T2]
+    length = np.sqrt(f0 * f0 + f1 * f1 + f2 * f2)
+    if length > 0.0:
+        c, s = np.cos(theta), np.sin(theta)
+        F[0], F[1], F[2] = (c * f0 + s * f1) / length, (c * f1 - s * f0) / length, f2 / length
+    return float(length)
+
+
+@kernel
+def solve_surface(
+    surface: Array, theta: float, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int,
+    work: StepWork, A: Array, local: Array, F: Array, V: Array,
+) -> int:  # fmt: skip
+    """Solves the step for a part turned by theta.
+
+    Args:
+        surface: (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame.
+        theta: the part's angle in the hand frame.
+        mu_top: friction at the upper finger.
+        mu_bottom: friction at the lower finger.
+        C: contacts, completed by `directions`; the forces are modified in place.
+        I: the same, integers.
+        count: how many of them are valid.
+        work: workspace of `solve`.
+        A: (3, 3) receives the matrix of the last LCP, in the hand frame.
+        local: (3, 3) workspace.
+        F: (3,) unit wrench to start from, in the part's frame; receives the last one (quartic only).
+        V: (3,) receives the displacement.
+
+    Returns:
+        As `step.solve`; `PIVOT_LIMIT` also where the sequence did not converge.
+    """
+    if surface.shape[0] == 3:
+        rotate_surface(surface, theta, A)
+        return solve(A, mu_top, mu_bottom, C, I, count, work, V)
+    for iteration in range(MOST_ITERATIONS):
+        local_matrix(surface, F, local)
+        rotate_surface(local, theta, A)
+        status = solve(A, mu_top, mu_bottom, C, I, count, work, V)
+        if status != SOLVED:
+            return status
+        x, y, z = F[0], F[1], F[2]
+        if _wrench(C, count, theta, F) == 0.0:
+            return SOLVED
+        if (F[0] - x) ** 2 + (F[1] - y) ** 2 + (F[2] - z) ** 2 <= DIRECTION_TOLERANCE**2:
+            return SOLVED
+        if iteration >= DAMPED_FROM:
+            F[0], F[1], F[2] = F[0] + x, F[1] + y, F[2] + z
+            length = np.sqrt(F[0] ** 2 + F[1] ** 2 + F[2] ** 2)
+            if length == 0.0:
+                F[0], length = 1.0, 1.0
+            F[0], F[1], F[2] = F[0] / length, F[1] / length, F[2] / length
+    return PIVOT_LIMIT
