@@ -1,19 +1,21 @@
 """Random simple polygons, friction and poses: whatever is squeezed, the answer is a state of the world."""
 
 import numpy as np
+from contact_problems import (
+    goals,
+    random_contacts,
+    rows,
+    wrenches,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import (
     JAWS,
     deepest_overlap,
-    goals,
-    random_contacts,
     random_convex,
     random_poses,
     random_star,
-    rows,
     simulator,
-    wrenches,
 )
 
 from planner.mechanics.contacts import FN, FT

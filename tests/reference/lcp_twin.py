@@ -5,7 +5,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from problems import ContactProblem, goals, wrenches
+from contact_problems import (
+    ContactProblem,
+    goals,
+    wrenches,
+)
 
 SEPARATE, STICK, SLIDE_FORWARD, SLIDE_BACK = range(4)
 TOLERANCE = 1e-9

@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from problems import ContactProblem
+from contact_problems import (
+    ContactProblem,
+)
 from reference.lcp_twin import motions
 from scipy.integrate import solve_ivp
 

@@ -5,24 +5,13 @@ import math
 import numpy as np
 import pytest
 import shapely
-from problems import random_convex, random_poses, random_star
+from problems import finger_box, place, random_convex, random_poses, random_star
 
 from planner.mechanics import contacts
 from planner.mechanics.contacts import CORNER, END, FACE, FINGER, GAP, KIND, NX, NY, RX, RY, SIDE, VERTEX
 
 HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
 FINGERS = pytest.mark.parametrize("finger", [1, -1])
-
-
-def finger_box(finger: int, face: float) -> shapely.Polygon:
-    return shapely.box(
-        -HALF, min(face, face + finger * THICKNESS), HALF, max(face, face + finger * THICKNESS)
-    )
-
-
-def placed(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.ascontiguousarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
 
 
 def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
@@ -40,7 +29,7 @@ def scenes(seed: int, count: int, radius: float = 30.0):
     for k in range(count):
         outline = random_convex(rng, 6) if k % 3 == 0 else random_star(rng, int(rng.integers(4, 14)))
         pose = random_poses(rng, 1, radius)[0]
-        yield rng, placed(outline, pose), pose
+        yield rng, place(outline, pose), pose
 
 
 def test_place_turns_and_shifts_the_listed_vertices_only():
@@ -49,7 +38,7 @@ def test_place_turns_and_shifts_the_listed_vertices_only():
     points = np.zeros_like(outline)
     listed = np.array([1, 4, 8, 0])
     contacts.place(outline, pose, points, listed, 3)
-    assert np.allclose(points[[1, 4, 8]], placed(outline, pose)[[1, 4, 8]], atol=1e-12)
+    assert np.allclose(points[[1, 4, 8]], place(outline, pose)[[1, 4, 8]], atol=1e-12)
     assert not points[[0, 2, 3, 5, 6, 7]].any()
 
 

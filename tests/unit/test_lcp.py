@@ -2,7 +2,13 @@
 
 import numpy as np
 import pytest
-from problems import HAVE_MOTION, HAVE_NONE, lcp, random_contacts, wrenches
+from contact_problems import (
+    HAVE_MOTION,
+    HAVE_NONE,
+    lcp,
+    random_contacts,
+    wrenches,
+)
 from reference.lcp_twin import all_bases, motions
 from scipy.optimize import linprog
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import (
+from contact_problems import (
     ContactProblem,
     flush_push,
     goals,
