@@ -42,6 +42,8 @@ NEARLY_PARALLEL = 0.08
 LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
+OUTSIDE_MM = 5e-3
+"""A corner deeper than this behind all edges is inside the part."""
 BEHIND_MM = 0.1
 """What lies further than this behind an inner face is beside or behind the finger, not before it."""
 END_DEPTH_MM = 0.01
@@ -90,26 +92,23 @@ def _write(
 
 
 @kernel
-def _convex_neighbour(I: IntArray, count: int, points: Array, i: int, finger: int, side: int) -> int:
-    """The contact of the same finger corner with an edge that meets edge i at a convex vertex; -1 for none.
+def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
+    """Whether a neighbour of edge i-j, at a convex vertex, keeps the point (px, py) out by more than `gap`.
 
-    A point is outside two such edges when it is outside either, so only the wider gap counts.
+    A point is outside two edges that meet at a convex vertex when it is outside either, so only the edge with
+    the wider gap can be touched. A point inside both is an overlap, which is not hidden.
     """
     n = points.shape[0]
-    for k in range(count):
-        if I[k, KIND] != CORNER or I[k, FINGER] != finger or I[k, SIDE] != side:
-            continue
-        first, second = I[k, VERTEX], i
-        if second == (first - 1) % n:
-            first, second = second, first
-        elif second != (first + 1) % n:
-            continue
-        third = (second + 1) % n
-        ax, ay = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
-        bx, by = points[third, 0] - points[second, 0], points[third, 1] - points[second, 1]
-        if ax * by - ay * bx >= 0.0:
-            return k
-    return -1
+    b = i - 1 if i > 0 else n - 1
+    k = j + 1 if j + 1 < n else 0
+    ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+    for start, stop, turn in ((b, i, 1.0), (j, k, -1.0)):
+        ax, ay = points[stop, 0] - points[start, 0], points[stop, 1] - points[start, 1]
+        if turn * (ax * ey - ay * ex) > 0.0:
+            other = (px - points[start, 0]) * ay - (py - points[start, 1]) * ax
+            if other > max(gap, -OUTSIDE_MM) * np.sqrt(ax * ax + ay * ay) + EDGE_SLACK_MM:
+                return True
+    return False
 
 
 @kernel
@@ -157,14 +156,12 @@ def _add_corners(
         lower = along if finger * y0 >= finger * y1 else length - along
         if side * ey > 0.0 and lower < LEAST_ARM_MM:
             continue
-        slot = _convex_neighbour(I, count, points, i, finger, side)
-        if slot >= 0 and C[slot, GAP] >= gap:
+        if _hidden(points, i, j, side * h, face, gap):
             continue
+        slot = _slot(C, count, gap)
         if slot < 0:
-            slot = _slot(C, count, gap)
-            if slot < 0:
-                continue
-            count = min(count + 1, MAX_CONTACTS)
+            continue
+        count = min(count + 1, MAX_CONTACTS)
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
         _write(C, I, slot, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
         if abs(ey) <= NEARLY_PARALLEL:

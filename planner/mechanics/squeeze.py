@@ -43,6 +43,8 @@ EULER_ERROR = 0.02
 """Largest difference between Euler and midpoint step, as a share of the nominal step."""
 SMALLEST_STEP = 1.0 / 256.0
 MAX_STEPS = 20_000
+WIDEN = 2
+"""Vertices kept placed on either side of one near a finger."""
 NEAR_MM = 3.0
 """How far around the fingers vertices are followed between two looks at the whole outline."""
 
@@ -148,20 +150,22 @@ def _list_near(work: SqueezeWork) -> None:
     n = points.shape[0]
     near_count, placed_count = 0, 0
     high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
-    before = points[n - 1, 1] > high or points[n - 1, 1] < low
-    here = points[0, 1] > high or points[0, 1] < low
-    first = here
+    last = -1 - WIDEN  # the latest vertex near a finger, of those up to WIDEN ahead
+    for ahead in range(-WIDEN, WIDEN):
+        y = points[ahead % n, 1]
+        if y > high or y < low:
+            last = ahead
     for i in range(n):
-        after = first
-        if i + 1 < n:
-            after = points[i + 1, 1] > high or points[i + 1, 1] < low
-        if here or after:
-            near[near_count] = i
-            near_count += 1
-        if before or here or after:
+        y = points[(i + WIDEN) % n, 1]
+        if y > high or y < low:
+            last = i + WIDEN
+        if last >= i - WIDEN:
             placed[placed_count] = i
             placed_count += 1
-        before, here = here, after
+        j = i + 1 if i + 1 < n else 0
+        if points[i, 1] > high or points[i, 1] < low or points[j, 1] > high or points[j, 1] < low:
+            near[near_count] = i
+            near_count += 1
     work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
 
 
@@ -210,11 +214,15 @@ def _find(q: Array, h: float, thickness: float, margin: float, work: SqueezeWork
 
 
 @kernel
-def _overlap(C: Array, count: int) -> float:
-    """Deepest overlap among the contacts found [mm]."""
+def _overlap(h: float, thickness: float, work: SqueezeWork) -> float:
+    """Deepest overlap among the contacts found and the near vertices [mm]."""
     deepest = 0.0
-    for k in range(count):
-        deepest = max(deepest, -C[k, GAP])
+    for k in range(work.listed[FOUND]):
+        deepest = max(deepest, -work.C[k, GAP])
+    for m in range(work.listed[NEAR]):
+        x, y = work.points[work.near[m], 0], work.points[work.near[m], 1]
+        behind = y - work.fingers[0] if y > 0.5 * (work.fingers[0] + work.fingers[1]) else work.fingers[1] - y
+        deepest = max(deepest, min(behind, h - abs(x), thickness - behind))
     return deepest
 
 
@@ -248,7 +256,7 @@ def _try_step(
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
     _find(work.trial, h, thickness, margin, work)
-    if _overlap(work.C, work.listed[FOUND]) > PENETRATION_MM:
+    if _overlap(h, thickness, work) > PENETRATION_MM:
         contact.place(outline, q, work.points, work.placed, work.listed[PLACED])
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
