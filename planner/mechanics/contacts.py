@@ -204,20 +204,20 @@ def find(
         j = i + 1 if i + 1 < n else 0
         b = i - 1 if i > 0 else n - 1
         xi, xj, yi, yj, yb = points[i, 0], points[j, 0], points[i, 1], points[j, 1], points[b, 1]
-        spans = (min(xi, xj) - margin <= h and max(xi, xj) + margin >= h) or (
-            min(xi, xj) - margin <= -h and max(xi, xj) + margin >= -h
-        )
         for finger in (1, -1):
             face = top if finger == 1 else bottom
             reach = finger * face - margin
             y, before, after = finger * yi, finger * yb, finger * yj
+            if y < reach and after < reach:
+                continue
             if y >= reach and y >= before and y >= after and abs(xi) <= h:
                 count = _add_face(C, I, count, points, q[0], q[1], i, finger, face, h, margin)
                 if before >= after:
                     count = _add_face(C, I, count, points, q[0], q[1], b, finger, face, h, margin)
                 if after >= before:
                     count = _add_face(C, I, count, points, q[0], q[1], j, finger, face, h, margin)
-            if spans and (y >= reach or after >= reach):
+            low, high = min(xi, xj) - margin, max(xi, xj) + margin
+            if (low <= h <= high) or (low <= -h <= high):
                 count = _add_corners(C, I, count, points, q[0], q[1], i, j, finger, face, h, margin)
             behind = y - finger * face
             if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:

@@ -39,7 +39,7 @@ PENETRATION_MM = 0.01
 """Overlap at which a step is refused."""
 LARGEST_TURN = 0.1
 """Largest rotation in one step [rad]."""
-EULER_ERROR = 0.02
+EULER_ERROR = 0.03
 """Largest difference between Euler and midpoint step, as a share of the nominal step."""
 SMALLEST_STEP = 1.0 / 256.0
 MAX_STEPS = 20_000
