@@ -1,4 +1,4 @@
-"""The entry points of the planner's commands: they say what is missing where only the cell's part is installed."""
+"""The entry points of the planner's commands; without the planner extra they say what to install."""
 
 from __future__ import annotations
 

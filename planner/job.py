@@ -64,6 +64,8 @@ class Gripper:
         encoder_noise_mm: standard deviation of a measured width, before rounding to counts.
         speed_mm_s: rate at which the opening closes; each finger moves at half of it.
         force_n: grip force.
+        upper_finger_share: share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the
+            other one sticks.
     """
 
     model: str
@@ -75,6 +77,20 @@ class Gripper:
     encoder_noise_mm: float
     speed_mm_s: float
     force_n: float
+    upper_finger_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it.
+
+    Attributes:
+        shift_mm: standard deviation of x and of y.
+        turn_deg: standard deviation of the angle.
+    """
+
+    shift_mm: float
+    turn_deg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +188,7 @@ class Job:
     pressure: Pressure
     friction: Friction
     gripper: Gripper
+    release: Release
     uncertainty: Uncertainty
     actions: Actions
     goal: Goal
@@ -272,6 +289,7 @@ def _build(document: dict[str, Any], where: str, drawn: bool) -> Job:
         pressure=Pressure(**values["pressure"]),
         friction=Friction(**values["friction"]),
         gripper=Gripper(**values["gripper"]),
+        release=Release(**values["release"]),
         uncertainty=Uncertainty(**values["uncertainty"]),
         actions=Actions(**actions),
         goal=Goal(**values["goal"]),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from planner import surface_file
 from planner.arrays import Array
 from planner.errors import FitError, JobError, OutlineError, ValueRangeError
 from planner.part import outline, symmetry
@@ -66,6 +67,8 @@ def check_conflicts(values: Values, where: str) -> None:
         FitError: the part is wider than the jaws open, however it lies.
     """
     _check_symmetry(values["part"], where)
+    if values["pressure"].get("limit_surface") == "quartic":
+        surface_file.check_dof(values["pressure"]["wishart_dof"], where)
     _check_friction(values["friction"], where)
     _check_gripper(values["gripper"], values["cell"], where)
     _check_actions(values["actions"], values["cell"], where)

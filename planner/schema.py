@@ -58,6 +58,11 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "encoder_noise_mm": Number(0, 10, default=0.15),
         "speed_mm_s": Number(0, MM, above=True, default=60.0),
         "force_n": Number(0, 10_000, above=True, default=40.0),
+        "upper_finger_share": Number(0, 1, default=0.5),
+    },
+    "release": {
+        "shift_mm": Number(0, 10, default=0.0),
+        "turn_deg": Number(0, 45, default=0.0),
     },
     "uncertainty": {
         "radius_mm": Number(0, MM),
@@ -98,8 +103,13 @@ LIMIT_SURFACE: Mapping[str, Field] = {
 }
 """An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho."""
 
+_FITTED: Mapping[str, Field] = {"limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")}
+
 PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
+    "boundary": _FITTED,
+    "uniform": _FITTED,
     "points": {
+        **_FITTED,
         "points_mm": Numbers(PLACE, columns=2, least=2),
         "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
     },
@@ -111,7 +121,7 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 }
 """Further keys of [pressure], by its kind."""
 
-OPTIONAL_SECTIONS = ("pressure", "search", "cell")
+OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell")
 
 
 def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str, Any]]:

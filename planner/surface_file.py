@@ -109,9 +109,15 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
         raise ValueRangeError(problem, where=where, section="pressure", key="surface_file", value=name)
     else:
         pressure.update(load(Path(where).parent / name))
-    if pressure["quartic"] is not None and pressure["wishart_dof"] < LEAST_DOF:
+    if pressure["quartic"] is not None:
+        check_dof(pressure["wishart_dof"], where)
+
+
+def check_dof(dof: int, where: str) -> None:
+    """Refuse fewer degrees of freedom than a quartic's certificate has rows."""
+    if dof < LEAST_DOF:
         problem = f"must be at least {LEAST_DOF} for a quartic, whose certificate is 9 x 9"
-        raise ValueRangeError(problem, where=where, section="pressure", key="wishart_dof")
+        raise ValueRangeError(problem, where=where, section="pressure", key="wishart_dof", value=dof)
 
 
 def check(values: Mapping[str, Any], where: str, section: str) -> None:

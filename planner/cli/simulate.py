@@ -116,8 +116,9 @@ def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Par
     from planner.report import animation, trajectory  # matplotlib takes its time; most runs draw nothing
 
     traces = []
-    for pose, A, mu in list(zip(poses, *parameters, strict=True))[: trajectory.MOST_PANELS]:
-        states, status = simulator.trace(pose, A, float(mu[0]))
+    cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)
+    for pose, surface, mu in list(cases)[: trajectory.MOST_PANELS]:
+        states, status = simulator.trace(pose, surface, float(mu[0]))
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
     outline, jaws = simulator.outline, simulator.jaws
     if pictures.figure is not None:

@@ -6,6 +6,7 @@ friction, so the result depends on the arguments alone, never on the number of w
 
 from __future__ import annotations
 
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,9 +16,9 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.job import Job
-from planner.mechanics import limit_surface
-from planner.mechanics.limit_surface import LimitSurface
-from planner.mechanics.squeeze import STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
+from planner.mechanics import surface as limit_surface
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
+from planner.mechanics.surface import Surface
 
 DEFAULT_STEP_MM = 0.4
 CHUNK = 256
@@ -28,12 +29,14 @@ class Parameters(NamedTuple):
     """The uncertain mechanics of n roll-outs.
 
     Attributes:
-        A: (n, 3, 3) limit surface matrices.
+        surfaces: (n, 3, 3) ellipsoids or (n, 6, 6) quartics, as `planner.mechanics.surface` makes them.
         mu: (n, 2) friction at the upper and the lower finger.
+        release: (n, 3) what a held part does when the jaws open [mm, mm, rad]; nothing if None.
     """
 
-    A: Array
+    surfaces: Array
     mu: Array
+    release: Array | None = None
 
 
 class RollOut(NamedTuple):
@@ -62,15 +65,17 @@ class Simulator:
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         friction: bounds of the coefficient between finger and part.
         wishart_dof: degrees of freedom of the limit surface's scatter (paper, IV: n_df).
+        release: standard deviations of x, y [mm] and angle [rad] when the jaws open on a held part.
         step_mm: nominal closing step of each finger.
         workers: threads that share the roll-outs.
     """
 
     outline: Array
-    surface: LimitSurface
+    surface: Surface
     jaws: Array
     friction: tuple[float, float]
     wishart_dof: int
+    release: tuple[float, float, float] = (0.0, 0.0, 0.0)
     step_mm: float = DEFAULT_STEP_MM
     workers: int = 1
 
@@ -78,33 +83,44 @@ class Simulator:
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
         """The simulator of a job, on all cores unless told otherwise."""
         gripper = job.gripper
-        jaws = np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, 0.5])
+        jaws = np.array(
+            [
+                gripper.opening_mm,
+                gripper.finger_length_mm,
+                gripper.finger_width_mm,
+                gripper.upper_finger_share,
+            ]
+        )
         return cls(
             outline=np.ascontiguousarray(job.part.outline_mm),
             surface=limit_surface.of_job(job),
             jaws=jaws,
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),
             wishart_dof=job.pressure.wishart_dof,
+            release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),
             step_mm=step_mm,
             workers=workers or os.cpu_count() or 1,
         )
 
     def nominal(self, n: int, mu: float) -> Parameters:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
-        return Parameters(np.repeat(self.surface.A[None], n, axis=0), np.full((n, 2), mu))
+        return Parameters(
+            np.repeat(limit_surface.nominal(self.surface)[None], n, axis=0), np.full((n, 2), mu)
+        )
 
     def sample(self, n: int, rng: np.random.Generator) -> Parameters:
-        """Random parameters: a Wishart limit surface and a uniform friction for each of n roll-outs."""
-        A = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
+        """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
+        surfaces = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
         mu = rng.uniform(*self.friction, size=n)
-        return Parameters(A, np.repeat(mu[:, None], 2, axis=1))
+        release = rng.standard_normal((n, 3)) * np.array(self.release)
+        return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
 
-    def trace(self, pose: Array, A: Array, mu: float) -> tuple[Array, int]:
+    def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
         """One squeeze, step by step.
 
         Args:
             pose: (3,) in the hand frame, jaws open.
-            A: (3, 3) limit surface matrix.
+            surface: (3, 3) ellipsoid or (6, 6) quartic.
             mu: friction at both fingers.
 
         Returns:
@@ -115,7 +131,7 @@ class Simulator:
         reach = float(np.max(np.hypot(*self.outline.T)))
         q, work = np.array(pose, dtype=np.float64), squeeze_workspace(len(self.outline))
         width, status, _, count = squeeze(
-            self.outline, reach, A, self.surface.rho_mm, mu, mu, self.jaws, self.step_mm, q, work, rows
+            self.outline, reach, surface, self.surface.rho_mm, mu, mu, self.jaws, self.step_mm, q, work, rows
         )
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
@@ -138,7 +154,7 @@ class Simulator:
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
             squeeze_many(
-                self.outline, parameters.A[part], self.surface.rho_mm, parameters.mu[part], self.jaws,
+                self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part], self.jaws,
                 self.step_mm, final[part], width[part], status[part], given_up[part],
                 squeeze_workspace(len(self.outline)),
             )  # fmt: skip
@@ -150,6 +166,10 @@ class Simulator:
         else:
             with ThreadPoolExecutor(self.workers) as pool:
                 list(pool.map(run, starts))
+        if parameters.release is not None:
+            final += (
+                np.where((status == GRASPED) | (status == JAMMED), 1.0, 0.0)[:, None] * parameters.release
+            )
         return RollOut(final, width, status, given_up)
 
 

@@ -31,6 +31,7 @@ class Pressure:
         kind: "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
             "points" (discrete supports), "identified" (no pressure; a limit surface from measured pushes) or
             "stated" (no pressure; the ellipsoid is given).
+        limit_surface: "ellipsoid" or "quartic", what is fitted to a pressure; None where there is none.
         points_mm: (M, 2) supports in the part's frame, for "points".
         weights: (M,) share of the load on each support, summing to 1, for "points".
         ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated", and for
@@ -43,6 +44,7 @@ class Pressure:
 
     kind: Kind
     wishart_dof: int
+    limit_surface: str | None = None
     points_mm: Array | None = None
     weights: Array | None = None
     ellipsoid: Array | None = None

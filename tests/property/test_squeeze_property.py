@@ -47,7 +47,7 @@ def squeezed(outline, seed, mu, count=25):
     part = simulator(outline)
     poses = random_poses(rng, count, 30.0)
     sampled = part.sample(count, rng)
-    return poses, part.roll_out(poses, Parameters(sampled.A, np.full((count, 2), mu)))
+    return poses, part.roll_out(poses, Parameters(sampled.surfaces, np.full((count, 2), mu)))
 
 
 def assert_no_overlap(outline, poses, result):

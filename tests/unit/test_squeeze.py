@@ -232,9 +232,9 @@ def test_poses_and_parameters_are_not_modified():
     part = simulator(rectangle())
     poses = random_poses(np.random.default_rng(7), 20, 12.75)
     parameters = part.sample(20, np.random.default_rng(8))
-    before = poses.tobytes(), parameters.A.tobytes(), parameters.mu.tobytes()
+    before = poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()
     part.roll_out(poses, parameters)
-    assert (poses.tobytes(), parameters.A.tobytes(), parameters.mu.tobytes()) == before
+    assert (poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()) == before
 
 
 def test_the_nominal_surface_is_the_parts_own():

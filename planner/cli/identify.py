@@ -1,0 +1,198 @@
+"""plan-identify: measured pushes in, limit surface out, with the error on pushes it has not seen."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from planner import pushes, surface_file
+from planner.cli import shell
+from planner.errors import UsageError
+from planner.identify import Identified, Kind, Normalised, identify, normalise
+from planner.mechanics.limit_surface import LimitSurface
+
+NAME = "plan-identify"
+KINDS: dict[str, tuple[Kind, ...]] = {
+    "ellipsoid": ("ellipsoid",),
+    "quartic": ("quartic",),
+    "both": ("ellipsoid", "quartic"),
+}
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+
+    def body() -> int:
+        _check_options(arguments.figure)
+        for path in (arguments.output, arguments.figure):
+            if path is not None:
+                shell.writable(path)
+        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+        with shell.progress(arguments.json) as report:
+            found = identify(
+                data,
+                arguments.rho_mm,
+                KINDS[arguments.kind],
+                splits=arguments.splits,
+                train_share=arguments.train_share,
+                seed=arguments.seed,
+                friction_n=arguments.friction_n,
+                report=report,
+            )
+        best = min(found, key=lambda result: float(result.errors_rad.mean()))
+        if arguments.output is not None:
+            arguments.output.write_text(surface_text(best, data, arguments), encoding="utf-8")
+        if arguments.figure is not None:
+            _draw(data, found, arguments)
+        _print(data, found, best, arguments)
+        return 0
+
+    return shell.run(NAME, arguments.debug, body)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = shell.parser(
+        NAME,
+        "Identify the limit surface of a part on its table from measured pushes, and judge it on pushes that "
+        "it was not fitted to. A job takes the result in place of a pressure distribution.",
+        f"{NAME} pushes.txt -o surface.toml --figure surface.png",
+    )
+    parser.add_argument(
+        "logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    parser.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
+    parser.add_argument(
+        "--kind", choices=tuple(KINDS), default="both",
+        help="with both, the one that foretells better is written (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rho-mm",
+        type=_positive,
+        default=75.0,
+        help="length that torques are divided by (default: %(default)g)",
+    )
+    parser.add_argument(
+        "--friction-n", type=_positive, help="friction of part and table (default: estimated from the pushes)"
+    )
+    parser.add_argument(
+        "--splits", type=shell.positive, default=50, help="random splits to judge by (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--train-share", type=_share, default=0.5,
+        help="share of the pushes that a split fits to (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=shell.natural, default=0, help="of the splits (default: %(default)s)")
+    return parser
+
+
+def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
+    """Returns the surface file for one result."""
+    surface = result.fit.surface
+    if isinstance(surface, LimitSurface):
+        values = {"rho_mm": surface.rho_mm, "ellipsoid": surface.A}
+    else:
+        values = {
+            "rho_mm": surface.rho_mm,
+            "quartic": surface.coefficients,
+            "certificate": surface.certificate,
+        }
+    figures = _figures(result)
+    del figures["kind"]
+    facts = {
+        "logs": [str(path) for path in arguments.logs],
+        "pairs": len(data.F),
+        "splits": arguments.splits,
+        "train_share": arguments.train_share,
+        "seed": arguments.seed,
+    }
+    return surface_file.dumps(values, facts | figures)
+
+
+def _check_options(figure: Path | None) -> None:
+    if figure is not None and figure.suffix.lower() not in PICTURES:
+        raise UsageError(f"--figure {figure} must end in {', '.join(PICTURES)}")
+
+
+def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:
+    from planner.report import identification  # matplotlib takes a second
+
+    names = ", ".join(path.stem for path in arguments.logs)
+    identification.figure(data, found, f"{names}: {len(data.F)} pushes", arguments.figure)
+
+
+def _figures(result: Identified) -> dict[str, object]:
+    errors = np.degrees(result.errors_rad)
+    return {
+        "kind": result.kind,
+        "held_out_error_deg": round(float(errors.mean()), 3),
+        "held_out_error_sd_deg": round(float(errors.std()), 3),
+        "held_out_error_range_deg": [round(float(errors.min()), 3), round(float(errors.max()), 3)],
+        "fit_error_deg": round(math.degrees(result.fit_error_rad), 3),
+        "friction_n": round(result.fit.friction_n, 4),
+        "ridge_pairs": result.fit.ridge,
+    }
+
+
+def _print(
+    data: Normalised, found: Sequence[Identified], best: Identified, arguments: argparse.Namespace
+) -> None:
+    against = int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
+    written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
+    if arguments.json:
+        shell.print_json(
+            {
+                "pairs": len(data.F),
+                "against_motion": against,
+                "splits": arguments.splits,
+                "surfaces": [_figures(result) for result in found],
+                "best": best.kind,
+                "written": written,
+            }
+        )
+        return
+    print(f"{len(data.F)} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
+    train = round(arguments.train_share * len(data.F))
+    print(f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:")
+    for result in found:
+        errors = np.degrees(result.errors_rad)
+        print(
+            f"  {result.kind:9} {errors.mean():5.1f} deg (standard deviation {errors.std():.1f}, from "
+            f"{errors.min():.1f} to {errors.max():.1f}); {math.degrees(result.fit_error_rad):.1f} deg on all "
+            "pushes when fitted to all"
+        )
+    if written:
+        print(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
+    if against:
+        print(
+            f"{NAME}: in {against} of {len(data.F)} pushes the wrench works against the motion; "
+            "check signs and frames",
+            file=sys.stderr,
+        )
+
+
+def _positive(text: str) -> float:
+    """A finite number above 0, for argparse."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _share(text: str) -> float:
+    """A number between 0 and 1, for argparse."""
+    value = float(text)
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())
