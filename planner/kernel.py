@@ -44,5 +44,5 @@ numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 
 def kernel(function: F) -> F:
-    """Compiles a function closed over arrays: no Python objects, no lock, cached on disk."""
-    return cast(F, numba.njit(cache=True, nogil=True)(function))
+    """Compiles a function closed over arrays: no Python objects, no lock, no exceptions, cached on disk."""
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))

@@ -1,11 +1,12 @@
 """Contacts between a polygonal part and the two fingers, with their gaps.
 
 Finger +1 closes downwards from y = top, finger -1 upwards from y = bottom; both are boxes |x| <= h that
-extend outwards by their thickness. Three pairs of features can touch:
+extend outwards by their thickness. Four pairs of features can touch:
 
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;
-- END:    a vertex of the part on the end of a finger, normal along x.
+- END:    a vertex of the part on the end of a finger, normal along x;
+- OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
 A pair counts only where its normal lies in the normal cones of both features, so that "vertex on face" and
 "corner on edge" at the end of a finger are alternatives and never both; nearly parallel pairs are the
@@ -30,6 +31,7 @@ from planner.kernel import kernel
 FACE = 0
 CORNER = 1
 END = 2
+OUTER = 3
 
 RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT, LOW, HIGH = range(13)
 C_COLUMNS = 13
@@ -44,8 +46,6 @@ LEAST_ARM_MM = 0.5
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3
 """A corner deeper than this behind all edges is inside the part."""
-BEHIND_MM = 0.1
-"""What lies further than this behind an inner face is beside or behind the finger, not before it."""
 END_DEPTH_MM = 0.01
 """How far behind the inner face a vertex must be to count as beside the finger."""
 
@@ -136,14 +136,18 @@ def _add_face(
 @kernel
 def _add_corners(
     C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, j: int, finger: int,
-    face: float, h: float, margin: float,
+    kind: int, face: float, h: float, margin: float,
 ) -> int:  # fmt: skip
-    """Adds the edge from vertex i to j at the two inner corners of a finger."""
+    """Adds the edge from vertex i to j at the two inner (CORNER) or outer (OUTER) corners of a finger.
+
+    `face` is the y of the inner or the outer face; the outer corners look the other way.
+    """
+    outward = finger if kind == CORNER else -finger
     x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
     ex, ey = x1 - x0, y1 - y0
     length = np.sqrt(ex * ex + ey * ey)
     ex, ey = ex / length, ey / length
-    if finger * ex > NEARLY_PARALLEL:
+    if outward * ex > NEARLY_PARALLEL:
         return count
     for side in (-1, 1):
         if side * ey > NEARLY_PARALLEL:
@@ -153,7 +157,7 @@ def _add_corners(
         along = dx * ex + dy * ey
         if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
             continue
-        lower = along if finger * y0 >= finger * y1 else length - along
+        lower = along if outward * y0 >= outward * y1 else length - along
         if side * ey > 0.0 and lower < LEAST_ARM_MM:
             continue
         if _hidden(points, i, j, side * h, face, gap):
@@ -163,8 +167,8 @@ def _add_corners(
             continue
         count = min(count + 1, MAX_CONTACTS)
         rx, ry = side * h - gap * ey - x, face + gap * ex - y
-        _write(C, I, slot, gap, finger, CORNER, side, i, rx, ry, -ey, ex, -along, length - along)
-        if abs(ey) <= NEARLY_PARALLEL:
+        _write(C, I, slot, gap, finger, kind, side, i, rx, ry, -ey, ex, -along, length - along)
+        if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
                 count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
             if length - along > LEAST_ARM_MM:
@@ -218,7 +222,12 @@ def find(
                     count = _add_face(C, I, count, points, q[0], q[1], j, finger, face, h, margin)
             low, high = min(xi, xj) - margin, max(xi, xj) + margin
             if (low <= h <= high) or (low <= -h <= high):
-                count = _add_corners(C, I, count, points, q[0], q[1], i, j, finger, face, h, margin)
+                count = _add_corners(C, I, count, points, q[0], q[1], i, j, finger, CORNER, face, h, margin)
+                if max(y, after) >= finger * face + thickness - margin:
+                    outer = face + finger * thickness
+                    count = _add_corners(
+                        C, I, count, points, q[0], q[1], i, j, finger, OUTER, outer, h, margin
+                    )
             behind = y - finger * face
             if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:
                 side = 1 if xi > 0.0 else -1
@@ -232,113 +241,3 @@ def find(
                         _write(C, I, slot, gap, finger, END, side, i, rx, ry, nx, 0.0, -np.inf, np.inf)
                         count = min(count + 1, MAX_CONTACTS)
     return count
-
-
-@kernel
-def clearance(points: Array, finger: int, face: float, h: float) -> float:
-    """Distance a finger can close before it touches the part: exact, by rays along y.
-
-    Args:
-        points: (N, 2) outline in the hand frame [mm].
-        finger: +1 or -1.
-        face: y of its inner face [mm].
-        h: half the finger's length [mm].
-
-    Returns:
-        The distance [mm], infinite where the part lies beside or behind the finger.
-    """
-    n = points.shape[0]
-    nearest = np.inf
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        gap = finger * (face - y0)
-        if abs(x0) <= h and gap > -BEHIND_MM:
-            nearest = min(nearest, gap)
-        for side in (-1, 1):
-            x = side * h
-            if (x0 - x) * (x1 - x) < 0.0:
-                gap = finger * (face - y0 - (y1 - y0) * (x - x0) / (x1 - x0))
-                if gap > -BEHIND_MM:
-                    nearest = min(nearest, gap)
-    return nearest
-
-
-@kernel
-def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
-    """Whether part and finger box share any area: the finger cannot be set down there.
-
-    Args:
-        points: (N, 2) outline in the hand frame [mm].
-        finger: +1 or -1.
-        face: y of its inner face [mm].
-        h: half the finger's length [mm].
-        thickness: the finger's thickness [mm].
-    """
-    n = points.shape[0]
-    inside = False
-    middle = face + 0.5 * finger * thickness
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1] - middle, points[j, 0], points[j, 1] - middle
-        if (y0 > 0.0) != (y1 > 0.0) and x0 + (x1 - x0) * y0 / (y0 - y1) > 0.0:
-            inside = not inside
-        # The edge's stretch within the box (Liang and Barsky): start < end where there is one.
-        start, end = 0.0, 1.0
-        for origin, step, half in ((x0, x1 - x0, h), (y0, y1 - y0, 0.5 * thickness)):
-            if abs(step) < 1e-12:
-                if abs(origin) >= half:
-                    start = 2.0
-            else:
-                enter, leave = (-half - origin) / step, (half - origin) / step
-                start, end = max(start, min(enter, leave)), min(end, max(enter, leave))
-        if end - start > 1e-9:
-            return True
-    return inside
-
-
-@kernel
-def penetration(points: Array, finger: int, face: float, h: float, thickness: float) -> float:
-    """Depth to which part and finger box overlap [mm]; 0 where they do not.
-
-    The depth of a vertex is its least distance to the box's boundary; the depth of an inner corner of the
-    finger is its distance to the nearest edge of the part.
-    """
-    n = points.shape[0]
-    deepest = 0.0
-    inside_left, inside_right = False, False
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        behind = finger * (y0 - face)
-        if behind > 0.0 and abs(x0) < h and behind < thickness:
-            deepest = max(deepest, min(behind, h - abs(x0), thickness - behind))
-        if (x0 > h) != (x1 > h) and y0 + (y1 - y0) * (h - x0) / (x1 - x0) > face:
-            inside_right = not inside_right
-        if (x0 > -h) != (x1 > -h) and y0 + (y1 - y0) * (-h - x0) / (x1 - x0) > face:
-            inside_left = not inside_left
-    if inside_right:
-        deepest = max(deepest, _edge_distance(points, h, face))
-    if inside_left:
-        deepest = max(deepest, _edge_distance(points, -h, face))
-    return deepest
-
-
-@kernel
-def overlap(points: Array, top: float, bottom: float, h: float, thickness: float) -> float:
-    """Deepest penetration of the part by either finger [mm]; arguments as in `find`."""
-    return max(penetration(points, 1, top, h, thickness), penetration(points, -1, bottom, h, thickness))
-
-
-@kernel
-def _edge_distance(points: Array, x: float, y: float) -> float:
-    """Distance of a point to the outline [mm]."""
-    n = points.shape[0]
-    nearest = np.inf
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-        dx, dy = x - points[i, 0], y - points[i, 1]
-        along = min(max((dx * ex + dy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-        nearest = min(nearest, (dx - along * ex) ** 2 + (dy - along * ey) ** 2)
-    return float(np.sqrt(nearest))

@@ -34,6 +34,7 @@ from planner.mechanics.contacts import (
     N2,
     NX,
     NY,
+    OUTER,
     RX,
     RY,
     SIDE,
@@ -50,7 +51,7 @@ PAST_END_MM = 1e-4
 """How far a contact goes past the end of its feature, so that the next feature takes over."""
 UNBOUNDED = 1e7
 """A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
-RESIDUAL = 2e-6
+RESIDUAL = 5e-5
 """Largest complementarity residual of an accepted solution [mm]."""
 ATTEMPTS = 3
 PERTURBATION_MM = 1e-8
@@ -108,16 +109,19 @@ def directions(
 
 @kernel
 def turn(
-    C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float
-) -> None:
+    C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float,
+    thickness: float,
+) -> None:  # fmt: skip
     """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
     angle = half[2] - q[2]
     c, s = np.cos(angle), np.sin(angle)
     for k in range(count):
-        if I[k, KIND] == CORNER:
+        if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
             nx, ny = C[k, NX], C[k, NY]
             nx, ny = c * nx - s * ny, s * nx + c * ny
             face = top if I[k, FINGER] == 1 else bottom
+            if I[k, KIND] == OUTER:
+                face += I[k, FINGER] * thickness
             C[k, NX], C[k, NY] = nx, ny
             C[k, RX] = I[k, SIDE] * h + C[k, GAP] * nx - half[0]
             C[k, RY] = face + C[k, GAP] * ny - half[1]

@@ -10,7 +10,8 @@ from planner.arrays import Array, IntArray
 from planner.frames import to_hand
 from planner.job import Job
 from planner.kernel import kernel
-from planner.mechanics.contacts import blocked, clearance, place
+from planner.mechanics.clearance import blocked, clearance
+from planner.mechanics.contacts import place
 
 SIDE_MARGIN_MM = 1.0
 """The fingers count as this much longer at both ends when clearance is judged."""

@@ -7,8 +7,22 @@ import pytest
 import shapely
 from problems import finger_box, place, random_convex, random_poses, random_star
 
-from planner.mechanics import contacts
-from planner.mechanics.contacts import CORNER, END, FACE, FINGER, GAP, KIND, NX, NY, RX, RY, SIDE, VERTEX
+from planner.mechanics import clearance, contacts
+from planner.mechanics.contacts import (
+    CORNER,
+    END,
+    FACE,
+    FINGER,
+    GAP,
+    KIND,
+    NX,
+    NY,
+    OUTER,
+    RX,
+    RY,
+    SIDE,
+    VERTEX,
+)
 
 HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
 FINGERS = pytest.mark.parametrize("finger", [1, -1])
@@ -48,7 +62,7 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
     strip = shapely.box(-HALF, -500.0, HALF, 500.0)
     for _, points, _ in scenes(2, 400):
         below = shapely.intersection(shapely.Polygon(points), strip)
-        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(points, finger, finger * 100.0, HALF)
         if below.is_empty:
             missed += 1
             assert way == math.inf
@@ -61,38 +75,28 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
 @FINGERS
 def test_a_finger_that_closed_by_its_clearance_touches_and_does_not_overlap(finger):
     for _, points, _ in scenes(3, 300, radius=20.0):
-        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(points, finger, finger * 100.0, HALF)
         if math.isinf(way):
             continue
         part, face = shapely.Polygon(points), finger * (100.0 - way)
         assert part.distance(finger_box(finger, face)) < 1e-9
         assert part.distance(finger_box(finger, face + finger * 0.5)) > 0.0
-        assert contacts.penetration(points, finger, face, HALF, THICKNESS) < 1e-9
 
 
 @FINGERS
-def test_penetration_is_the_depth_of_the_deepest_vertex_or_finger_corner(finger):
-    """Both depths by shapely: of the part's vertices in the finger, of the finger's corners in the part."""
-    deep = 0
-    for rng, points, _ in scenes(4, 400, radius=20.0):
-        face = finger * rng.uniform(-5.0, 25.0)
-        part, box = shapely.Polygon(points), finger_box(finger, face)
-        inside = [p for p in shapely.points(points) if box.contains(p)]
-        corners = [c for c in shapely.points([[-HALF, face], [HALF, face]]) if part.contains(c)]
-        depths = [box.exterior.distance(p) for p in inside] + [part.exterior.distance(c) for c in corners]
-        deep += len(depths) > 0
-        depth = contacts.penetration(points, finger, face, HALF, THICKNESS)
-        assert depth == pytest.approx(max(depths, default=0.0), abs=1e-9)
-        if not part.intersects(box):
-            assert depth == 0.0
-    assert deep > 100
-
-
-def test_overlap_is_the_deeper_of_the_two_fingers():
-    for rng, points, _ in scenes(5, 100, radius=20.0):
-        top, bottom = rng.uniform(0, 20), rng.uniform(-20, 0)
-        each = [contacts.penetration(points, f, y, HALF, THICKNESS) for f, y in ((1, top), (-1, bottom))]
-        assert contacts.overlap(points, top, bottom, HALF, THICKNESS) == max(each)
+def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
+    """By shapely: also where no vertex lies inside the finger, and where the finger lies inside the part."""
+    verdicts = set()
+    for rng, points, _ in scenes(4, 600, radius=20.0):
+        points = points * rng.choice([0.3, 1.0, 3.0])
+        face = finger * rng.uniform(-5.0, 40.0)
+        shared = shapely.Polygon(points).intersection(finger_box(finger, face)).area
+        if 0.0 < shared < 1e-6:
+            continue
+        verdict = clearance.blocked(points, finger, face, HALF, THICKNESS)
+        assert verdict == (shared > 0.0)
+        verdicts.add(verdict)
+    assert verdicts == {True, False}
 
 
 @FINGERS
@@ -100,7 +104,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
     """However the part lies: no part is touched without a row that says so."""
     touched = 0
     for rng, points, pose in scenes(6, 500, radius=25.0):
-        way = contacts.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(points, finger, finger * 100.0, HALF)
         if math.isinf(way):
             continue
         touched += 1
@@ -115,7 +119,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
     """Faces just before they touch; far apart where one passes by the part."""
-    ways = [contacts.clearance(points, f, f * 100.0, HALF) for f in (1, -1)]
+    ways = [clearance.clearance(points, f, f * 100.0, HALF) for f in (1, -1)]
     top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
     return top, -bottom
 
@@ -142,8 +146,9 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
             assert np.hypot(*normal) == pytest.approx(1.0, abs=1e-12)
             assert part.exterior.distance(shapely.Point(on_part)) < 1e-9
             assert box.exterior.distance(shapely.Point(on_part - c[GAP] * normal)) < 1e-9
-            if i[KIND] == CORNER:
+            if i[KIND] in (CORNER, OUTER):
                 face = top if i[FINGER] == 1 else bottom
+                face += i[FINGER] * THICKNESS * (i[KIND] == OUTER)
                 assert np.allclose(on_part - c[GAP] * normal, [i[SIDE] * HALF, face], atol=1e-9)
                 edge = points[(i[VERTEX] + 1) % len(points)] - points[i[VERTEX]]
                 assert abs(edge @ normal) < 1e-9 * np.hypot(*edge)
@@ -161,3 +166,22 @@ def test_buffers_that_overflow_keep_the_nearest_contacts():
     expected = np.sort(10.7 - heights[heights > 6.0])[: contacts.MAX_CONTACTS]
     assert len(C) == contacts.MAX_CONTACTS
     assert np.allclose(np.sort(C[:, GAP]), expected)
+
+
+@FINGERS
+def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
+    """A slanted edge just off the outer corner: one contact, at the corner, at the edge's distance."""
+    face = finger * 20.0
+    corner = np.array([HALF, face + finger * THICKNESS])
+    normal = np.array([1.0, finger]) / np.sqrt(2.0)
+    along = np.array([-finger, 1.0]) / np.sqrt(2.0)
+    near = corner + 0.2 * normal
+    ends = near + 3.0 * np.outer([-1.0, 1.0], along)
+    square = shapely.orient_polygons(shapely.Polygon([*ends, *(ends[::-1] + 5.0 * normal)]))
+    points = shapely.get_coordinates(square)[:-1]
+    faces = {finger: face, -finger: -finger * 60.0}
+    C, I = found(points.copy(), np.zeros(3), faces[1], faces[-1], margin=0.5)
+    outer = I[:, KIND] == OUTER
+    assert outer.sum() == 1
+    assert C[outer, GAP][0] == pytest.approx(0.2)
+    assert np.allclose(C[outer][0, [NX, NY]], normal)

@@ -239,4 +239,4 @@ def test_poses_and_parameters_are_not_modified():
 
 def test_the_nominal_surface_is_the_parts_own():
     part = simulator(rectangle())
-    assert np.array_equal(part.nominal(2, 0.5).A[1], boundary_surface(rectangle()).A)
+    assert np.array_equal(part.nominal(2, 0.5).surfaces[1], boundary_surface(rectangle()).A)

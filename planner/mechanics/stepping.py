@@ -1,0 +1,213 @@
+"""One accepted, retried or refused step of a squeeze: the midpoint rule with error control and events.
+
+The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
+an awaited contact touches or a pressed one leaves its feature, and is refused where the part would overlap a
+finger. Only the vertices near the fingers are followed from step to step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.kernel import kernel
+from planner.mechanics import contacts as contact
+from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
+from planner.mechanics.step import RAY, SOLVED, StepWork, directions, event_fraction, turn, workspace
+from planner.mechanics.surface_step import solve_surface
+
+PENETRATION_MM = 0.01
+"""Overlap at which a step is refused."""
+LARGEST_TURN = 0.1
+"""Largest rotation in one step [rad]."""
+EULER_ERROR = 0.03
+"""Largest difference between Euler and midpoint step, as a share of the nominal step."""
+SMALLEST_STEP = 1.0 / 256.0
+WIDEN = 2
+"""Vertices kept placed on either side of one near a finger."""
+NEAR_MM = 3.0
+"""How far around the fingers vertices are followed between two looks at the whole outline."""
+
+
+class SqueezeWork(NamedTuple):
+    """Workspace of one squeeze.
+
+    Attributes:
+        C, I: contact buffers.
+        step: workspace of the step.
+        points: (N, 2) the outline, placed.
+        placed: (N,) vertices kept placed.
+        near: (N,) vertices near the fingers.
+        listed: (3,) how many are placed, how many near, and how many contacts were found.
+        A: (3, 3) the ellipsoid, or the quartic's local one, in the hand frame.
+        local: (3, 3) the same in the part's frame.
+        F: (3,) unit wrench of the last step, in the part's frame.
+        V: (3,) displacement.
+        trial: (3,) pose after the step.
+        half: (3,) pose in its middle.
+        fingers: (2,) y of the inner faces, upper and lower.
+    """
+
+    C: Array
+    I: IntArray
+    step: StepWork
+    points: Array
+    placed: IntArray
+    near: IntArray
+    listed: IntArray
+    A: Array
+    local: Array
+    F: Array
+    V: Array
+    trial: Array
+    half: Array
+    fingers: Array
+
+
+PLACED, NEAR, FOUND = 0, 1, 2
+"""Columns of `SqueezeWork.listed`."""
+ACCEPTED, RETRY, HELD, GIVEN_UP = 0, 1, 2, 3
+"""What came of a step: taken; to be tried again, shorter; no solution; neither."""
+
+
+def squeeze_workspace(vertices: int) -> SqueezeWork:
+    """A workspace for an outline of that many vertices."""
+    return SqueezeWork(
+        C=np.zeros((MAX_CONTACTS, C_COLUMNS)),
+        I=np.zeros((MAX_CONTACTS, I_COLUMNS), np.int64),
+        step=workspace(),
+        points=np.zeros((vertices, 2)),
+        placed=np.zeros(vertices, np.int64),
+        near=np.zeros(vertices, np.int64),
+        listed=np.zeros(3, np.int64),
+        A=np.zeros((3, 3)),
+        local=np.zeros((3, 3)),
+        F=np.array([0.0, 1.0, 0.0]),
+        V=np.zeros(3),
+        trial=np.zeros(3),
+        half=np.zeros(3),
+        fingers=np.zeros(2),
+    )
+
+
+@kernel
+def _midpoint(
+    surface: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, h: float, thickness: float,
+    step_top: float, step_bottom: float, work: SqueezeWork,
+) -> tuple[int, float]:  # fmt: skip
+    """One midpoint step from pose q into `work.trial`, for contacts already found at q.
+
+    Returns the status and the difference between the Euler and the midpoint step [mm]; -1 where there is no
+    Euler step.
+    """
+    C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
+    directions(C, I, count, rho, step_top, step_bottom)
+    status = solve_surface(
+        surface, q[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
+    )
+    if status != SOLVED:
+        return status, -1.0
+    v0, v1, v2 = V[0], V[1], V[2]
+    work.half[0] = q[0] + 0.5 * v0
+    work.half[1] = q[1] + 0.5 * v1
+    work.half[2] = q[2] + 0.5 * v2 / rho
+    top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
+    turn(C, I, count, q, work.half, top, bottom, h, thickness)
+    directions(C, I, count, rho, step_top, step_bottom)
+    status = solve_surface(
+        surface, work.half[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
+    )
+    if status != SOLVED:
+        return status, 0.0
+    work.trial[0] = q[0] + V[0]
+    work.trial[1] = q[1] + V[1]
+    work.trial[2] = q[2] + V[2] / rho
+    return SOLVED, np.sqrt((V[0] - v0) ** 2 + (V[1] - v1) ** 2 + (V[2] - v2) ** 2)
+
+
+@kernel
+def list_near(work: SqueezeWork) -> None:
+    """Lists the vertices near the fingers' faces, and those with their neighbours."""
+    points, near, placed = work.points, work.near, work.placed
+    n = points.shape[0]
+    near_count, placed_count = 0, 0
+    high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
+    last = -1 - WIDEN  # the latest vertex near a finger, of those up to WIDEN ahead
+    for ahead in range(-WIDEN, WIDEN):
+        y = points[ahead % n, 1]
+        if y > high or y < low:
+            last = ahead
+    for i in range(n):
+        y = points[(i + WIDEN) % n, 1]
+        if y > high or y < low:
+            last = i + WIDEN
+        if last >= i - WIDEN:
+            placed[placed_count] = i
+            placed_count += 1
+        j = i + 1 if i + 1 < n else 0
+        if points[i, 1] > high or points[i, 1] < low or points[j, 1] > high or points[j, 1] < low:
+            near[near_count] = i
+            near_count += 1
+    work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
+
+
+@kernel
+def find_contacts(q: Array, h: float, thickness: float, margin: float, work: SqueezeWork) -> None:
+    """Finds the contacts among the near vertices."""
+    work.listed[FOUND] = contact.find(
+        work.C, work.I, work.points, work.near, work.listed[NEAR], q, work.fingers[0], work.fingers[1], h,
+        thickness, margin,
+    )  # fmt: skip
+
+
+@kernel
+def _overlap(h: float, thickness: float, work: SqueezeWork) -> float:
+    """Deepest overlap among the contacts found and the near vertices [mm]."""
+    deepest = 0.0
+    for k in range(work.listed[FOUND]):
+        deepest = max(deepest, -work.C[k, GAP])
+    for m in range(work.listed[NEAR]):
+        x, y = work.points[work.near[m], 0], work.points[work.near[m], 1]
+        behind = y - work.fingers[0] if y > 0.5 * (work.fingers[0] + work.fingers[1]) else work.fingers[1] - y
+        deepest = max(deepest, min(behind, h - abs(x), thickness - behind))
+    return deepest
+
+
+@kernel
+def try_step(
+    outline: Array, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
+    size: float, margin: float, q: Array, work: SqueezeWork,
+) -> tuple[int, float]:  # fmt: skip
+    """Tries a step of the given size; returns what came of it and the size to go on with.
+
+    An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there.
+    """
+    h, thickness = 0.5 * jaws[1], jaws[2]
+    step_top, step_bottom = 2.0 * jaws[3] * size, 2.0 * (1.0 - jaws[3]) * size
+    smallest = size <= step * SMALLEST_STEP
+    status, error = _midpoint(surface, rho, mu_top, mu_bottom, q, h, thickness, step_top, step_bottom, work)
+    if status != SOLVED:
+        if error < 0.0 or smallest:
+            return (HELD if status == RAY else GIVEN_UP), size
+        return RETRY, 0.25 * size
+    turned = abs(work.trial[2] - q[2])
+    allowed = EULER_ERROR * step
+    if (error > allowed or turned > LARGEST_TURN) and not smallest:
+        return RETRY, size * max(
+            0.2, min(0.8 * np.sqrt(allowed / (error + 1e-12)), 0.8 * LARGEST_TURN / (turned + 1e-12))
+        )
+    fraction = event_fraction(work.C, work.listed[FOUND], work.V)
+    if fraction < 0.95 and not smallest:
+        return RETRY, size * max(fraction, SMALLEST_STEP)
+    contact.place(outline, work.trial, work.points, work.placed, work.listed[PLACED])
+    work.fingers[0] -= step_top
+    work.fingers[1] += step_bottom
+    find_contacts(work.trial, h, thickness, margin, work)
+    if _overlap(h, thickness, work) > PENETRATION_MM:
+        contact.place(outline, q, work.points, work.placed, work.listed[PLACED])
+        work.fingers[0] += step_top
+        work.fingers[1] -= step_bottom
+        return (GIVEN_UP if smallest else RETRY), 0.25 * size
+    return ACCEPTED, min(step, size * min(2.0, 0.8 * np.sqrt(allowed / (error + 1e-12))))
