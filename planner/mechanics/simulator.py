@@ -129,9 +129,23 @@ class Simulator:
         """
         rows = np.zeros((TRACE_ROWS, 4))
         reach = float(np.max(np.hypot(*self.outline.T)))
-        q, work = np.array(pose, dtype=np.float64), squeeze_workspace(len(self.outline))
+        n, q = len(self.outline), np.array(pose, dtype=np.float64)
+        points, placed, near = np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64)
         width, status, _, count = squeeze(
-            self.outline, reach, surface, self.surface.rho_mm, mu, mu, self.jaws, self.step_mm, q, work, rows
+            self.outline,
+            reach,
+            surface,
+            self.surface.rho_mm,
+            mu,
+            mu,
+            self.jaws,
+            self.step_mm,
+            q,
+            points,
+            placed,
+            near,
+            squeeze_workspace(),
+            rows,
         )
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
@@ -156,7 +170,7 @@ class Simulator:
             squeeze_many(
                 self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part], self.jaws,
                 self.step_mm, final[part], width[part], status[part], given_up[part],
-                squeeze_workspace(len(self.outline)),
+                squeeze_workspace(),
             )  # fmt: skip
 
         starts = range(0, n, CHUNK)

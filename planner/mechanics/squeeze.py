@@ -42,19 +42,20 @@ LARGEST_ESCAPE = 1e4
 
 @kernel
 def _close_freely(
-    outline: Array, q: Array, h: float, top_share: float, bottom_share: float, work: SqueezeWork
-) -> bool:
+    outline: Array, q: Array, h: float, top_share: float, bottom_share: float, points: Array,
+    placed: IntArray, work: SqueezeWork,
+) -> bool:  # fmt: skip
     """Places the whole outline and closes the fingers up to the first touch; False where there is none."""
     n = outline.shape[0]
     for i in range(n):
-        work.placed[i] = i
-    contact.place(outline, q, work.points, work.placed, n)
+        placed[i] = i
+    contact.place(outline, q, points, placed, n)
     top, bottom = work.fingers[0], work.fingers[1]
     free = np.inf
     if top_share > 0.0:
-        free = clearance(work.points, 1, top, h) / top_share
+        free = clearance(points, 1, top, h) / top_share
     if bottom_share > 0.0:
-        free = min(free, clearance(work.points, -1, bottom, h) / bottom_share)
+        free = min(free, clearance(points, -1, bottom, h) / bottom_share)
     if free > 0.5 * (top - bottom):
         return False
     if free > 0.0:
@@ -64,23 +65,27 @@ def _close_freely(
 
 
 @kernel
-def _blocked(outline: Array, q: Array, h: float, thickness: float, work: SqueezeWork) -> bool:
+def _blocked(
+    outline: Array, q: Array, h: float, thickness: float, points: Array, placed: IntArray, work: SqueezeWork
+) -> bool:
     """Whether the open fingers would stand on the part."""
     for i in range(outline.shape[0]):
-        work.placed[i] = i
-    contact.place(outline, q, work.points, work.placed, outline.shape[0])
+        placed[i] = i
+    contact.place(outline, q, points, placed, outline.shape[0])
     top, bottom = work.fingers[0], work.fingers[1]
-    return blocked(work.points, 1, top, h, thickness) or blocked(work.points, -1, bottom, h, thickness)
+    return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
 
 
 @kernel
-def _held_as(rho: float, q: Array, h: float, thickness: float, work: SqueezeWork) -> int:
+def _held_as(
+    rho: float, q: Array, h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork
+) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, h, thickness, 0.02, work)
+    find_contacts(q, h, thickness, 0.02, points, near, work)
     count = work.listed[FOUND]
     for k in range(count):
         work.C[k, GAP] = 0.0
@@ -108,7 +113,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 @kernel
 def squeeze(
     outline: Array, reach: float, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
-    step: float, q: Array, work: SqueezeWork, trace: Array,
+    step: float, q: Array, points: Array, placed: IntArray, near: IntArray, work: SqueezeWork, trace: Array,
 ) -> tuple[float, int, int, int]:  # fmt: skip
     """Closes the fingers on one part.
 
@@ -123,6 +128,9 @@ def squeeze(
             motion (0.5 = both alike).
         step: nominal closing step of each finger [mm].
         q: (3,) pose in the hand frame [mm, mm, rad]; modified in place into the final pose.
+        points: (N, 2) workspace for the placed outline.
+        placed: (N,) workspace for the vertices kept placed.
+        near: (N,) workspace for those near the fingers.
         work: workspace, modified in place.
         trace: (rows, 4) receives poses and widths on the way; no rows for none.
 
@@ -136,27 +144,29 @@ def squeeze(
     touched, verdict = False, ACCEPTED
     budget, size, margin = 0.0, step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
-    if _blocked(outline, q, h, thickness, work):
+    if _blocked(outline, q, h, thickness, points, placed, work):
         return jaws[0], JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and budget < margin:
-            found = _close_freely(outline, q, h, top_share, bottom_share, work)
+            found = _close_freely(outline, q, h, top_share, bottom_share, points, placed, work)
             if not found:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
             touched = True
             rows = _record(trace, rows, q, work.fingers)
-            list_near(work)
-            find_contacts(q, h, thickness, margin, work)
+            list_near(points, placed, near, work)
+            find_contacts(q, h, thickness, margin, points, near, work)
             budget = NEAR_MM
         elif verdict == RETRY:
-            find_contacts(q, h, thickness, margin, work)
+            find_contacts(q, h, thickness, margin, points, near, work)
         if work.listed[FOUND] == 0 and budget < NEAR_MM:
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
         top = work.fingers[0]
-        verdict, size = try_step(outline, surface, rho, mu_top, mu_bottom, jaws, step, size, margin, q, work)
+        verdict, size = try_step(
+            outline, surface, rho, mu_top, mu_bottom, jaws, step, size, margin, q, points, placed, near, work
+        )
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
@@ -166,7 +176,7 @@ def squeeze(
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(rho, q, h, thickness, work)
+    held = _held_as(rho, q, h, thickness, points, near, work)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
@@ -176,14 +186,17 @@ def squeeze_many(
     width: Array, status: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
     """`squeeze` for every row of `poses` (n, 3) with its own surface and mu (n, 2); outputs in place."""
+    n = outline.shape[0]
+    points, placed, near = np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64)
     reach = 0.0
-    for i in range(outline.shape[0]):
+    for i in range(n):
         reach = max(reach, np.sqrt(outline[i, 0] ** 2 + outline[i, 1] ** 2))
     trace = np.zeros((0, 4))
     for i in range(poses.shape[0]):
         width[i], status[i], given_up[i], _ = squeeze(
-            outline, reach, surfaces[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], work, trace
-        )
+            outline, reach, surfaces[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], points, placed, near,
+            work, trace,
+        )  # fmt: skip
 
 
 __all__ = [

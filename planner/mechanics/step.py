@@ -15,7 +15,7 @@ drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -60,25 +60,29 @@ OVERLAP_MM = 1e-7
 """Overlap that a contact outside the active set may have after a step."""
 
 
-class StepWork(NamedTuple):
-    """Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G."""
+_N = 4 * MAX_CONTACTS
+STEP_WORK = np.dtype(
+    [
+        ("M", np.float64, (_N, _N)),
+        ("q", np.float64, _N),
+        ("tableau", np.float64, (_N, 2 * _N + 2)),
+        ("basis", np.int64, _N),
+        ("z", np.float64, _N),
+        ("active", np.int64, MAX_CONTACTS),
+        ("G", np.float64, (4, 4)),
+    ],
+    align=True,
+)
+"""Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G.
 
-    M: Array
-    q: Array
-    tableau: Array
-    basis: IntArray
-    z: Array
-    active: IntArray
-    G: Array
+One record instead of many arrays: a kernel hands it on as one pointer, without counting references.
+"""
+StepWork: TypeAlias = Any
 
 
 def workspace() -> StepWork:
-    """A fresh workspace."""
-    n = 4 * MAX_CONTACTS
-    return StepWork(
-        M=np.zeros((n, n)), q=np.zeros(n), tableau=np.zeros((n, 2 * n + 2)), basis=np.zeros(n, np.int64),
-        z=np.zeros(n), active=np.zeros(MAX_CONTACTS, np.int64), G=np.zeros((4, 4)),
-    )  # fmt: skip
+    """A fresh workspace: a record of `STEP_WORK`."""
+    return np.zeros(1, STEP_WORK).view(np.recarray)[0]
 
 
 @kernel

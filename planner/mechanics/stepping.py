@@ -7,7 +7,7 @@ finger. Only the vertices near the fingers are followed from step to step.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
-from planner.mechanics.step import RAY, SOLVED, StepWork, directions, event_fraction, turn, workspace
+from planner.mechanics.step import RAY, SOLVED, STEP_WORK, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
 
 PENETRATION_MM = 0.01
 """Overlap at which a step is refused."""
 LARGEST_TURN = 0.1
 """Largest rotation in one step [rad]."""
-EULER_ERROR = 0.03
+EULER_ERROR = 0.02
 """Largest difference between Euler and midpoint step, as a share of the nominal step."""
 SMALLEST_STEP = 1.0 / 256.0
 WIDEN = 2
@@ -31,40 +31,30 @@ NEAR_MM = 3.0
 """How far around the fingers vertices are followed between two looks at the whole outline."""
 
 
-class SqueezeWork(NamedTuple):
-    """Workspace of one squeeze.
+SQUEEZE_WORK = np.dtype(
+    [
+        ("C", np.float64, (MAX_CONTACTS, C_COLUMNS)),
+        ("I", np.int64, (MAX_CONTACTS, I_COLUMNS)),
+        ("step", STEP_WORK),
+        ("listed", np.int64, 3),
+        ("A", np.float64, (3, 3)),
+        ("local", np.float64, (3, 3)),
+        ("F", np.float64, 3),
+        ("V", np.float64, 3),
+        ("trial", np.float64, 3),
+        ("half", np.float64, 3),
+        ("fingers", np.float64, 2),
+    ],
+    align=True,
+)
+"""Workspace of one squeeze.
 
-    Attributes:
-        C, I: contact buffers.
-        step: workspace of the step.
-        points: (N, 2) the outline, placed.
-        placed: (N,) vertices kept placed.
-        near: (N,) vertices near the fingers.
-        listed: (3,) how many are placed, how many near, and how many contacts were found.
-        A: (3, 3) the ellipsoid, or the quartic's local one, in the hand frame.
-        local: (3, 3) the same in the part's frame.
-        F: (3,) unit wrench of the last step, in the part's frame.
-        V: (3,) displacement.
-        trial: (3,) pose after the step.
-        half: (3,) pose in its middle.
-        fingers: (2,) y of the inner faces, upper and lower.
-    """
-
-    C: Array
-    I: IntArray
-    step: StepWork
-    points: Array
-    placed: IntArray
-    near: IntArray
-    listed: IntArray
-    A: Array
-    local: Array
-    F: Array
-    V: Array
-    trial: Array
-    half: Array
-    fingers: Array
-
+C, I: contact buffers. step: workspace of the step. listed: how many vertices are placed, how many are near,
+and how many contacts were found. A: the ellipsoid, or the quartic's local one, in the hand frame; local: the
+same in the part's frame. F: unit wrench of the last step, in the part's frame. V: displacement. trial: pose
+after the step; half: pose in its middle. fingers: y of the inner faces, upper and lower.
+"""
+SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2
 """Columns of `SqueezeWork.listed`."""
@@ -72,24 +62,9 @@ ACCEPTED, RETRY, HELD, GIVEN_UP = 0, 1, 2, 3
 """What came of a step: taken; to be tried again, shorter; no solution; neither."""
 
 
-def squeeze_workspace(vertices: int) -> SqueezeWork:
-    """A workspace for an outline of that many vertices."""
-    return SqueezeWork(
-        C=np.zeros((MAX_CONTACTS, C_COLUMNS)),
-        I=np.zeros((MAX_CONTACTS, I_COLUMNS), np.int64),
-        step=workspace(),
-        points=np.zeros((vertices, 2)),
-        placed=np.zeros(vertices, np.int64),
-        near=np.zeros(vertices, np.int64),
-        listed=np.zeros(3, np.int64),
-        A=np.zeros((3, 3)),
-        local=np.zeros((3, 3)),
-        F=np.array([0.0, 1.0, 0.0]),
-        V=np.zeros(3),
-        trial=np.zeros(3),
-        half=np.zeros(3),
-        fingers=np.zeros(2),
-    )
+def squeeze_workspace() -> SqueezeWork:
+    """A fresh workspace: a record of `SQUEEZE_WORK`."""
+    return np.zeros(1, SQUEEZE_WORK).view(np.recarray)[0]
 
 
 @kernel
@@ -128,9 +103,8 @@ def _midpoint(
 
 
 @kernel
-def list_near(work: SqueezeWork) -> None:
+def list_near(points: Array, placed: IntArray, near: IntArray, work: SqueezeWork) -> None:
     """Lists the vertices near the fingers' faces, and those with their neighbours."""
-    points, near, placed = work.points, work.near, work.placed
     n = points.shape[0]
     near_count, placed_count = 0, 0
     high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
@@ -154,22 +128,24 @@ def list_near(work: SqueezeWork) -> None:
 
 
 @kernel
-def find_contacts(q: Array, h: float, thickness: float, margin: float, work: SqueezeWork) -> None:
+def find_contacts(
+    q: Array, h: float, thickness: float, margin: float, points: Array, near: IntArray, work: SqueezeWork
+) -> None:
     """Finds the contacts among the near vertices."""
     work.listed[FOUND] = contact.find(
-        work.C, work.I, work.points, work.near, work.listed[NEAR], q, work.fingers[0], work.fingers[1], h,
+        work.C, work.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1], h,
         thickness, margin,
     )  # fmt: skip
 
 
 @kernel
-def _overlap(h: float, thickness: float, work: SqueezeWork) -> float:
+def _overlap(h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork) -> float:
     """Deepest overlap among the contacts found and the near vertices [mm]."""
     deepest = 0.0
     for k in range(work.listed[FOUND]):
         deepest = max(deepest, -work.C[k, GAP])
     for m in range(work.listed[NEAR]):
-        x, y = work.points[work.near[m], 0], work.points[work.near[m], 1]
+        x, y = points[near[m], 0], points[near[m], 1]
         behind = y - work.fingers[0] if y > 0.5 * (work.fingers[0] + work.fingers[1]) else work.fingers[1] - y
         deepest = max(deepest, min(behind, h - abs(x), thickness - behind))
     return deepest
@@ -178,7 +154,7 @@ def _overlap(h: float, thickness: float, work: SqueezeWork) -> float:
 @kernel
 def try_step(
     outline: Array, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
-    size: float, margin: float, q: Array, work: SqueezeWork,
+    size: float, margin: float, q: Array, points: Array, placed: IntArray, near: IntArray, work: SqueezeWork,
 ) -> tuple[int, float]:  # fmt: skip
     """Tries a step of the given size; returns what came of it and the size to go on with.
 
@@ -201,12 +177,12 @@ def try_step(
     fraction = event_fraction(work.C, work.listed[FOUND], work.V)
     if fraction < 0.95 and not smallest:
         return RETRY, size * max(fraction, SMALLEST_STEP)
-    contact.place(outline, work.trial, work.points, work.placed, work.listed[PLACED])
+    contact.place(outline, work.trial, points, placed, work.listed[PLACED])
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
-    find_contacts(work.trial, h, thickness, margin, work)
-    if _overlap(h, thickness, work) > PENETRATION_MM:
-        contact.place(outline, q, work.points, work.placed, work.listed[PLACED])
+    find_contacts(work.trial, h, thickness, margin, points, near, work)
+    if _overlap(h, thickness, points, near, work) > PENETRATION_MM:
+        contact.place(outline, q, points, placed, work.listed[PLACED])
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
         return (GIVEN_UP if smallest else RETRY), 0.25 * size
