@@ -24,7 +24,8 @@ LARGEST_TURN = 0.1
 """Largest rotation in one step [rad]."""
 EULER_ERROR = 0.02
 """Largest difference between Euler and midpoint step, as a share of the nominal step."""
-SMALLEST_STEP = 1.0 / 256.0
+SMALLEST_STEP = 2.0**-18
+"""Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
 WIDEN = 2
 """Vertices kept placed on either side of one near a finger."""
 NEAR_MM = 3.0
