@@ -19,8 +19,11 @@ from planner.job import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
 from planner.mechanics.surface import Surface
+from planner.part.outline import simplified
 
 DEFAULT_STEP_MM = 0.4
+SIMPLIFY_MM = 0.005
+"""Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
 CHUNK = 256
 TRACE_ROWS = 2000
 
@@ -60,7 +63,7 @@ class Simulator:
     """The squeeze of one part by one gripper.
 
     Attributes:
-        outline: (N, 2) the part, counter-clockwise [mm].
+        outline: (N, 2) the part, counter-clockwise, curves simplified to `SIMPLIFY_MM` [mm].
         surface: the nominal limit surface.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         friction: bounds of the coefficient between finger and part.
@@ -92,7 +95,7 @@ class Simulator:
             ]
         )
         return cls(
-            outline=np.ascontiguousarray(job.part.outline_mm),
+            outline=np.array(simplified(job.part.outline_mm, SIMPLIFY_MM)),
             surface=limit_surface.of_job(job),
             jaws=jaws,
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),

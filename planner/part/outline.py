@@ -200,3 +200,19 @@ def _check_simple(vertices: Outline) -> None:
     raise OutlineError(
         f"outline {verb} itself{where}; list the vertices in order around the part", value=vertices
     )
+
+
+def simplified(outline: Outline, tolerance_mm: float) -> Outline:
+    """Return the outline with the vertices left out that lie within a tolerance of the rest.
+
+    Douglas and Peucker (1973), by shapely; the result is simple, and no point of the one outline is further
+    than the tolerance from the other.
+
+    Args:
+        outline: (N, 2) mm.
+        tolerance_mm: largest distance; 0 leaves out collinear vertices only.
+    """
+    ring = shapely.Polygon(outline).simplify(tolerance_mm, preserve_topology=True)
+    result: Outline = shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]
+    result.setflags(write=False)
+    return result
