@@ -27,7 +27,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = shell.parser(
         NAME,
         "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
-        "origin, jaws fully open, closing along y.",
+        "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
+        "reported as jammed at full opening, unmoved.",
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
     )
     parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
