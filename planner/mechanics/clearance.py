@@ -42,6 +42,20 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
 
 
 @kernel
+def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: float) -> bool:
+    """Whether a segment runs through the inside of the box |x| < half_x, |y| < half_y (Liang and Barsky)."""
+    start, end = 0.0, 1.0
+    for origin, step, half in ((x0, x1 - x0, half_x), (y0, y1 - y0, half_y)):
+        if abs(step) < 1e-12:
+            if abs(origin) >= half:
+                return False
+        else:
+            enter, leave = (-half - origin) / step, (half - origin) / step
+            start, end = max(start, min(enter, leave)), min(end, max(enter, leave))
+    return end - start > 1e-9
+
+
+@kernel
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
     """Whether part and finger box share any area: the finger cannot be set down there.
 
@@ -60,15 +74,6 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
         x0, y0, x1, y1 = points[i, 0], points[i, 1] - middle, points[j, 0], points[j, 1] - middle
         if (y0 > 0.0) != (y1 > 0.0) and x0 + (x1 - x0) * y0 / (y0 - y1) > 0.0:
             inside = not inside
-        # The edge's stretch within the box (Liang and Barsky): start < end where there is one.
-        start, end = 0.0, 1.0
-        for origin, step, half in ((x0, x1 - x0, h), (y0, y1 - y0, 0.5 * thickness)):
-            if abs(step) < 1e-12:
-                if abs(origin) >= half:
-                    start = 2.0
-            else:
-                enter, leave = (-half - origin) / step, (half - origin) / step
-                start, end = max(start, min(enter, leave)), min(end, max(enter, leave))
-        if end - start > 1e-9:
+        if crosses(x0, y0, x1, y1, h, 0.5 * thickness):
             return True
     return inside

@@ -14,6 +14,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics import contacts as contact
+from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
 from planner.mechanics.step import RAY, SOLVED, STEP_WORK, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
@@ -140,16 +141,26 @@ def find_contacts(
 
 
 @kernel
-def _overlap(h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork) -> float:
-    """Deepest overlap among the contacts found and the near vertices [mm]."""
-    deepest = 0.0
+def _overlaps(h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork) -> bool:
+    """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     for k in range(work.listed[FOUND]):
-        deepest = max(deepest, -work.C[k, GAP])
+        if work.C[k, GAP] < -PENETRATION_MM:
+            return True
+    n = points.shape[0]
+    half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
     for m in range(work.listed[NEAR]):
-        x, y = points[near[m], 0], points[near[m], 1]
-        behind = y - work.fingers[0] if y > 0.5 * (work.fingers[0] + work.fingers[1]) else work.fingers[1] - y
-        deepest = max(deepest, min(behind, h - abs(x), thickness - behind))
-    return deepest
+        i = near[m]
+        j = i + 1 if i + 1 < n else 0
+        y0, y1 = points[i, 1], points[j, 1]
+        if max(y0, y1) > work.fingers[0] + PENETRATION_MM:
+            middle = work.fingers[0] + 0.5 * thickness
+            if crosses(points[i, 0], y0 - middle, points[j, 0], y1 - middle, half_x, half_y):
+                return True
+        if min(y0, y1) < work.fingers[1] - PENETRATION_MM:
+            middle = work.fingers[1] - 0.5 * thickness
+            if crosses(points[i, 0], y0 - middle, points[j, 0], y1 - middle, half_x, half_y):
+                return True
+    return False
 
 
 @kernel
@@ -182,7 +193,7 @@ def try_step(
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
     find_contacts(work.trial, h, thickness, margin, points, near, work)
-    if _overlap(h, thickness, points, near, work) > PENETRATION_MM:
+    if _overlaps(h, thickness, points, near, work):
         contact.place(outline, q, points, placed, work.listed[PLACED])
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
