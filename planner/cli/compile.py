@@ -44,7 +44,8 @@ def main(argv: list[str] | None = None) -> int:
         with shell.progress(arguments.json) as report:
             plan = compile_job(job, arguments.workers, arguments.trials, report)
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-        dump(table, output)
+        with shell.writing(output) as draft:
+            dump(table, draft)
         seconds = time.perf_counter() - started
         if arguments.json:
             shell.print_json(_figures(plan, output, seconds))

@@ -7,7 +7,7 @@ import json
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,25 @@ def writable(path: Path) -> Path:
     if not path.parent.is_dir():
         raise InputFileError(f"the folder {path.parent} does not exist; create it", where=str(path))
     return path
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """Yields a name beside `path` to write to; it takes its place when all went well, whole or not at all.
+
+    Raises:
+        InputFileError: the disk is full, or the folder may not be written to.
+    """
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        yield draft
+        draft.replace(path)
+    except OSError as error:
+        problem = f"cannot be written: {error.strerror}; free the disk or name another file"
+        raise InputFileError(problem, where=str(path)) from error
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
 
 
 def print_json(data: dict[str, Any]) -> None:

@@ -73,7 +73,8 @@ def main(argv: list[str] | None = None) -> int:
             seed = job.seed if arguments.seed is None else arguments.seed
             parameters = simulator.sample(len(poses), np.random.default_rng(seed))
         rolled = simulator.roll_out(poses, parameters)
-        write_results(output, poses, rolled)
+        with shell.writing(output) as draft:
+            write_results(draft, poses, rolled)
         if any(pictures):
             draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
         _report(rolled, output, pictures, arguments.json)

@@ -181,3 +181,15 @@ def test_any_world_can_be_plugged_in(tmp_path):
         timeout=120, check=True,
     )  # fmt: skip
     assert json.loads(done.stdout)["success_rate"] > 0.9
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a disk that is always full")
+def test_a_full_disk_is_one_line_and_leaves_no_part_of_a_file(tmp_path):
+    write_poses(tmp_path / "in.csv", [(1, 2, 0.3)])
+    (tmp_path / ".out.csv.part").symlink_to("/dev/full")
+    code, _, err = run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv")
+    assert code == 3
+    assert one_line(err)
+    assert "out.csv" in err
+    assert "free the disk" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["in.csv"]
