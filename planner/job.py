@@ -113,28 +113,44 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """The fixed set of hand placements: each angle at each centre.
+    """The hand placements to choose from: each angle at each centre, and what a belief suggests.
 
     Attributes:
         angles_deg: angles of the hand's x axis in the world.
         centers_mm: (K, 2) positions of the hand in the world, read-only.
+        proposals: "belief": every node also considers placements relative to its own belief; or "none".
+        openings_mm: openings to descend with; the least that stays clear is taken. Empty: fully open.
+        forces_n: grip forces; unstable squeezes take the least. Empty: the gripper's own.
     """
 
     angles_deg: tuple[float, ...]
     centers_mm: Array
+    proposals: str
+    openings_mm: tuple[float, ...]
+    forces_n: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """When a part counts as located: sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9).
+    """When a part counts as located.
 
     Attributes:
-        distance_mm: bound on the metric, taken under the part's symmetry.
+        kind: "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta
+            each within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation":
+            theta within its tolerance, wherever the part lies. Angles are taken under the part's symmetry.
+        distance_mm: bound on the metric, for "pose" and "modes".
         confidence: probability with which a leaf must keep the bound.
+        tolerance_mm: bounds on x and y, for "tolerances".
+        tolerance_deg: bound on theta, for "tolerances" and "orientation".
+        modes: how many poses a leaf may leave open, for "modes".
     """
 
+    kind: str
     distance_mm: float
     confidence: float
+    tolerance_mm: tuple[float, float]
+    tolerance_deg: float
+    modes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,17 +158,26 @@ class Search:
     """How the tree is searched.
 
     Attributes:
-        method: "closed-loop".
+        method: "closed-loop"; or, for comparison, the paper's: "paper" (Algorithms 1 to 3), "paper-sequence"
+            (the whole open-loop sequence before branching) and "sensorless" (no branching at all).
+        model: what the look-ahead squeezes with: "simulation", the learned "kcde", or "auto".
+        rollouts: squeezes that the learned model is trained on.
         depth: squeezes to look ahead.
         squeeze_cost: probability of success that one more squeeze must gain.
+        second_cost: the same for a second of cell time.
+        stability_cost: the same for an outcome that hangs on an unstable equilibrium.
         particles: size of the belief that the tree is grown with.
         search_particles: size of the belief that looking ahead is done with.
         max_depth: longest path of the tree, squeezes.
     """
 
     method: str
+    model: str
+    rollouts: int
     depth: int
     squeeze_cost: float
+    second_cost: float
+    stability_cost: float
     particles: int
     search_particles: int
     max_depth: int
@@ -281,7 +306,9 @@ def _build(document: dict[str, Any], where: str, drawn: bool) -> Job:
     job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
     job_checks.check_conflicts(values, where)
     actions, cell = values["actions"], values["cell"]
-    actions["angles_deg"] = tuple(actions["angles_deg"].tolist())
+    for key in ("angles_deg", "openings_mm", "forces_n"):
+        actions[key] = tuple(actions[key].tolist())
+    values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
     cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
     return Job(
         seed=values[""]["seed"],

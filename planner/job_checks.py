@@ -72,6 +72,7 @@ def check_conflicts(values: Values, where: str) -> None:
     _check_friction(values["friction"], where)
     _check_gripper(values["gripper"], values["cell"], where)
     _check_actions(values["actions"], values["cell"], where)
+    _check_choices(values["actions"], values["gripper"], values["cell"], where)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"], where)
 
 
@@ -115,6 +116,24 @@ def _check_actions(actions: dict[str, Any], cell: dict[str, Any], where: str) ->
         x, y = centers[int(np.argmax(outside))]
         problem = f"({x:g}, {y:g}) lies outside work_area_mm of [cell]; move it or widen the area"
         raise _conflict(problem, where, "actions", "centers_mm", [x, y])
+
+
+def _check_choices(
+    actions: dict[str, Any], gripper: dict[str, Any], cell: dict[str, Any], where: str
+) -> None:
+    """Openings and forces to choose from must be within what gripper and cell allow."""
+    openings, forces = actions["openings_mm"], actions["forces_n"]
+    if len(openings) and openings.max() > gripper["opening_mm"]:
+        problem = (
+            f"{openings.max():g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
+        )
+        raise _conflict(problem, where, "actions", "openings_mm", openings.tolist())
+    if len(openings) and gripper["upper_finger_share"] != 0.5:
+        problem = "needs upper_finger_share = 0.5: otherwise the opening decides which finger touches first"
+        raise _conflict(problem, where, "actions", "openings_mm", openings.tolist())
+    if len(forces) and forces.max() > cell["max_force_n"]:
+        problem = f"{forces.max():g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
+        raise _conflict(problem, where, "actions", "forces_n", forces.tolist())
 
 
 def _check_fit(part_outline: outline.Outline, opening_mm: float, where: str) -> None:

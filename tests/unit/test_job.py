@@ -43,7 +43,7 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert rectangle.uncertainty.orientation == "unknown"
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == job.Goal(3.0, 0.99)
+    assert rectangle.goal == job.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1)
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 
@@ -197,3 +197,23 @@ def test_reading_a_job_loads_no_heavy_package():
         [sys.executable, "-c", code], cwd=RECTANGLE.parents[2], capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("line", "advice"),
+    [
+        ("openings_mm = [90.0]", "more than opening_mm"),
+        ("forces_n = [20.0, 300.0]", "above max_force_n"),
+    ],
+)
+def test_choices_beyond_gripper_and_cell_are_refused(line, advice):
+    text = RECTANGLE.read_text().replace("[goal]", f"{line}\n[goal]")
+    with pytest.raises(errors.ValueRangeError, match=advice):
+        job.parse(text)
+
+
+def test_openings_to_choose_from_need_fingers_that_close_alike():
+    text = RECTANGLE.read_text().replace("[goal]", "openings_mm = [60.0, 85.0]\n[goal]")
+    assert job.parse(text).actions.openings_mm == (60.0, 85.0)
+    with pytest.raises(errors.ValueRangeError, match="which finger touches first"):
+        job.parse(text.replace("[gripper]", "[gripper]\nupper_finger_share = 0.4"))

@@ -22,7 +22,7 @@ UNKNOWN = [
     ("opening_mm", "opening_m", "gripper", 'did you mean "opening_mm"?'),
     ("angles_deg", "angels_deg", "actions", 'did you mean "angles_deg"?'),
     ("[friction]", "[frictoin]", "", 'did you mean "friction"?'),
-    ("confidence", "zzz", "goal", "valid are distance_mm, confidence"),
+    ("confidence", "zzz", "goal", "valid are kind, distance_mm, confidence"),
     ("[goal]", "[goal]\nopening_mm = 85", "goal", "belongs in [gripper]"),
     ("[goal]", "[goal]\nseed = 85", "goal", "belongs on top"),
     ("seed = 1", "opening_mm = 1", "", "belongs in [gripper]"),
