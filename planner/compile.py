@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,12 +20,16 @@ from planner.mechanics.simulator import Simulator
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
-from planner.search.expand import TreeNode, grow, learn, root_of
-from planner.search.outcomes import MotionModel
+from planner.search.costs import costs_of
+from planner.search.expand import Growth, TreeNode, grow, learn
+from planner.search.handling import handling_of
+from planner.search.outcomes import Simulation
 from planner.world import ContactWorld
 from runtime.table import Table, canonical
 
 EVALUATION_TRIALS = 20_000
+MARGIN = 0.5
+"""Share of the goal's allowed errors at which the search takes a leaf for good: the rest is reserve."""
 REFINEMENTS = 3
 """How often leaves that the evaluation finds short of the goal are expanded further."""
 SEED_EVALUATION = 0x4556
@@ -49,7 +55,11 @@ class Plan:
 
 
 def compile_job(
-    job: Job, workers: int | None = None, trials: int = EVALUATION_TRIALS, report: Report | None = None
+    job: Job,
+    workers: int | None = None,
+    trials: int = EVALUATION_TRIALS,
+    report: Report | None = None,
+    budget_s: float = math.inf,
 ) -> Plan:
     """Plans, lowers the tree to a table, and evaluates the table.
 
@@ -58,26 +68,26 @@ def compile_job(
         workers: threads; all cores if None. The result does not depend on it.
         trials: parts squeezed in the evaluation.
         report: told about progress.
+        budget_s: the tree is left as it stands after this long: whole and valid, but with leaves that do not
+            know. Without a budget the same seed gives the same bytes.
 
     Raises:
         NoPlanError: the first squeeze already has no placement free of collision that gains anything, or no
             leaf of the tree is within the goal.
     """
     say = report or (lambda _stage, _done, _total: None)
-    simulator = Simulator.of_job(job, workers)
-    look_ahead = LookAhead(
-        actions=actions_of(job),
-        model=MotionModel(simulator, encoder_of(job)),
-        metric=metric_of(job, radius_of_gyration(job.part.outline_mm)),
-        confidence=job.goal.confidence,
-        depth=job.search.depth,
-        squeeze_cost=job.search.squeeze_cost,
-        particles=job.search.search_particles,
-    )
-    root = root_of(initial(job, job.search.particles, np.random.default_rng([job.seed, 0])), look_ahead)
+    deadline = time.monotonic() + budget_s
+    growth = _growth(job, Simulator.of_job(job, workers))
+    look_ahead = growth.look_ahead
+    belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))
     for attempt in range(REFINEMENTS + 1):
         grow(
-            root, look_ahead, job.search.max_depth, [job.seed, attempt], lambda a, b: say("search", a, a + b)
+            root,
+            growth,
+            [job.seed, attempt],
+            lambda a, b: say("search", a, a + b),
+            lambda: time.monotonic() > deadline,
         )
         if not root.children:
             raise NoPlanError(
@@ -89,7 +99,8 @@ def compile_job(
         world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
         evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
         beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
-        if attempt == REFINEMENTS or learn(root, beliefs, look_ahead) == 0:
+        late = time.monotonic() > deadline
+        if late or attempt == REFINEMENTS or learn(root, beliefs, look_ahead) == 0:
             break
     table, evaluation = with_evaluation(table, evaluation, job)
     if not any(leaf.resolved for leaf in table.leaves):
@@ -98,3 +109,19 @@ def compile_job(
         error.success = float(np.mean(evaluation.error_mm < evaluation.goal_mm))
         raise error
     return Plan(table, root, evaluation)
+
+
+def _growth(job: Job, simulator: Simulator) -> Growth:
+    """How a job's tree is grown."""
+    model = Simulation(simulator, encoder_of(job))
+    look_ahead = LookAhead(
+        actions=actions_of(job),
+        simulator=simulator,
+        model=model,
+        metric=metric_of(job, radius_of_gyration(job.part.outline_mm)),
+        confidence=1.0 - MARGIN * (1.0 - job.goal.confidence),
+        depth=job.search.depth,
+        costs=costs_of(job),
+        particles=job.search.search_particles,
+    )
+    return Growth(look_ahead, model, handling_of(job), job.search.max_depth)

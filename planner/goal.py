@@ -2,11 +2,13 @@
 
 The paper averages the poses and counts those near the average; for a belief of two modes the average lies
 between them and counts nothing. The *mode ratio* is the largest share of the belief within the goal of one
-pose: it grows with progress, and that pose is the right prediction.
+pose: it grows with progress, and that pose is the right prediction. Where the goal allows several modes, it
+is the share within the goal of any of them.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,60 +21,118 @@ from planner.kernel import kernel
 CANDIDATES = 48
 REFINEMENTS = 4
 
+KINDS = ("pose", "tolerances", "modes", "orientation")
+
 
 class Mode(NamedTuple):
-    """The pose that explains most of a belief.
+    """The pose that explains most of a belief; further ones where the goal allows them.
 
     Attributes:
         pose: (3,) [mm, mm, rad].
-        ratio: share of the belief within the goal of it.
+        ratio: share of the belief within the goal of it, or of one of the others.
+        others: (m, 3) further poses.
     """
 
     pose: Array
     ratio: float
+    others: Array = np.zeros((0, 3))
 
 
 class Metric(NamedTuple):
-    """d(q1, q2) = sqrt(dx^2 + dy^2) + rho dtheta, under a rotational symmetry (eq. 9).
+    """How far from the truth a prediction is, under the part's rotational symmetry.
+
+    For kinds "pose" and "modes" d(q1, q2) = sqrt(dx^2 + dy^2) + rho dtheta in mm (eq. 9); for "tolerances"
+    and "orientation" the largest deviation in units of its tolerance, so that the goal is 1.
 
     Attributes:
-        distance_mm: the goal.
+        distance_mm: the goal of d.
         rho_mm: what one radian weighs.
         order: rotational order of the part.
+        kind: one of `KINDS`.
+        tolerance: bounds on x, y [mm] and theta [rad].
+        modes: how many poses a prediction may name.
     """
 
     distance_mm: float
     rho_mm: float
     order: int
+    kind: str = "pose"
+    tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    modes: int = 1
+
+    @property
+    def goal(self) -> float:
+        """What the distance must stay below."""
+        return self.distance_mm if self.kind in ("pose", "modes") else 1.0
+
+    def weights(self) -> Array:
+        """(4,) for the kernels: 1 to add deviations up or 0 to take the largest; 1 / goal of each of them."""
+        if self.kind in ("pose", "modes"):
+            length = 1.0 / self.distance_mm
+            return np.array([1.0, length, length, length * self.rho_mm])
+        x, y, theta = self.tolerance
+        lengths = [1.0 / x, 1.0 / y] if self.kind == "tolerances" else [0.0, 0.0]
+        return np.array([0.0, *lengths, 1.0 / theta])
 
     def between(self, poses: Array, reference: Array) -> Array:
-        """Distances of poses (..., 3) to reference poses, broadcast against them [mm]."""
-        offset = poses - reference
-        turn = np.abs(wrap(offset[..., 2], self.order))
-        return np.asarray(np.hypot(offset[..., 0], offset[..., 1]) + self.rho_mm * turn)
+        """Distances of poses (..., 3) to reference poses, broadcast against them."""
+        added, x, y, theta = self.weights()
+        offset = np.abs(poses - reference)
+        dx, dy = x * offset[..., 0], y * offset[..., 1]
+        turn = theta * np.abs(wrap((poses - reference)[..., 2], self.order))
+        if added:
+            return np.asarray(self.goal * (np.hypot(dx, dy) + turn))
+        return np.asarray(self.goal * np.maximum(np.maximum(dx, dy), turn))
 
     def reached(self, poses: Array, reference: Array) -> BoolArray:
         """Where the distance is below the goal."""
-        return np.asarray(self.between(poses, reference) < self.distance_mm)
+        return np.asarray(self.between(poses, reference) < self.goal)
 
     def mode(self, poses: Array) -> Mode:
-        """The pose with most of the belief within the goal.
+        """The pose with most of the belief within the goal, or as many poses as the goal allows.
 
         Args:
             poses: (n, 3) particles, n >= 1 [mm, mm, rad].
         """
-        pose = np.empty(3)
-        ratio = largest_mode(np.ascontiguousarray(poses), self.distance_mm, self.rho_mm, self.order, pose)
-        return Mode(pose, float(ratio))
+        found = self.main_modes(poses, self.modes)
+        ratio = min(1.0, sum(mode.ratio for mode in found))
+        return Mode(found[0].pose, ratio, np.array([mode.pose for mode in found[1:]]).reshape(-1, 3))
+
+    def main_modes(self, poses: Array, most: int, least_share: float = 0.0) -> list[Mode]:
+        """The heaviest modes, one after the other: each explains what those before it do not.
+
+        Args:
+            poses: (n, 3) particles, n >= 1 [mm, mm, rad].
+            most: how many at most.
+            least_share: lighter ones are not sought, except for the first.
+
+        Returns:
+            Single modes, each with its share of all the particles.
+        """
+        weights, total = self.weights(), len(poses)
+        rest = np.ascontiguousarray(poses)
+        found: list[Mode] = []
+        while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
+            pose = np.empty(3)
+            share = float(largest_mode(rest, weights, self.order, pose)) * len(rest) / total
+            if found and share < least_share:
+                break
+            found.append(Mode(pose, share))
+            if most > 1:
+                rest = rest[~self.reached(rest, pose)]
+        return found
 
 
 def metric_of(job: Job, rho_mm: float) -> Metric:
     """The metric of a job's goal."""
-    return Metric(job.goal.distance_mm, rho_mm, job.part.symmetry)
+    goal = job.goal
+    tolerance = (*goal.tolerance_mm, math.radians(goal.tolerance_deg))
+    modes = goal.modes if goal.kind == "modes" else 1
+    return Metric(goal.distance_mm, rho_mm, job.part.symmetry, goal.kind, tolerance, modes)
 
 
 @kernel
-def _inliers(poses: Array, centre: Array, goal: float, rho: float, period: float, mean: Array) -> int:
+def _inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Array) -> int:
     """Counts poses within the goal of `centre`; `mean` (3,) receives their mean, taken about it."""
     count = 0
     mean[0] = mean[1] = mean[2] = 0.0
@@ -80,7 +140,9 @@ def _inliers(poses: Array, centre: Array, goal: float, rho: float, period: float
         dx, dy = poses[i, 0] - centre[0], poses[i, 1] - centre[1]
         turn = poses[i, 2] - centre[2]
         turn -= period * np.round(turn / period)
-        if np.sqrt(dx * dx + dy * dy) + rho * abs(turn) < goal:
+        x, y, angle = weights[1] * dx, weights[2] * dy, weights[3] * abs(turn)
+        distance = np.sqrt(x * x + y * y) + angle if weights[0] > 0.0 else max(abs(x), abs(y), angle)
+        if distance < 1.0:
             count += 1
             mean[0] += dx
             mean[1] += dy
@@ -91,7 +153,7 @@ def _inliers(poses: Array, centre: Array, goal: float, rho: float, period: float
 
 
 @kernel
-def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array) -> float:
+def largest_mode(poses: Array, weights: Array, order: int, pose: Array) -> float:
     """Share of the poses within the goal of the best pose found.
 
     Starts from poses spread evenly through the belief and climbs from the better ones to the mean of what is
@@ -99,8 +161,7 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
 
     Args:
         poses: (n, 3), n >= 1 [mm, mm, rad].
-        goal: distance [mm].
-        rho: what one radian weighs [mm].
+        weights: (4,) of the metric.
         order: rotational order of the part.
         pose: (3,) receives the best pose; modified in place.
 
@@ -115,7 +176,7 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
     for start in range(0, n, stride):
         for j in range(3):
             centre[j] = poses[start, j]
-        count = _inliers(poses, centre, goal, rho, period, mean)
+        count = _inliers(poses, centre, weights, period, mean)
         if 2 * count < best:
             continue
         for _ in range(REFINEMENTS):
@@ -124,7 +185,7 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
                 pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
             centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
             last = count
-            count = _inliers(poses, centre, goal, rho, period, mean)
+            count = _inliers(poses, centre, weights, period, mean)
             if count < last:
                 break
         if count > best:
@@ -133,10 +194,10 @@ def largest_mode(poses: Array, goal: float, rho: float, order: int, pose: Array)
         if best == n:
             break
     # Among equals the mean is the better prediction.
-    _inliers(poses, pose, goal, rho, period, mean)
+    _inliers(poses, pose, weights, period, mean)
     for _ in range(REFINEMENTS):
         centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
-        count = _inliers(poses, centre, goal, rho, period, mean)
+        count = _inliers(poses, centre, weights, period, mean)
         if count < best:
             break
         best = count

@@ -14,6 +14,7 @@ from planner.frames import wrap
 from planner.job import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
+from planner.search.handling import handling_of
 from runtime.table import (
     PPM,
     Branch,
@@ -25,7 +26,7 @@ from runtime.table import (
     Prediction,
     Squeeze,
     Table,
-    wilson_upper,
+    refuted,
 )
 
 MARGIN_COUNTS = 2
@@ -59,8 +60,8 @@ def lower(root: TreeNode, job: Job) -> Table:
 def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
     """Puts the measured figures into the leaves and the table.
 
-    A leaf whose success the evaluation refutes (Wilson's upper bound below the goal's confidence) is marked
-    unresolved: the runtime then reports that it does not know, instead of a pose.
+    A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
+    is marked unresolved: the runtime then reports that it does not know, instead of a pose.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -69,7 +70,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
     for index, leaf in enumerate(table.leaves):
         here = evaluation.leaf == index
         trials, hits = int(here.sum()), int((here & (evaluation.error_mm < evaluation.goal_mm)).sum())
-        resolved = leaf.resolved and wilson_upper(hits, trials) >= job.goal.confidence
+        resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
         success = round(PPM * hits / trials) if trials else leaf.success_ppm
         covariance = leaf.covariance
         if trials > 2:
@@ -110,9 +111,9 @@ def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Jo
         x_um=round(1e3 * x),
         y_um=round(1e3 * y),
         angle_urad=round(1e6 * float(wrap(angle))),
-        opening_um=round(1e3 * job.gripper.opening_mm),
+        opening_um=round(1e3 * node.opening_mm),
         speed_um_s=round(1e3 * job.gripper.speed_mm_s),
-        force_mn=round(1e3 * job.gripper.force_n),
+        force_mn=round(1e3 * handling_of(job).force_n(node.unstable)),
         clearance_um=int(1e3 * node.clearance_mm),
     )
     total = float(node.clusters.size.sum())

@@ -34,7 +34,7 @@ from runtime.table_model import (
     Squeeze,
     Table,
 )
-from runtime.table_proof import prove, wilson_upper
+from runtime.table_proof import prove, refuted, wilson_upper
 
 __all__ = [
     "FORMAT",
@@ -64,6 +64,7 @@ __all__ = [
     "load",
     "loads",
     "prove",
+    "refuted",
     "wilson_upper",
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 import time
 from pathlib import Path
@@ -32,6 +33,10 @@ def main(argv: list[str] | None = None) -> int:
         "--trials", type=shell.positive, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--budget", type=shell.seconds, default=math.inf, metavar="60s",
+        help="stop searching after so long, with the best tree so far (default: search until done)",
+    )  # fmt: skip
     parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
     arguments = parser.parse_args(argv)
 
@@ -42,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
             job = dataclasses.replace(job, seed=arguments.seed)
         output = shell.writable(arguments.output)
         with shell.progress(arguments.json) as report:
-            plan = compile_job(job, arguments.workers, arguments.trials, report)
+            plan = compile_job(job, arguments.workers, arguments.trials, report, arguments.budget)
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         with shell.writing(output) as draft:
             dump(table, draft)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -52,6 +53,17 @@ def natural(text: str) -> int:
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
+    return value
+
+
+def seconds(text: str) -> float:
+    """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
+    number, unit = text.removesuffix("s"), 1.0
+    if text.endswith("min"):
+        number, unit = text.removesuffix("min"), 60.0
+    value = float(number) * unit
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a time above zero")
     return value
 
 

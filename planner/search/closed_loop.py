@@ -1,25 +1,65 @@
 """Closed-loop look-ahead: the next squeeze, chosen knowing that the one after may depend on what it shows.
 
-    V(b, d) = max( r(b), max_a [ -c + sum_z P(z | b, a) V(b_z, d - 1) ] ),   V(b, 0) = r(b)
+    V(b, d) = max( r(b), max_a [ -c(a) + sum_z P(z | b, a) V(b_z, d - 1) ] ),   V(b, 0) = r(b)
 
 with r the mode ratio and c the cost of a squeeze. Observations partition the particles, so branching on them
-costs no more roll-outs than the paper's open-loop search of the same depth.
+costs no more roll-outs than the paper's open-loop search of the same depth. Actions are widened
+progressively: all of them are squeezed once, and only the most promising are followed further.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief import subsample
 from planner.goal import Metric
-from planner.search.actions import ActionSet, least_clearance
-from planner.search.outcomes import MotionModel
+from planner.mechanics.simulator import Simulator
+from planner.search.actions import ActionSet, free_placements, least_clearance
+from planner.search.costs import Costs
+from planner.search.outcomes import MotionModel, Outcomes
+from planner.search.proposals import refined
 
 LEAST_CLEARANCE_MM = 0.5
 """Open fingers are never planned nearer to a believed part than this."""
+FOLLOWED = (8, 6, 4)
+"""How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
+SECOND_MODE = 0.25
+"""What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
+LEAST_PROGRESS = 0.001
+"""Gain in mode ratio, the cost of one squeeze not counted, below which none is planned."""
+SHRINK = 1.0
+"""Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
+REFINED = 2
+"""How many of the best placements are varied."""
+
+
+class Choice(NamedTuple):
+    """The action chosen for a belief.
+
+    Attributes:
+        placement: (3,) the hand frame in the world.
+        value: V of squeezing there.
+        gain: what that is more than stopping here.
+    """
+
+    placement: Array
+    value: float
+    gain: float
+
+
+class _Squeezed(NamedTuple):
+    """One belief's options after one squeeze each."""
+
+    placements: Array
+    outcomes: list[Outcomes]
+    cost: Array
+    ratios: list[Array]
+    worth: Array  # of one squeeze, cost deducted
+    rank: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,77 +68,148 @@ class LookAhead:
 
     Attributes:
         actions: what to choose from.
+        simulator: knows the part and the jaws.
         model: motion and sensor model.
         metric: the goal.
         confidence: mode ratio at which a belief needs no further squeeze.
         depth: squeezes to look ahead.
-        squeeze_cost: c.
+        costs: c.
         particles: size of the belief to search with.
     """
 
     actions: ActionSet
+    simulator: Simulator
     model: MotionModel
     metric: Metric
     confidence: float
     depth: int
-    squeeze_cost: float
+    costs: Costs
     particles: int
 
     def clearance(self, belief: Array, placement: Array) -> float:
         """Least distance between the open fingers at a placement and the believed part [mm]."""
-        simulator = self.model.simulator
-        return least_clearance(simulator.outline, simulator.jaws, belief, placement)
+        return least_clearance(self.simulator.outline, self.simulator.jaws, belief, placement)
 
-    def best_action(self, belief: Array, rng: np.random.Generator) -> tuple[Array | None, float]:
+    def choose(self, belief: Array, rng: np.random.Generator) -> Choice | None:
         """The placement to squeeze at.
+
+        The cost decides which action is best, not whether to go on: a belief that does not meet the goal yet
+        is squeezed as long as that gets it nearer. Where nothing does at the stated depth one squeeze more is
+        looked ahead: a belief of several modes may need two before any progress shows.
 
         Args:
             belief: (n, 3) particles in the world.
             rng: source of randomness.
 
         Returns:
-            The placement (3,) and its value; None where no action is free of collision or gains anything.
+            None where no action is free of collision or gains anything.
         """
-        free = [a for a in self.actions.placements if self.clearance(belief, a) >= LEAST_CLEARANCE_MM]
-        if not free:
-            return None, 0.0
         thin = subsample(belief, self.particles)
-        values = self._action_values([thin], [free], self.depth, rng)[0]
+        options = self._free(belief, self.actions.options(thin, self.metric))
+        if not len(options):
+            return None
+        best = None
+        for depth in (self.depth, self.depth + 1):
+            best = self._best(belief, thin, options, depth, rng)
+            if best.gain + self.costs.squeeze > LEAST_PROGRESS:
+                return best
+        return None
+
+    def _best(
+        self, belief: Array, thin: Array, options: Array, depth: int, rng: np.random.Generator
+    ) -> Choice:
+        """The best of the options, varied a little if placements may be proposed."""
+        (squeezed,) = self._squeeze([thin], [options], rng)
+        if self.actions.proposals is not None:
+            top = squeezed.placements[np.argsort(-squeezed.rank, kind="stable")[:REFINED]]
+            near = self.actions.within(np.concatenate([refined(placement) for placement in top]))
+            near = self._free(belief, near)
+            if len(near):
+                squeezed = _joined(squeezed, self._squeeze([thin], [near], rng)[0])
+        (values,) = self._follow([squeezed], depth, 0, rng)
         best = int(np.argmax(values))
-        gain = values[best] - self.metric.mode(thin).ratio
-        return (free[best] if gain > 0.0 else None), float(values[best])
+        ratio = self.metric.mode(thin).ratio
+        return Choice(squeezed.placements[best], float(values[best]), float(values[best]) - ratio)
 
-    def _action_values(
-        self, beliefs: list[Array], choices: list[list[Array]], depth: int, rng: np.random.Generator
-    ) -> list[Array]:
-        """Value of every choice at every belief, all of one depth rolled out in one batch."""
-        cases = [(belief, a) for belief, free in zip(beliefs, choices, strict=True) for a in free]
-        outcomes = self.model.squeeze(cases, rng)
-        children = [child for outcome in outcomes for child in outcome.beliefs]
-        values = self._values(children, depth - 1, rng)
-        worth, start = [], 0
-        for outcome in outcomes:
-            part = values[start : start + len(outcome.beliefs)]
-            start += len(outcome.beliefs)
-            worth.append(float(outcome.probability @ part) - self.squeeze_cost)
-        result, start = [], 0
-        for free in choices:
-            result.append(np.array(worth[start : start + len(free)]))
-            start += len(free)
-        return result
-
-    def _values(self, beliefs: list[Array], depth: int, rng: np.random.Generator) -> Array:
-        """V of each belief."""
-        values = np.array([self.metric.mode(belief).ratio for belief in beliefs])
+    def _values(self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator) -> Array:
+        """V of each belief, `depth` squeezes to go."""
+        values = np.array([self.metric.mode(belief).ratio - SHRINK / len(belief) for belief in beliefs])
         if depth == 0:
             return values
-        open_ones = [i for i, value in enumerate(values) if value < self.confidence]
-        free = [
-            [a for a in self.actions.placements if self.clearance(beliefs[i], a) >= LEAST_CLEARANCE_MM]
-            for i in open_ones
-        ]
-        movable = [(i, choice) for i, choice in zip(open_ones, free, strict=True) if choice]
-        worth = self._action_values([beliefs[i] for i, _ in movable], [c for _, c in movable], depth, rng)
-        for (i, _), options in zip(movable, worth, strict=True):
-            values[i] = max(values[i], float(options.max()))
+        still = [i for i, value in enumerate(values) if value < self.confidence]
+        options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in still]
+        movable = [(i, choice) for i, choice in zip(still, options, strict=True) if len(choice)]
+        squeezed = self._squeeze([beliefs[i] for i, _ in movable], [choice for _, choice in movable], rng)
+        for (i, _), worth in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
+            values[i] = max(values[i], float(worth.max()))
         return values
+
+    def _squeeze(
+        self, beliefs: list[Array], options: list[Array], rng: np.random.Generator
+    ) -> list[_Squeezed]:
+        """Every option of every belief, once, in one batch."""
+        cases = [(belief, a) for belief, choice in zip(beliefs, options, strict=True) for a in choice]
+        outcomes = self.model.squeeze(cases, rng)
+        result, start = [], 0
+        for choice in options:
+            result.append(self._judge(choice, outcomes[start : start + len(choice)]))
+            start += len(choice)
+        return result
+
+    def _judge(self, placements: Array, outcomes: list[Outcomes]) -> _Squeezed:
+        """What one squeeze each is worth."""
+        cost = np.array([self.costs.of(outcome) for outcome in outcomes])
+        ratios, worth, rank = [], [], []
+        for outcome, price in zip(outcomes, cost, strict=True):
+            few = np.array([SHRINK / len(child) for child in outcome.beliefs])
+            modes = [self.metric.main_modes(child, self.metric.modes + 1) for child in outcome.beliefs]
+            first = (
+                np.array([sum(mode.ratio for mode in found[: self.metric.modes]) for found in modes]) - few
+            )
+            further = np.array([sum(mode.ratio for mode in found[self.metric.modes :]) for found in modes])
+            ratios.append(first)
+            worth.append(float(outcome.probability @ first) - price)
+            rank.append(worth[-1] + SECOND_MODE * float(outcome.probability @ further))
+        return _Squeezed(placements, outcomes, cost, ratios, np.array(worth), np.array(rank))
+
+    def _follow(
+        self, squeezed: list[_Squeezed], depth: int, level: int, rng: np.random.Generator
+    ) -> list[Array]:
+        """Value of every option, the promising ones followed for the squeezes that remain."""
+        values = [options.worth.copy() for options in squeezed]
+        if depth == 1:
+            return values
+        width = FOLLOWED[min(level, len(FOLLOWED) - 1)]
+        followed = [
+            (i, int(k))
+            for i, options in enumerate(squeezed)
+            if options.worth.max() < 1.0 - 2.0 * self.costs.squeeze
+            for k in np.argsort(-options.rank, kind="stable")[:width]
+        ]
+        children = [child for i, k in followed for child in squeezed[i].outcomes[k].beliefs]
+        worth = self._values(children, depth - 1, level + 1, rng)
+        start = 0
+        for i, k in followed:
+            outcome = squeezed[i].outcomes[k]
+            stop = start + len(outcome.beliefs)
+            values[i][k] = float(outcome.probability @ worth[start:stop]) - squeezed[i].cost[k]
+            start = stop
+        return values
+
+    def _free(self, belief: Array, placements: Array) -> Array:
+        """Those of the placements at which the open fingers stay clear of the belief."""
+        simulator = self.simulator
+        free = free_placements(simulator.outline, simulator.jaws, belief, placements, LEAST_CLEARANCE_MM)
+        return np.asarray(placements[free])
+
+
+def _joined(a: _Squeezed, b: _Squeezed) -> _Squeezed:
+    """The options of both."""
+    return _Squeezed(
+        np.concatenate([a.placements, b.placements]),
+        a.outcomes + b.outcomes,
+        np.concatenate([a.cost, b.cost]),
+        a.ratios + b.ratios,
+        np.concatenate([a.worth, b.worth]),
+        np.concatenate([a.rank, b.rank]),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,6 +14,8 @@ from planner.belief import replenish
 from planner.goal import Mode
 from planner.models.partition import Partition
 from planner.search.closed_loop import LookAhead
+from planner.search.handling import Handling
+from planner.search.outcomes import MotionModel
 
 LEAST_PARTICLES = 100
 """A belief thinner than this is repeated before its next squeeze."""
@@ -27,27 +30,50 @@ class TreeNode:
     Attributes:
         belief: (n, 3) particles in the world.
         share: probability of getting here.
-        depth: squeezes made so far.
         mode: the pose that explains most of the belief.
+        path: which branch was taken at each squeeze on the way.
         placement: (3,) the hand frame to squeeze at; None at a leaf.
+        opening_mm: opening of the jaws on the way down.
         clearance_mm: least distance between the open fingers there and the believed part.
+        unstable: share of the outcomes that friction alone holds.
+        release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         clusters: the partition of the outcomes.
         children: one node for each cluster.
     """
 
     belief: Array
     share: float
-    depth: int
     mode: Mode
+    path: tuple[int, ...] = ()
     placement: Array | None = None
+    opening_mm: float = 0.0
     clearance_mm: float = 0.0
+    unstable: float = 0.0
+    release: Array | None = None
     clusters: Partition | None = None
     children: list[TreeNode] = field(default_factory=list)
 
+    @property
+    def depth(self) -> int:
+        """Squeezes made so far."""
+        return len(self.path)
 
-def root_of(belief: Array, look_ahead: LookAhead) -> TreeNode:
-    """A tree of one node."""
-    return TreeNode(belief, 1.0, 0, look_ahead.metric.mode(belief))
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Growth:
+    """How a tree is grown.
+
+    Attributes:
+        look_ahead: chooses the actions.
+        reference: squeezes the beliefs of the tree itself, whatever model the look-ahead uses.
+        handling: what is decided about a squeeze once its placement is chosen.
+        max_depth: longest path [squeezes].
+    """
+
+    look_ahead: LookAhead
+    reference: MotionModel
+    handling: Handling
+    max_depth: int
 
 
 def breadth_first(root: TreeNode) -> list[TreeNode]:
@@ -61,31 +87,40 @@ def breadth_first(root: TreeNode) -> list[TreeNode]:
 
 
 def grow(
-    root: TreeNode, look_ahead: LookAhead, max_depth: int, seed: list[int], progress: Progress | None = None
+    root: TreeNode,
+    growth: Growth,
+    seed: list[int],
+    progress: Progress | None = None,
+    out_of_time: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Expands the tree's leaves breadth first until each meets the goal or nothing gains any more.
+    """Expands the leaves until each meets the goal or nothing gets it nearer, those that hold most first.
+
+    The tree is a whole plan at any time, so it may be stopped at any node.
 
     Args:
         root: the tree, modified in place.
-        look_ahead: chooses the actions.
-        max_depth: longest path [squeezes].
-        seed: every node draws from a stream of its own, numbered in order of expansion.
+        growth: how.
+        seed: every node draws from a stream of its own, named after its path.
         progress: called with the number of nodes done and the number waiting.
+        out_of_time: asked before each node; the tree stays as it is once it says so.
     """
-    waiting = deque(node for node in breadth_first(root) if not node.children)
+    confidence = growth.look_ahead.confidence
+    waiting = [(-_lacking(node), node.path, node) for node in breadth_first(root) if not node.children]
+    heapq.heapify(waiting)
     done = 0
-    while waiting:
-        node = waiting.popleft()
+    while waiting and not out_of_time():
+        _, path, node = heapq.heappop(waiting)
         done += 1
-        if node.mode.ratio < look_ahead.confidence and node.depth < max_depth:
-            _expand(node, look_ahead, np.random.default_rng([*seed, done]))
-            waiting.extend(node.children)
+        if node.mode.ratio < confidence and node.depth < growth.max_depth:
+            _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
+            for child in node.children:
+                heapq.heappush(waiting, (-_lacking(child), child.path, child))
         if progress is not None:
             progress(done, len(waiting))
 
 
 def learn(root: TreeNode, beliefs: dict[int, Array], look_ahead: LookAhead) -> int:
-    """Gives leaves the larger beliefs that an evaluation found there.
+    """Adds to the leaves the poses that an evaluation found there.
 
     Args:
         root: the tree, modified in place.
@@ -99,24 +134,32 @@ def learn(root: TreeNode, beliefs: dict[int, Array], look_ahead: LookAhead) -> i
     leaves = [node for node in breadth_first(root) if not node.children]
     for number, node in enumerate(leaves):
         poses = beliefs.get(number)
-        if poses is None or len(poses) <= len(node.belief):
+        if poses is None or not len(poses):
             continue
         met = node.mode.ratio >= look_ahead.confidence
-        node.belief, node.mode = poses, look_ahead.metric.mode(poses)
+        node.belief = np.concatenate([node.belief, poses])
+        node.mode = look_ahead.metric.mode(node.belief)
         short += met and node.mode.ratio < look_ahead.confidence
     return short
 
 
-def _expand(node: TreeNode, look_ahead: LookAhead, rng: np.random.Generator) -> None:
+def _lacking(node: TreeNode) -> float:
+    """Share of all parts that end here and are not known to be where the node says."""
+    return node.share * (1.0 - node.mode.ratio)
+
+
+def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
     """Chooses the node's action and adds a child for each cluster of outcomes."""
-    placement, _ = look_ahead.best_action(node.belief, rng)
-    if placement is None:
+    choice = growth.look_ahead.choose(node.belief, rng)
+    if choice is None:
         return
-    node.placement = placement
-    node.clearance_mm = look_ahead.clearance(node.belief, placement)
+    node.placement = placement = choice.placement
+    node.opening_mm, node.clearance_mm = growth.handling.opening(node.belief, placement)
     belief = replenish(node.belief, LEAST_PARTICLES)
-    outcomes = look_ahead.model.squeeze([(belief, placement)], rng)[0]
-    node.clusters = outcomes.clusters
-    for share, child in zip(outcomes.probability, outcomes.beliefs, strict=True):
-        mode = look_ahead.metric.mode(child)
-        node.children.append(TreeNode(child, node.share * float(share), node.depth + 1, mode))
+    outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
+    node.clusters, node.unstable = outcomes.clusters, outcomes.unstable
+    node.release = growth.handling.release(outcomes)
+    beliefs = growth.handling.released(placement, node.release, outcomes)
+    for k, (share, child) in enumerate(zip(outcomes.probability, beliefs, strict=True)):
+        mode = growth.look_ahead.metric.mode(child)
+        node.children.append(TreeNode(child, node.share * float(share), mode, (*node.path, k)))

@@ -8,6 +8,7 @@ import pytest
 
 from planner import job as job_file
 from planner.compile import compile_job
+from planner.errors import NoPlanError
 from planner.evaluate import REJECTED, evaluate
 from planner.search.expand import breadth_first
 from planner.world import make
@@ -103,3 +104,29 @@ def test_a_strange_part_is_rejected_and_never_given_a_pose(job, plan):
 def test_a_table_without_its_job_still_runs(plan):
     stripped = dataclasses.replace(plan.table, job=None)
     assert loads(dumps(stripped)).nodes == plan.table.nodes
+
+
+L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]"
+
+
+def l_job(proposals):
+    """An L without symmetry, searched for with few particles."""
+    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
+    lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
+    search = "[search]\nparticles = 2000\nsearch_particles = 200\n"
+    return job_file.parse("\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10") + "\n" + search)
+
+
+def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
+    figures = compile_job(l_job("belief"), workers=2, trials=3000).evaluation.summary()
+    assert figures["success_rate"] >= 0.97
+    assert figures["mean_squeezes"] <= 4.5
+    assert figures["crashes"] == 0
+
+
+def test_a_budget_leaves_a_valid_tree_that_knows_what_it_does_not_know(job):
+    with pytest.raises(NoPlanError):
+        compile_job(job, workers=2, trials=500, budget_s=1e-9)
+    plan = compile_job(job, workers=2, trials=2000, budget_s=60.0)
+    assert loads(dumps(plan.table)) == plan.table

@@ -1,0 +1,43 @@
+"""What a squeeze costs, in probability of success: for itself, for its time, and for its risk."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from planner.job import Job
+from planner.search.outcomes import Outcomes
+
+
+class Costs(NamedTuple):
+    """The price of a squeeze.
+
+    Attributes:
+        squeeze: of any.
+        second: of a second of cell time.
+        unstable: of an outcome that friction alone holds.
+        lift_s: time to go up and come down again [s].
+        opening_mm: stroke of the open jaws.
+        speed_mm_s: rate at which the opening closes.
+    """
+
+    squeeze: float
+    second: float
+    unstable: float
+    lift_s: float
+    opening_mm: float
+    speed_mm_s: float
+
+    def of(self, outcomes: Outcomes) -> float:
+        """C of an action with these outcomes."""
+        seconds = self.lift_s + 2.0 * (self.opening_mm - outcomes.width_mm) / self.speed_mm_s
+        return self.squeeze + self.second * seconds + self.unstable * outcomes.unstable
+
+
+def costs_of(job: Job) -> Costs:
+    """The costs that a job states."""
+    search, cell, gripper = job.search, job.cell, job.gripper
+    lift = 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
+    return Costs(
+        search.squeeze_cost, search.second_cost, search.stability_cost, lift, gripper.opening_mm,
+        gripper.speed_mm_s,
+    )  # fmt: skip

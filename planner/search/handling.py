@@ -1,0 +1,105 @@
+"""What is decided about a squeeze once its placement is chosen: opening, force, where the part is let go.
+
+None of this changes where a squeeze ends in the hand frame: fingers that close alike meet the part at the
+same place from any opening, and quasi-static contact does not know how strong they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.encoder import Encoder, encoder_of
+from planner.job import Job
+from planner.search.actions import least_clearance
+from planner.search.outcomes import Outcomes
+
+SPARE_MM = 3.0
+"""Clearance that an opening smaller than the full one must leave."""
+HELD_MM = 2.0
+"""A branch whose expected width is less than this holds no part, and nothing is dragged."""
+STABLE = 0.05
+"""Share of outcomes held by friction alone, above which the least force is used."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Handling:
+    """The choices of a job.
+
+    Attributes:
+        outline: (N, 2) the part [mm].
+        jaws: opening, finger length, finger thickness [mm].
+        openings_mm: to choose from, rising, the full one last.
+        forces_n: to choose from, rising.
+        area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
+        encoder: turns the branches' counts into widths.
+    """
+
+    outline: Array
+    jaws: Array
+    openings_mm: tuple[float, ...]
+    forces_n: tuple[float, ...]
+    area: Array
+    encoder: Encoder
+
+    def opening(self, belief: Array, placement: Array) -> tuple[float, float]:
+        """The least opening that keeps clear of the belief by `SPARE_MM`, and the clearance there [mm]."""
+        for opening in self.openings_mm[:-1]:
+            clearance = self._clearance(opening, belief, placement)
+            if clearance >= SPARE_MM:
+                return opening, clearance
+        full = self.openings_mm[-1]
+        return full, self._clearance(full, belief, placement)
+
+    def force_n(self, unstable: float) -> float:
+        """The strongest grip for a stable squeeze; the gentlest where parts may be thrown (paper VII.B)."""
+        return self.forces_n[0] if unstable > STABLE else self.forces_n[-1]
+
+    def release(self, outcomes: Outcomes) -> Array | None:
+        """Where to let go: at the area's middle if a held part might lie where the hand cannot follow it.
+
+        The paper's cell does the same near the edge of its table (VII.A).
+
+        Args:
+            outcomes: what it came to.
+
+        Returns:
+            (2,) hand centre in the world; None: where it is.
+        """
+        reach = float(np.max(np.hypot(*self.outline.T)))
+        low, high = self.area[0] + reach, self.area[1] - reach
+        held = [b for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True) if w >= HELD_MM]
+        if not held or bool(np.any(low >= high)):
+            return None
+        centres = np.concatenate(held)[:, :2]
+        if bool(np.all((centres >= low) & (centres <= high))):
+            return None
+        return np.asarray(0.5 * (self.area[0] + self.area[1]))
+
+    def released(self, placement: Array, release: Array | None, outcomes: Outcomes) -> list[Array]:
+        """The beliefs after the jaws have opened: held parts have come along with the hand."""
+        if release is None:
+            return outcomes.beliefs
+        move = np.append(release - placement[:2], 0.0)
+        widths = self._widths(outcomes)
+        return [b + move if w >= HELD_MM else b for b, w in zip(outcomes.beliefs, widths, strict=True)]
+
+    def _clearance(self, opening: float, belief: Array, placement: Array) -> float:
+        jaws = np.array([opening, *self.jaws[1:]])
+        return least_clearance(self.outline, jaws, belief, placement)
+
+    def _widths(self, outcomes: Outcomes) -> Array:
+        return self.encoder.width_mm(outcomes.clusters.mean)
+
+
+def handling_of(job: Job) -> Handling:
+    """The choices that a job allows."""
+    gripper = job.gripper
+    openings = sorted({*job.actions.openings_mm, gripper.opening_mm})
+    jaws = np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm])
+    return Handling(
+        job.part.outline_mm, jaws, tuple(openings), tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
+        np.array(job.cell.work_area_mm), encoder_of(job),
+    )  # fmt: skip

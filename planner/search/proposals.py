@@ -1,0 +1,96 @@
+"""Hand placements relative to the belief: what a fixed set of squeezes cannot show.
+
+Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can tell
+apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
+opposite end. Plans are made offline, so nothing forbids placements that are computed from a node's own
+belief: the hand parallel to the part's stable sides, shifted along the fingers so that they cover all of it
+or only one end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.frames import wrap
+from planner.job import Job
+
+ANGLES_DEG = np.arange(0.0, 180.0, 1.0)
+MOST_ANGLES = 4
+APART_DEG = 12.0
+COVERED = (0.15, 0.35)
+"""Shares of the part's length, from either end, that an off-centre finger covers."""
+TURNS_DEG = (-10.0, 10.0)
+SHIFTS_MM = (-3.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposals:
+    """Placements worth trying about a believed pose.
+
+    Attributes:
+        relative: (m, 3) the hand in the part's frame [mm, mm, rad].
+    """
+
+    relative: Array
+
+    def about(self, pose: Array) -> Array:
+        """The placements (m, 3) in the world for a part believed at a pose (3,)."""
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        x, y, angle = self.relative.T
+        return np.stack(
+            [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
+            axis=-1,
+        )
+
+
+def proposals_of(job: Job) -> Proposals | None:
+    """The proposals for a job's part and fingers; None where the job wants none."""
+    if job.actions.proposals == "none":
+        return None
+    outline = job.part.outline_mm
+    half = 0.5 * job.gripper.finger_length_mm
+    rows = []
+    for angle in stable_angles(outline):
+        along = outline @ np.array([np.cos(angle), np.sin(angle)])
+        low, high = float(along.min()), float(along.max())
+        shifts = [0.0]
+        for share in COVERED:
+            shifts.append(low + share * (high - low) - half)
+            shifts.append(high - share * (high - low) + half)
+        rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
+    return Proposals(np.array(rows))
+
+
+def stable_angles(outline: Array) -> Array:
+    """Hand angles in the part's frame at which a frictionless squeeze comes to rest [rad].
+
+    The width of the outline between parallel jaws is least there (Goldberg 1993); the narrowest come first.
+    Where there is only one, the direction across it is added.
+
+    Args:
+        outline: (N, 2) vertices [mm].
+
+    Returns:
+        (k,) angles of the fingers, in [0, pi), at most `MOST_ANGLES`.
+    """
+    angles = np.radians(ANGLES_DEG)
+    across = outline @ np.stack([-np.sin(angles), np.cos(angles)])
+    width = np.ptp(across, axis=0)
+    rest = (width <= np.roll(width, 1)) & (width <= np.roll(width, -1))
+    found: list[float] = []
+    for angle in [*angles[rest][np.argsort(width[rest], kind="stable")], *(angles[rest][:1] + np.pi / 2)]:
+        apart = [abs(float(wrap(np.asarray(angle - other), 2))) for other in found]
+        if len(found) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
+            found.append(float(angle) % np.pi)
+    return np.array(found)
+
+
+def refined(placement: Array) -> Array:
+    """Placements (k, 3) in the world near one that looks good: turned, and shifted along the fingers."""
+    x, y, angle = placement
+    rows = [(x, y, angle + np.radians(turn)) for turn in TURNS_DEG]
+    rows += [(x + shift * np.cos(angle), y + shift * np.sin(angle), angle) for shift in SHIFTS_MM]
+    return np.array(rows)
