@@ -43,7 +43,7 @@ class Choice(NamedTuple):
     Attributes:
         placement: (3,) the hand frame in the world.
         value: V of squeezing there.
-        gain: what that is more than stopping here.
+        gain: what that is more than stopping here, the cost of one squeeze not counted.
     """
 
     placement: Array
@@ -57,7 +57,7 @@ class _Squeezed(NamedTuple):
     placements: Array
     outcomes: list[Outcomes]
     cost: Array
-    ratios: list[Array]
+    progress: Array  # expected mode ratio after it
     worth: Array  # of one squeeze, cost deducted
     rank: Array
 
@@ -111,7 +111,7 @@ class LookAhead:
         best = None
         for depth in (self.depth, self.depth + 1):
             best = self._best(belief, thin, options, depth, rng)
-            if best.gain + self.costs.squeeze > LEAST_PROGRESS:
+            if best.gain > LEAST_PROGRESS:
                 return best
         return None
 
@@ -128,8 +128,8 @@ class LookAhead:
                 squeezed = _joined(squeezed, self._squeeze([thin], [near], rng)[0])
         (values,) = self._follow([squeezed], depth, 0, rng)
         best = int(np.argmax(values))
-        ratio = self.metric.mode(thin).ratio
-        return Choice(squeezed.placements[best], float(values[best]), float(values[best]) - ratio)
+        gain = max(values[best] + self.costs.squeeze, squeezed.progress[best]) - self.metric.mode(thin).ratio
+        return Choice(squeezed.placements[best], float(values[best]), float(gain))
 
     def _values(self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator) -> Array:
         """V of each belief, `depth` squeezes to go."""
@@ -159,7 +159,7 @@ class LookAhead:
     def _judge(self, placements: Array, outcomes: list[Outcomes]) -> _Squeezed:
         """What one squeeze each is worth."""
         cost = np.array([self.costs.of(outcome) for outcome in outcomes])
-        ratios, worth, rank = [], [], []
+        progress, worth, rank = [], [], []
         for outcome, price in zip(outcomes, cost, strict=True):
             few = np.array([SHRINK / len(child) for child in outcome.beliefs])
             modes = [self.metric.main_modes(child, self.metric.modes + 1) for child in outcome.beliefs]
@@ -167,10 +167,10 @@ class LookAhead:
                 np.array([sum(mode.ratio for mode in found[: self.metric.modes]) for found in modes]) - few
             )
             further = np.array([sum(mode.ratio for mode in found[self.metric.modes :]) for found in modes])
-            ratios.append(first)
+            progress.append(float(outcome.probability @ (first + few)))
             worth.append(float(outcome.probability @ first) - price)
             rank.append(worth[-1] + SECOND_MODE * float(outcome.probability @ further))
-        return _Squeezed(placements, outcomes, cost, ratios, np.array(worth), np.array(rank))
+        return _Squeezed(placements, outcomes, cost, np.array(progress), np.array(worth), np.array(rank))
 
     def _follow(
         self, squeezed: list[_Squeezed], depth: int, level: int, rng: np.random.Generator
@@ -209,7 +209,7 @@ def _joined(a: _Squeezed, b: _Squeezed) -> _Squeezed:
         np.concatenate([a.placements, b.placements]),
         a.outcomes + b.outcomes,
         np.concatenate([a.cost, b.cost]),
-        a.ratios + b.ratios,
+        np.concatenate([a.progress, b.progress]),
         np.concatenate([a.worth, b.worth]),
         np.concatenate([a.rank, b.rank]),
     )
