@@ -182,7 +182,11 @@ class Simulator:
                 run(start)
         else:
             with ThreadPoolExecutor(self.workers) as pool:
-                list(pool.map(run, starts))
+                try:
+                    list(pool.map(run, starts))
+                except BaseException:  # Ctrl-C must not wait for what has not begun
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    raise
         if parameters.release is not None:
             final += (
                 np.where((status == GRASPED) | (status == JAMMED), 1.0, 0.0)[:, None] * parameters.release
