@@ -10,17 +10,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from planner import job_checks, surface_file
+from planner import documents, job_checks, surface_file
 from planner.arrays import Array
-from planner.errors import InputFileError, TomlError
 from planner.part import symmetry
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
@@ -246,16 +243,7 @@ def load(path: str | Path) -> Job:
         InputFileError: the file is missing, unreadable, a directory or not UTF-8.
         JobError: as `parse`.
     """
-    where = str(path)
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        problem = f"not UTF-8 text (byte {error.start + 1}); save the file as UTF-8"
-        raise InputFileError(problem, where=where) from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; check the path", where=where) from error
-    return parse(text, where)
+    return parse(documents.read(path), str(path))
 
 
 def parse(text: str, where: str = "job") -> Job:
@@ -272,11 +260,7 @@ def parse(text: str, where: str = "job") -> Job:
         OutlineError: the outline is not a simple polygon.
         FitError: the part does not pass between the open fingers in any orientation.
     """
-    try:
-        document = tomllib.loads(text.replace("\r\n", "\n"))
-    except (ValueError, RecursionError) as error:
-        raise _toml_error(error, text, where) from error
-    return _build(document, where, drawn=True)
+    return of_document(documents.from_toml(text, where), where, drawn=True)
 
 
 def from_canonical(text: str, where: str = "job text") -> Job:
@@ -286,17 +270,15 @@ def from_canonical(text: str, where: str = "job text") -> Job:
         TomlError: not valid JSON.
         JobError: as `parse`.
     """
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise TomlError(f"not valid JSON: {error}; compile the job again", where=where) from error
-    if not isinstance(document, dict):
-        raise TomlError("not a JSON object; compile the job again", where=where)
-    return _build(document, where, drawn=False)
+    return of_document(documents.from_json(text, where), where, drawn=False)
 
 
-def _build(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Check a document and freeze it; only an outline as drawn is moved to its centroid."""
+def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    """Check a document and freeze it; only an outline as drawn is moved to its centroid.
+
+    Raises:
+        JobError: as `parse`.
+    """
     values = read_document(document, where)
     part = values["part"]
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], where, drawn)
@@ -330,16 +312,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-def _toml_error(error: Exception, text: str, where: str) -> TomlError:
-    """Return the parser's complaint with its line and column."""
-    if isinstance(error, RecursionError):
-        return TomlError("not valid TOML: nested too deeply", where=where)
-    reason, _, place = str(error).partition(" (at ")
-    line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
-    if match := re.search(r"line (\d+), column (\d+)", place):
-        line, column = int(match[1]), int(match[2])
-    result = TomlError(f"not valid TOML at line {line}, column {column}: {reason}", where=where)
-    result.line, result.column = line, column
-    return result
