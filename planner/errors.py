@@ -9,7 +9,8 @@
     │   ├── ValueRangeError          6   wrong type, out of range, or in conflict with another value
     │   ├── OutlineError             7   the outline is not a simple polygon
     │   └── FitError                 8   the part does not fit between the open fingers
-    └── NoPlanError                  9   no tree of squeezes reaches the goal
+    ├── NoPlanError                  9   no tree of squeezes reaches the goal
+    └── ClusterError                32   the cluster of `--scheduler` cannot be reached, or was lost
 
 The number is the exit code of every `plan-*` command. A message is one line: where, what, what to do.
 """
@@ -116,3 +117,9 @@ class NoPlanError(PlannerError):
 
     exit_code = 9
     success = 0.0
+
+
+class ClusterError(PlannerError):
+    """The Dask cluster of `--scheduler` does not answer, has no workers or was lost half-way."""
+
+    exit_code = 32

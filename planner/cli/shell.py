@@ -23,7 +23,7 @@ EXIT_CODES = """\
 exit codes:
   0 done; 1 internal error; 2 usage; 3 input file missing or unreadable; 4 not valid TOML; 5 unknown or
   missing key; 6 value out of range; 7 outline invalid; 8 part does not fit the gripper; 9 no plan reaches
-  the goal; 30 table invalid; 130 interrupted (nothing is left half written)
+  the goal; 30 table invalid; 32 cluster not reached or lost; 130 interrupted (nothing is left half written)
 """
 
 
