@@ -131,7 +131,8 @@ class Cluster:
         from distributed import wait
 
         try:
-            done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
+            with self._connected().as_current():
+                done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
         except TimeoutError:
             self._await_workers()
             return

@@ -50,7 +50,7 @@ class Store:
         path = self._path(key)
         try:
             content = path.read_bytes()
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
             self._warn("read", f"{path}: cannot be read: {error.strerror}; its work is done again")

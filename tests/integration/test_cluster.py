@@ -1,0 +1,227 @@
+"""A Dask cluster gives the same bytes as threads do, also when a worker is killed half-way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+import rolling
+from distributed import LocalCluster
+
+from planner.errors import ClusterError, UsageError, ValueRangeError
+from planner.models.store import Store
+from planner.scheduler import Cluster, Threads, scheduler_of
+
+ROOT = Path(__file__).parents[2]
+ENVIRONMENT = os.environ | {
+    "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")]),
+    "DASK_LOGGING__DISTRIBUTED": "critical",
+}
+ITEMS = 60
+
+
+@pytest.fixture(scope="module")
+def direct():
+    return rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, scheduler=Threads(1))
+
+
+def same(a, b):
+    return all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
+
+
+@contextmanager
+def started(command, *arguments):
+    """A `dask` command, ended with the test."""
+    words = [sys.executable, "-m", "dask", command, "--host", "127.0.0.1", *map(str, arguments)]
+    process = subprocess.Popen(words, cwd=ROOT, env=ENVIRONMENT)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def appeared(path):
+    """What a process writes to a file once it is ready."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if path.exists() and (text := path.read_text()).strip():
+            return text
+        time.sleep(0.05)
+    raise TimeoutError(f"{path} did not appear")
+
+
+class Machines:
+    """`dask scheduler` and `dask worker` processes on loopback."""
+
+    def __init__(self, folder, stack, workers=2):
+        self._folder, self._stack = folder, stack
+        file = folder / "scheduler.json"
+        self.scheduler = stack.enter_context(
+            started("scheduler", "--port", 0, "--no-dashboard", "--scheduler-file", file)
+        )
+        self.address = json.loads(appeared(file))["address"]
+        self.workers = [self.add_worker() for _ in range(workers)]
+
+    def add_worker(self):
+        """One more, with one thread and nobody to start it again."""
+        options = ("--nthreads", 1, "--no-nanny", "--no-dashboard", "--local-directory", self._folder)
+        return self._stack.enter_context(started("worker", self.address, *options))
+
+
+@pytest.fixture
+def machines(tmp_path):
+    with ExitStack() as stack:
+        yield Machines(tmp_path, stack)
+
+
+def wait_for_workers(cluster, n):
+    deadline = time.monotonic() + 60
+    while cluster.workers < n:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def local_cluster():
+    """A real cluster of two processes, with the nannies that users get by default."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("PYTHONPATH", "DASK_LOGGING__DISTRIBUTED"):
+            patch.setenv(name, ENVIRONMENT[name])
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+        ) as cluster:
+            yield cluster
+
+
+def recorder(told):
+    return lambda *now: told.append(now)
+
+
+def test_a_local_cluster_gives_the_same_bytes(local_cluster, direct, tmp_path):
+    with scheduler_of(local_cluster.scheduler_address) as cluster:
+        assert cluster.workers == 2
+        store = Store(tmp_path)
+        for _ in range(2):  # rolled out, then from the store
+            told: list[tuple[str, int, int]] = []
+            result = rolling.roll_outs(
+                rolling.PART, rolling.RADIUS_MM, rolling.COUNT, store, cluster, recorder(told)
+            )
+            assert same(result, direct)
+            assert told[-1][1] == told[-1][2]
+
+
+def test_results_come_in_order_and_errors_arrive_as_they_are(local_cluster, tmp_path):
+    with Cluster(local_cluster.scheduler_address) as cluster:
+        work = partial(rolling.logged, str(tmp_path / "log"), 0.0)
+        assert list(cluster.map(work, range(ITEMS))) == [k * k for k in range(ITEMS)]
+        assert list(cluster.map(work, [])) == []
+        with pytest.raises(ValueRangeError, match="no number") as caught:
+            list(cluster.map(rolling.refused, range(ITEMS)))
+        assert caught.value.section == "goal"
+
+
+def test_work_that_nobody_takes_is_dropped(local_cluster, tmp_path):
+    log = tmp_path / "log"
+    with Cluster(local_cluster.scheduler_address) as cluster:
+        results = cluster.map(partial(rolling.logged, str(log), 0.01), range(1000))
+        assert next(results) == 0
+        results.close()
+    time.sleep(0.3)
+    assert log.read_text().count("begun") < 60
+
+
+def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
+    log = tmp_path / "log"
+    with Cluster(machines.address) as cluster:
+        wait_for_workers(cluster, 2)
+        results = []
+        for value in cluster.map(partial(rolling.logged, str(log), 0.1), range(ITEMS)):
+            results.append(value)
+            if len(results) == ITEMS // 3:
+                machines.workers[0].send_signal(signal.SIGKILL)
+        assert cluster.workers == 1
+    assert results == [k * k for k in range(ITEMS)]
+    text = log.read_text()
+    by_killed = f"by {machines.workers[0].pid}"
+    assert by_killed in text
+    assert ITEMS <= text.count("begun") <= ITEMS + 4  # what ran there, and what it had not yet handed over
+    assert text.count("begun") - text.count("done") <= 1
+
+
+def test_roll_outs_survive_a_killed_worker(machines, direct):
+    def kill(_stage, done, total):
+        if done == total // 3:
+            machines.workers[0].send_signal(signal.SIGKILL)
+
+    with Cluster(machines.address) as cluster:
+        wait_for_workers(cluster, 2)
+        result = rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill)
+    assert same(result, direct)
+    assert machines.workers[0].wait(10) == -signal.SIGKILL
+
+
+def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp_path):
+    with Cluster(machines.address) as cluster:
+        wait_for_workers(cluster, 2)
+        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(20))
+        first = [next(results) for _ in range(5)]
+        for worker in machines.workers:
+            worker.kill()
+        machines.add_worker()
+        assert first + list(results) == [k * k for k in range(20)]
+
+
+def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
+    with Cluster(machines.address, patience_s=1.0) as cluster:
+        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(50))
+        next(results)
+        for worker in machines.workers:
+            worker.kill()
+        with pytest.raises(ClusterError, match=r"no workers for 1 s.* dask worker tcp://") as caught:
+            list(results)
+        assert str(caught.value).isprintable()
+
+
+def test_a_lost_scheduler_is_one_error(machines, tmp_path):
+    with Cluster(machines.address, connect_s=2.0) as cluster:
+        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(100))
+        next(results)
+        machines.scheduler.kill()
+        with pytest.raises(ClusterError, match="scheduler is lost") as caught:
+            list(results)
+        assert str(caught.value).isprintable()
+
+
+def test_a_scheduler_without_workers_is_refused_after_a_while(tmp_path):
+    with ExitStack() as stack:
+        machines = Machines(tmp_path, stack, workers=0)
+        with pytest.raises(ClusterError, match="no workers"), Cluster(machines.address, patience_s=0.5):
+            pass
+
+
+def test_an_address_where_nothing_answers_is_one_error():
+    began = time.monotonic()
+    with (
+        pytest.raises(ClusterError, match=r"answers within 0\.5 s") as caught,
+        Cluster("tcp://127.0.0.1:9", 0.5),
+    ):
+        pass
+    assert time.monotonic() - began < 20
+    assert str(caught.value).isprintable()
+
+
+def test_without_the_extra_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(UsageError, match=r"pip install 'squeezetree\[cluster\]'") as caught,
+        scheduler_of("tcp://127.0.0.1:9"),
+    ):
+        pass
+    assert str(caught.value).isprintable()

@@ -1,0 +1,72 @@
+"""Threads give every result, in order, and stop at the first error."""
+
+import threading
+import time
+
+import pytest
+
+from planner.errors import UsageError
+from planner.scheduler import Cluster, Threads, scheduler_of
+
+
+def squared(value):
+    return value * value
+
+
+def late(value):
+    """Later items finish earlier."""
+    time.sleep(0.002 * (10 - value % 10))
+    return value
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+class TestThreads:
+    def test_results_come_in_the_order_of_the_items(self, workers):
+        assert list(Threads(workers).map(late, range(40))) == list(range(40))
+
+    @pytest.mark.parametrize("n", [0, 1, 2])
+    def test_few_items(self, workers, n):
+        assert list(Threads(workers).map(squared, range(n))) == [k * k for k in range(n)]
+
+    def test_the_functions_error_ends_the_work(self, workers):
+        begun = []
+
+        def fail(value):
+            begun.append(value)
+            if value == 3:
+                raise RuntimeError("three")
+            return value
+
+        with pytest.raises(RuntimeError, match="three"):
+            list(Threads(workers).map(fail, range(1000)))
+        assert len(begun) < 100
+
+    def test_work_that_nobody_takes_is_not_done_ahead_without_end(self, workers):
+        begun = []
+        results = Threads(workers).map(lambda value: begun.append(value) or value, range(1000))
+        assert next(results) == 0
+        results.close()
+        assert len(begun) < 50
+
+
+def test_items_run_at_the_same_time():
+    meeting = threading.Barrier(3, timeout=10)
+    assert list(Threads(3).map(lambda k: meeting.wait() >= 0 and k, range(3))) == [0, 1, 2]
+
+
+def test_without_an_address_there_are_threads():
+    with scheduler_of(None, 3) as scheduler:
+        assert scheduler.workers == 3
+    with scheduler_of() as scheduler:
+        assert scheduler.workers >= 1
+
+
+@pytest.mark.parametrize("address", ["", "localhost:8786", "tcp:/host:1", "http://host:8786", "tcp://a b"])
+def test_what_is_no_address_is_refused(address):
+    with pytest.raises(UsageError, match="tcp://host:8786"), scheduler_of(address):
+        pass
+
+
+def test_a_cluster_works_only_within_its_block():
+    with pytest.raises(ValueError, match="with"):
+        list(Cluster("tcp://127.0.0.1:1").map(squared, [1]))
