@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,12 @@ from planner.goal import metric_of
 from planner.job import Job
 from planner.lower import lower, with_evaluation
 from planner.mechanics.simulator import Simulator
+from planner.models.region import region_radius
+from planner.models.rollouts import roll_outs
+from planner.models.store import Store
 from planner.part.outline import radius_of_gyration
+from planner.progress import Report, silent
+from planner.scheduler import Scheduler, Threads
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
 from planner.search.costs import costs_of
@@ -34,9 +38,6 @@ REFINEMENTS = 3
 """How often leaves that the evaluation finds short of the goal are expanded further."""
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
-
-Report = Callable[[str, int, int], None]
-"""Called with a stage's name, how much of it is done and how much there is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +61,8 @@ def compile_job(
     trials: int = EVALUATION_TRIALS,
     report: Report | None = None,
     budget_s: float = math.inf,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
 ) -> Plan:
     """Plans, lowers the tree to a table, and evaluates the table.
 
@@ -70,14 +73,21 @@ def compile_job(
         report: told about progress.
         budget_s: the tree is left as it stands after this long: whole and valid, but with leaves that do not
             know. Without a budget the same seed gives the same bytes.
+        store: where the roll-outs of a learned model are kept; nowhere if None.
+        scheduler: who rolls them out; as many threads as `workers` if None.
 
     Raises:
+        ClusterError: the cluster was lost.
         NoPlanError: the first squeeze already has no placement free of collision that gains anything, or no
             leaf of the tree is within the goal.
     """
-    say = report or (lambda _stage, _done, _total: None)
+    say = report or silent
     deadline = time.monotonic() + budget_s
-    growth = _growth(job, Simulator.of_job(job, workers))
+    simulator = Simulator.of_job(job, workers)
+    if job.search.model == "kcde":
+        threads = Threads(simulator.workers)
+        roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler or threads, say)
+    growth = _growth(job, simulator)
     look_ahead = growth.look_ahead
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import math
 import sys
@@ -9,8 +10,10 @@ import time
 from pathlib import Path
 
 from planner import job as job_file
-from planner.cli import shell
+from planner.cli import shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
+from planner.scheduler import scheduler_of
+from planner.sweep import Settings, figures_of, orders_of
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -18,13 +21,26 @@ NAME = "plan-compile"
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+    body = _sweep if arguments.sweep else _single
+    return shell.run(NAME, arguments.debug, lambda: body(arguments))
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = shell.parser(
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
     )
     parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="TREE.msgpack", help="the table")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="TREE.msgpack",
+        help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
+        help="one table for each value in place of the job's; given twice, for each combination",
+    )  # fmt: skip
     parser.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
     parser.add_argument(
         "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
@@ -38,39 +54,50 @@ def main(argv: list[str] | None = None) -> int:
         help="stop searching after so long, with the best tree so far (default: search until done)",
     )  # fmt: skip
     parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
-    arguments = parser.parse_args(argv)
+    shell.add_cache(parser)
+    shell.add_scheduler(parser)
+    return parser
 
-    def body() -> int:
-        started = time.perf_counter()
-        job = job_file.load(arguments.job)
-        if arguments.seed is not None:
-            job = dataclasses.replace(job, seed=arguments.seed)
-        output = shell.writable(arguments.output)
-        with shell.progress(arguments.json) as report:
-            plan = compile_job(job, arguments.workers, arguments.trials, report, arguments.budget)
-        table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-        with shell.writing(output) as draft:
-            dump(table, draft)
-        seconds = time.perf_counter() - started
-        if arguments.json:
-            shell.print_json(_figures(plan, output, seconds))
-        else:
-            print(_text(plan, job.part.name, output, seconds))
-        return 0
 
-    return shell.run(NAME, arguments.debug, body)
+def _single(arguments: argparse.Namespace) -> int:
+    """Compiles the job as it stands."""
+    started = time.perf_counter()
+    job = job_file.load(arguments.job)
+    if arguments.seed is not None:
+        job = dataclasses.replace(job, seed=arguments.seed)
+    output = shell.writable(arguments.output)
+    store = shell.store_of(arguments)
+    with (
+        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+        shell.progress(arguments.json) as report,
+    ):
+        plan = compile_job(
+            job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
+        )
+    table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
+    with shell.writing(output) as draft:
+        dump(table, draft)
+    seconds = time.perf_counter() - started
+    if arguments.json:
+        shell.print_json(_figures(plan, output, seconds))
+    else:
+        print(_text(plan, job.part.name, output, seconds))
+    return 0
+
+
+def _sweep(arguments: argparse.Namespace) -> int:
+    """Compiles the job with every combination of the swept values."""
+    common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
+    orders = orders_of(arguments.job, arguments.sweep, common)
+    store = shell.store_of(arguments)
+    cache = store.folder if store else None
+    settings = Settings(arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget)
+    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+        return sweep.run(orders, arguments.output, settings, scheduler, arguments.json)
 
 
 def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:
-    return {
-        "table": str(output),
-        "bytes": output.stat().st_size,
-        "nodes": len(plan.table.nodes),
-        "leaves": len(plan.table.leaves),
-        "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
-        "seconds": round(seconds, 3),
-        **plan.evaluation.summary(),
-    }
+    return {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
 
 
 def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:

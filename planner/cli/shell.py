@@ -7,18 +7,31 @@ import json
 import math
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from planner.errors import InputFileError, PlannerError
+from planner.kernel import CACHE_VARIABLE, cache_folder
+from planner.models.store import Store, StoreWarning
+from planner.progress import Report, silent
 from runtime.table import TableError, TableFileError
 
 INTERRUPTED = 130
+ROLL_OUTS = "rollouts"
+"""Folder of the roll-outs in the cache folder."""
 EXIT_CODES = """\
 exit codes:
   0 done; 1 internal error; 2 usage; 3 input file missing or unreadable; 4 not valid TOML; 5 unknown or
@@ -67,10 +80,41 @@ def seconds(text: str) -> float:
     return value
 
 
+def add_cache(parser: argparse.ArgumentParser) -> None:
+    """The options that say where roll-outs are kept; `store_of` reads them."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--no-cache", action="store_true", help="roll everything out again, and keep nothing")
+    group.add_argument(
+        "--cache-dir", type=Path, metavar="DIR",
+        help=f"folder that keeps roll-outs (default: ${CACHE_VARIABLE} or the user's cache folder)",
+    )  # fmt: skip
+
+
+def store_of(arguments: argparse.Namespace) -> Store | None:
+    """The store that the options of `add_cache` ask for; None with --no-cache.
+
+    Raises:
+        InputFileError: the folder of --cache-dir cannot be made.
+    """
+    if arguments.no_cache:
+        return None
+    base = folder(arguments.cache_dir) if arguments.cache_dir is not None else cache_folder()
+    return Store(base / ROLL_OUTS)
+
+
+def add_scheduler(parser: argparse.ArgumentParser) -> None:
+    """The option that moves the work to a cluster; `planner.scheduler.scheduler_of` takes its value."""
+    parser.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT",
+        help="work on the Dask cluster of this scheduler (default: threads of this machine)",
+    )  # fmt: skip
+
+
 def run(name: str, debug: bool, body: Callable[[], int]) -> int:
-    """Runs a command's body; turns what goes wrong into one line and an exit code."""
+    """Runs a command's body; turns warnings and what goes wrong into one line each, and an exit code."""
     try:
-        return body()
+        with _warnings_in_one_line(name):
+            return body()
     except KeyboardInterrupt:
         print(f"{name}: interrupted; nothing was written", file=sys.stderr)
         return INTERRUPTED
@@ -90,6 +134,26 @@ def run(name: str, debug: bool, body: Callable[[], int]) -> int:
     return code
 
 
+@contextmanager
+def _warnings_in_one_line(name: str) -> Iterator[None]:
+    """Prints what the store warns about as errors are printed, each time."""
+
+    def show(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int,
+        file: TextIO | None = None, line: str | None = None,
+    ) -> None:  # fmt: skip
+        if issubclass(category, StoreWarning):
+            print(f"{name}: warning: {message}", file=sys.stderr)
+        else:
+            usual(message, category, filename, lineno, file, line)
+
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.simplefilter("always", StoreWarning)
+        warnings.showwarning = show
+        yield
+
+
 def writable(path: Path) -> Path:
     """Checks that an output file could be written, before the work is done.
 
@@ -100,6 +164,21 @@ def writable(path: Path) -> Path:
         raise InputFileError("is a folder; name a file", where=str(path))
     if not path.parent.is_dir():
         raise InputFileError(f"the folder {path.parent} does not exist; create it", where=str(path))
+    return path
+
+
+def folder(path: Path) -> Path:
+    """Makes a folder for output files, before the work is done.
+
+    Raises:
+        InputFileError: it cannot be made, or there is a file of that name.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputFileError(
+            f"cannot be made: {error.strerror}; name another folder", where=str(path)
+        ) from error
     return path
 
 
@@ -128,13 +207,28 @@ def print_json(data: dict[str, Any]) -> None:
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """A progress bar on a terminal, nothing in a pipe; yields `report(stage, done, total)`."""
+def progress(quiet: bool) -> Iterator[Report]:
+    """A progress bar on a terminal, nothing in a pipe; yields `report(stage, done, total)`.
+
+    Each stage shows the time since it began and an estimate of the time it still takes.
+    """
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        yield lambda _stage, _done, _total: None
+        yield silent
         return
-    columns = [SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    columns = [
+        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
+        TextColumn("left:"), TimeRemainingColumn(),
+    ]  # fmt: skip
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=None)
-        yield lambda stage, done, total: bar.update(task, description=stage, completed=done, total=total)
+        stage_now = ""
+
+        def report(stage: str, done: int, total: int) -> None:
+            nonlocal stage_now
+            if stage != stage_now:
+                stage_now = stage
+                bar.reset(task, description=stage)
+            bar.update(task, completed=done, total=total)
+
+        yield report

@@ -1,0 +1,162 @@
+"""plan-compile --sweep: many jobs from one file, each table as if it had been compiled alone."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from planner.cli import compile as plan_compile
+from planner.cli import sweep as sweep_cli
+from planner.errors import UsageError
+from planner.sweep import Order, orders_of
+
+RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
+QUICK = "\n[search]\nparticles = 600\nsearch_particles = 60\ndepth = 1\n"
+RADII = "uncertainty.radius_mm=4,6"
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    """The rectangle's job, planned hastily."""
+    path = tmp_path_factory.mktemp("job") / "job.toml"
+    path.write_text(RECTANGLE.read_text(encoding="utf-8") + QUICK, encoding="utf-8")
+    return path
+
+
+def compiled(job, output, *options):
+    return plan_compile.main([str(job), "-o", str(output), "--trials", "300", "--workers", "2", *options])
+
+
+def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
+    assert compiled(job, tmp_path / "all", "--sweep", RADII, "--sweep", "seed=3") == 0
+    for radius in ("4", "6"):
+        text = job.read_text(encoding="utf-8")
+        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace("seed = 1", "seed = 3")
+        alone = tmp_path / f"{radius}.toml"
+        alone.write_text(edited, encoding="utf-8")
+        assert compiled(alone, tmp_path / "alone.msgpack") == 0
+        swept = tmp_path / "all" / f"uncertainty.radius_mm={radius},seed=3.msgpack"
+        assert swept.read_bytes() == (tmp_path / "alone.msgpack").read_bytes()
+
+
+def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, capsys):
+    values = "uncertainty.radius_mm=-1,4,500"
+    assert compiled(job, tmp_path, "--sweep", values, "--json") == 6
+    out, err = capsys.readouterr()
+    bad, good, hopeless = json.loads(out)["jobs"]
+    assert err == ""
+    assert "[uncertainty] radius_mm" in bad["error"]
+    assert bad["exit_code"] == 6
+    assert hopeless["exit_code"] == 9
+    assert Path(good["table"]).stat().st_size == good["bytes"]
+    assert good["success_rate"] > 0.9
+    assert json.loads((tmp_path / "summary.json").read_text()) == [bad, good, hopeless]
+    assert len(list(tmp_path.glob("*.msgpack"))) == 1
+
+
+def test_a_pipe_gets_a_line_for_each_job(job, tmp_path, capsys):
+    pattern = tmp_path / "r{uncertainty.radius_mm}.msgpack"
+    assert compiled(job, pattern, "--sweep", "uncertainty.radius_mm=4,wide") == 6
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("uncertainty.radius_mm=4: success ")
+    assert str(tmp_path / "r4.msgpack") in first
+    assert second.startswith("uncertainty.radius_mm=wide: no table: ")
+
+
+def test_a_terminal_gets_a_table(job, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "400")
+    assert compiled(job, tmp_path, "--sweep", "uncertainty.radius_mm=4,wide") == 6
+    out = capsys.readouterr().out
+    assert "success" in out
+    assert "must be a number" in out
+    assert "│" in out
+
+
+def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monkeypatch):
+    all_outcomes = sweep_cli.outcomes
+
+    def interrupted(*arguments):
+        yield next(all_outcomes(*arguments))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep_cli, "outcomes", interrupted)
+    assert compiled(job, tmp_path, "--sweep", RADII) == 130
+    assert "1 of 2 jobs are done" in capsys.readouterr().err
+    assert len(list(tmp_path.glob("*.msgpack"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("sweeps", "words"),
+    [
+        (["radius"], "write it as section.key=value"),
+        (["a.b="], "states no values"),
+        (["goal.distance_mm=1", "goal.distance_mm=2"], "swept twice"),
+        ([f"seed={','.join('1' * 101)}", f"goal.distance_mm={','.join('1' * 101)}"], "more than 10000"),
+    ],
+)
+def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsys, sweeps, words):
+    options = [word for text in sweeps for word in ("--sweep", text)]
+    assert compiled(job, tmp_path / "none", *options) == 2
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "code"), [(None, 3), ("seed = ", 4)], ids=["missing", "not TOML"]
+)  # fmt: skip
+def test_a_file_that_cannot_be_read_is_one_error(tmp_path, capsys, content, code):
+    path = tmp_path / "job.toml"
+    if content is not None:
+        path.write_text(content)
+    assert compiled(path, tmp_path / "out", "--sweep", RADII) == code
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_combinations_come_in_the_order_of_the_command_line(job):
+    orders = orders_of(job, ["seed=1,2", "goal.distance_mm=3,4,3"])
+    assert [order.label for order in orders] == [
+        f"seed={seed}, goal.distance_mm={distance}" for seed in (1, 2) for distance in (3, 4)
+    ]
+
+
+def order(**values):
+    return Order(tuple(values.items()), "{}")
+
+
+def test_files_are_named_after_the_values_and_stay_in_their_folder():
+    orders = [order(a="[0, 90]", b='"../x"'), order(a="1e-3", b="/etc")]
+    names = [path.name for path in sweep_cli.paths_of(orders, Path("out"))]
+    assert names == ["a=_0,_90_,b=_.._x.msgpack", "a=1e-3,b=_etc.msgpack"]
+    assert {path.parent for path in sweep_cli.paths_of(orders, Path("out"))} == {Path("out")}
+
+
+def test_long_values_make_short_names_that_still_differ():
+    outline = "[" + ", ".join(f"[{x}, 0]" for x in range(100))
+    paths = sweep_cli.paths_of([order(a=outline + "]"), order(a=outline + ", [0, 9]]")], Path("out"))
+    assert len(set(paths)) == 2
+    assert max(len(path.name) for path in paths) < 140
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ("{c}.msgpack", "{c} is not swept"),
+        ("{a}.msgpack", "name every swept value"),
+        ("x.msgpack", "name every swept value"),
+        ("{}.msgpack", "is not swept"),
+    ],
+)
+def test_a_pattern_that_cannot_tell_jobs_apart_is_refused(pattern, words):
+    orders = [order(a="1", b="1"), order(a="1", b="2")]
+    with pytest.raises(UsageError) as caught:
+        sweep_cli.paths_of(orders, Path(pattern))
+    assert words in str(caught.value)
+
+
+def test_an_output_folder_that_is_a_file_is_one_error(job, tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert compiled(job, tmp_path / "file", "--sweep", RADII) == 3
+    assert "cannot be made" in capsys.readouterr().err
