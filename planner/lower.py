@@ -26,6 +26,7 @@ from runtime.table import (
     Prediction,
     Squeeze,
     Table,
+    canonical,
     refuted,
 )
 
@@ -64,7 +65,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
     is marked unresolved: the runtime then reports that it does not know, instead of a pose.
 
     Returns:
-        The table and the evaluation, whose `resolved` follows the leaves.
+        The table, canonical, and the evaluation, whose `resolved` follows the leaves.
     """
     leaves = []
     for index, leaf in enumerate(table.leaves):
@@ -90,7 +91,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
         mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
         reject_ppm=round(PPM * figures["reject_rate"]),
     )
-    return dataclasses.replace(table, leaves=tuple(leaves), predicted=predicted), evaluation
+    return canonical(dataclasses.replace(table, leaves=tuple(leaves), predicted=predicted)), evaluation
 
 
 def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:

@@ -1,4 +1,4 @@
-"""The decision table, format 1: records, reader, writer, proof and look-up. `TABLE.md` is its specification.
+"""The decision table, format 2: records, reader, writer, proof and look-up. `TABLE.md` is its specification.
 
 The one module of the runtime that a planner needs, and may import.
 
@@ -18,10 +18,14 @@ from pathlib import Path
 
 from runtime.errors import TableError, TableFileError
 from runtime.table_canonical import canonical
-from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, PAYLOAD_FIELDS, decode, encode
-from runtime.table_lookup import REJECT, Calibration, count_map
+from runtime.table_check import check
+from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, decode, encode
+from runtime.table_format_2 import PAYLOAD_FIELDS
+from runtime.table_lookup import REJECT, Calibration, count_map, decide, decisions
 from runtime.table_model import (
     FORMAT,
+    HELD_UM,
+    KINDS,
     MAX_DEPTH,
     PPM,
     Branch,
@@ -34,11 +38,13 @@ from runtime.table_model import (
     Squeeze,
     Table,
 )
-from runtime.table_proof import prove, refuted, wilson_upper
+from runtime.table_proof import prove, prove_read, refuted, wilson_upper
 
 __all__ = [
     "FORMAT",
     "FRAME_FIELDS",
+    "HELD_UM",
+    "KINDS",
     "MAX_BYTES",
     "MAX_DEPTH",
     "PAYLOAD_FIELDS",
@@ -57,7 +63,10 @@ __all__ = [
     "TableError",
     "TableFileError",
     "canonical",
+    "check",
     "count_map",
+    "decide",
+    "decisions",
     "digest",
     "dump",
     "dumps",
@@ -87,7 +96,7 @@ def loads(data: bytes) -> Table:
         TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
     """
     table = decode(data)
-    prove(table)
+    prove_read(table)
     return table
 
 

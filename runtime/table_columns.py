@@ -1,17 +1,25 @@
-"""The building blocks of the table's bytes: strict msgpack, and columns of small integers as LEB128 bytes."""
+"""The building blocks of the table's bytes: strict msgpack, and columns of small integers as LEB128 bytes.
 
-from collections.abc import Iterable
+Format 2 packs a column by Huffman's code (`packed`, `unpacked`), format 1 keeps its bytes as they are.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import TypeVar
 
 import msgpack  # type: ignore[import-untyped]
 
 from runtime.errors import TableError
+from runtime.table_deflate import deflate, inflate
 
 MAX_TEXT_BYTES = 2 << 20
 MAX_BINARY_BYTES = 4 << 20
 MAX_ARRAY_LENGTH = 64
 # Five groups of seven bits: more than any field needs, and nothing a hostile file could grow.
 MAX_VALUE = (1 << 35) - 1
+MAX_VALUE_BYTES = 5
+NEEDLESS = re.compile(rb"[\x80-\xff]\x00")  # a last group of zeros
 
 Kind = TypeVar("Kind")
 
@@ -81,6 +89,9 @@ def column(values: Iterable[int]) -> bytes:
     Raises:
         TableError: a value is negative or above `MAX_VALUE`.
     """
+    values = list(values)
+    if not values or (min(values) >= 0 and max(values) < 0x80):
+        return bytes(values)
     out = bytearray()
     for value in values:
         if not 0 <= value <= MAX_VALUE:
@@ -104,8 +115,15 @@ def values(data: object, name: str, most: int) -> list[int]:
         TableError: not bytes, too many, or a last integer that is cut short or too long.
     """
     raw = typed(data, bytes, name)
-    if len(raw) > 5 * most:
+    if len(raw) > MAX_VALUE_BYTES * most:
         raise TableError(f"the column {name} is longer than any table needs")
+    out = list(raw) if raw.isascii() else _long_values(raw, name)
+    if len(out) > most:
+        raise TableError(f"the column {name} holds {len(out)} integers, allowed are {most}")
+    return out
+
+
+def _long_values(raw: bytes, name: str) -> list[int]:
     out: list[int] = []
     value = shift = 0
     for byte in raw:
@@ -117,9 +135,55 @@ def values(data: object, name: str, most: int) -> list[int]:
             raise TableError(f"the column {name} holds an integer of more than 35 bits")
     if shift:
         raise TableError(f"the column {name} ends in the middle of an integer")
-    if len(out) > most:
-        raise TableError(f"the column {name} holds {len(out)} integers, allowed are {most}")
     return out
+
+
+def packed(values: list[int]) -> bytes:
+    """A column's bytes in one deflate stream; nothing at all for zeros only.
+
+    Raises:
+        TableError: a value is negative or above `MAX_VALUE`.
+    """
+    return deflate(column(values)) if any(values) else b""
+
+
+def unpacked(data: object, name: str, most: int) -> list[int]:
+    """The integers of a packed column that are not all zero.
+
+    Args:
+        data: what stands in the payload.
+        name: the column's name, for the error.
+        most: how many integers it may hold; not much more is ever unpacked.
+
+    Raises:
+        TableError: not bytes, not what `packed` writes, or more than so many integers.
+    """
+    stream = typed(data, bytes, name)
+    raw = inflate(stream, name, MAX_VALUE_BYTES * most)
+    integers = values(raw, name, most)
+    if NEEDLESS.search(raw) or not any(integers) or deflate(raw) != stream:
+        raise TableError(f"the column {name} is not in the one form it is written in; recompile it")
+    return integers
+
+
+def exactly(data: object, name: str, count: int) -> list[int]:
+    """The integers of a packed column whose number is known.
+
+    Raises:
+        TableError: as `unpacked`, or there are fewer.
+    """
+    if data == b"":
+        return [0] * count
+    column = unpacked(data, name, count)
+    if len(column) != count:
+        raise TableError(f"the column {name} holds {len(column)} integers where {count} belong")
+    return column
+
+
+def records(kind: type[Kind], rows: Iterable[tuple[object, ...]]) -> Iterator[Kind]:
+    """Named tuples of complete rows, past their constructors, which would take longest in reading a table."""
+    new: Callable[..., Kind] = tuple.__new__
+    return map(partial(new, kind), rows)
 
 
 def rows(flat: list[int], width: int, name: str) -> list[list[int]]:

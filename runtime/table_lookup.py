@@ -1,11 +1,12 @@
 """From an encoder count to the outcome it means: the calibration and the 256-entry map of a node."""
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from operator import gt
 from typing import Self
 
 from runtime.errors import TableError
-from runtime.table_model import GripperSpec, Node
+from runtime.table_model import HELD_UM, Branch, GripperSpec, Node
 
 REJECT = -1
 COUNTS = 256
@@ -23,13 +24,16 @@ class Calibration:
     """
 
     widths_um: tuple[int, ...]
+    _rising_um: tuple[int, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.widths_um) != COUNTS:
             raise TableError(f"a calibration has {COUNTS} widths, this one has {len(self.widths_um)}")
-        for count in range(1, COUNTS):
-            if self.widths_um[count] > self.widths_um[count - 1]:
-                raise TableError(f"a calibration's widths must not rise with the count; they do at {count}")
+        rises = list(map(gt, self.widths_um[1:], self.widths_um))
+        if any(rises):
+            count = rises.index(True) + 1
+            raise TableError(f"a calibration's widths must not rise with the count; they do at {count}")
+        object.__setattr__(self, "_rising_um", self.widths_um[::-1])
 
     @classmethod
     def linear(cls, gripper: GripperSpec) -> Self:
@@ -46,6 +50,16 @@ class Calibration:
         """The width at an encoder count, um."""
         return self.widths_um[count]
 
+    def counts(self, low_um: int, high_um: int) -> range:
+        """The counts whose widths lie in an interval, its ends included."""
+        first = COUNTS - bisect_right(self._rising_um, high_um)
+        return range(first, max(first, COUNTS - bisect_left(self._rising_um, low_um)))
+
+    def means(self, low_um: int, high_um: int) -> bool:
+        """Whether any count's width lies in an interval."""
+        at = bisect_left(self._rising_um, low_um)
+        return at < COUNTS and self._rising_um[at] <= high_um
+
     def count(self, width_um: int) -> int:
         """The count whose width is nearest to `width_um`; the more open one of two equally near."""
         return min(range(COUNTS), key=lambda count: (abs(self.widths_um[count] - width_um), count))
@@ -58,21 +72,86 @@ def count_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
     one of two equally near); none: `REJECT`.
 
     Args:
-        node: the node, its branches ordered by width.
+        node: the node, its branches ordered by low and by expected width.
         calibration: counts to widths.
 
     Returns:
         256 entries, an index into `node.branches` or `REJECT`.
     """
-    widths = calibration.widths_um
     outcomes = [REJECT] * COUNTS
-    for index, branch in enumerate(node.branches):
-        # Widths fall with the count: search them as a rising sequence of their negatives.
-        first = bisect_left(widths, -branch.high_um, key=int.__neg__)
-        last = bisect_right(widths, -branch.low_um, key=int.__neg__)
-        for count in range(first, last):
-            held = outcomes[count]
-            distance = abs(widths[count] - branch.expected_um)
-            if held == REJECT or distance < abs(widths[count] - node.branches[held].expected_um):
-                outcomes[count] = index
+    ranges = won(node.branches)
+    if ranges is None:
+        return tuple(_nearest(node.branches, width) for width in calibration.widths_um)
+    for index, (least, greatest) in enumerate(ranges):
+        counts = calibration.counts(least, greatest)
+        outcomes[counts.start : counts.stop] = [index] * len(counts)
     return tuple(outcomes)
+
+
+def decisions(node: Node, calibration: Calibration) -> tuple[int, ...]:
+    """What each settled reading of a closing motion means at a node, the object flag included.
+
+    A branch of expected width `HELD_UM` or more is a grip: it is believed only if the gripper felt an object,
+    and never where the jaws are fully closed. A narrower one means that nothing is held: it is believed only
+    if the gripper felt none. Everything else is `REJECT`.
+
+    Args:
+        node: the node.
+        calibration: counts to widths.
+
+    Returns:
+        512 entries for `decide`: each count without an object, then each count with one.
+    """
+    outcomes = count_map(node, calibration)
+    grips = [branch.expected_um >= HELD_UM for branch in node.branches]
+    empty = (REJECT if outcome == REJECT or grips[outcome] else outcome for outcome in outcomes)
+    gripped = (
+        outcome if outcome != REJECT and grips[outcome] and width > 0 else REJECT
+        for outcome, width in zip(outcomes, calibration.widths_um, strict=True)
+    )
+    return (*empty, *gripped)
+
+
+def decide(decided: tuple[int, ...], count: int, object_detected: bool) -> int:
+    """What one settled reading means: an index into the node's branches, or `REJECT`; one look-up.
+
+    Args:
+        decided: the node's `decisions`.
+        count: settled encoder count; outside 0..255 it is no count, and a `REJECT`.
+        object_detected: whether the closing jaws stopped at an object (flag 2), not at the end of their way.
+    """
+    if not 0 <= count < COUNTS:
+        return REJECT
+    return decided[count + COUNTS] if object_detected else decided[count]
+
+
+def won(branches: tuple[Branch, ...]) -> list[tuple[int, int]] | None:
+    """The least and the greatest width at which each branch is taken, least > greatest where it never is.
+
+    Args:
+        branches: ordered by low and by expected width.
+
+    Returns:
+        One pair a branch, um; None where a later interval ends before an earlier one, so that a branch may be
+        taken in two places.
+    """
+    ranges = [(branch.low_um, branch.high_um) for branch in branches]
+    for number in range(1, len(branches)):
+        below, above = branches[number - 1], branches[number]
+        if above.high_um < below.high_um:
+            return None
+        if above.low_um <= below.high_um:
+            middle = (below.expected_um + above.expected_um) // 2
+            least, _ = ranges[number - 1]
+            ranges[number - 1] = least, min(below.high_um, max(middle, above.low_um - 1))
+            ranges[number] = max(above.low_um, min(middle, below.high_um) + 1), above.high_um
+    return ranges
+
+
+def _nearest(branches: tuple[Branch, ...], width_um: int) -> int:
+    distances = [
+        (abs(width_um - branch.expected_um), number)
+        for number, branch in enumerate(branches)
+        if branch.low_um <= width_um <= branch.high_um
+    ]
+    return min(distances)[1] if distances else REJECT

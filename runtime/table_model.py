@@ -6,23 +6,28 @@ The records are the same numbers as in the file; `TABLE.md` says on which grid e
 from dataclasses import dataclass
 from typing import NamedTuple
 
-FORMAT = 1
+FORMAT = 2
 MAGIC = "squeezetree"
 PPM = 1_000_000
 
-# The grid of the file, in the unit of the field: fine against one encoder count (374 um) and the goal (3 mm).
-WIDTH_GRID_UM = 50
+# The grid of the file; for widths see `table_grid.WidthGrid`. Fine against the goal (3 mm).
 CLEARANCE_GRID_UM = 100
-POSE_GRID_UM = 10
-POSE_GRID_URAD = 1000
-SHARE_GRID_PPM = 100
+POSE_GRID_UM = 100
+ANGLES_PER_TURN = 1440
+SHARE_GRID_PPM = 5000
 # Covariances count in (0.1 mm)^2, 0.1 mm * 10 mrad and (10 mrad)^2.
 COVARIANCE_LENGTH_UM = 100
 COVARIANCE_ANGLE_URAD = 10_000
+MAX_COVARIANCE = 10**9
 
+HELD_UM = 2000
+"""From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
+
+KINDS = ("pose", "tolerances", "modes", "orientation")
 MAX_NODES = 1 << 14
 MAX_LEAVES = 1 << 16
 MAX_BRANCHES = 32
+MAX_ALTERNATIVES = 32
 MAX_DEPTH = 64
 MAX_ANGLE_URAD = 3_142_000
 
@@ -68,10 +73,18 @@ class Branch(NamedTuple):
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width."""
+    """One decision: a squeeze and its outcomes, ordered by width.
+
+    Attributes:
+        squeeze: where and how the jaws close.
+        branches: the outcomes.
+        release: x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle
+            before the jaws open; None: they open where they closed.
+    """
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
+    release: tuple[int, int] | None = None
 
 
 class Leaf(NamedTuple):
@@ -85,6 +98,8 @@ class Leaf(NamedTuple):
         success_ppm: share of the evaluation's trials ending here that met the goal, ppm.
         trials: number of those trials.
         resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
+        alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal
+            of kind "modes", or what an unresolved leaf cannot tell apart.
     """
 
     x_um: int
@@ -94,6 +109,7 @@ class Leaf(NamedTuple):
     success_ppm: int
     trials: int
     resolved: bool
+    alternatives: tuple[tuple[int, int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,19 +127,26 @@ class GripperSpec:
 
 @dataclass(frozen=True, slots=True)
 class GoalSpec:
-    """The goal: sqrt(dx^2 + dy^2) + rho * dtheta < distance under the symmetry, at a confidence.
+    """When a part counts as located, under the symmetry and at a confidence.
 
     Attributes:
         distance_um: the goal's distance, um.
         confidence_ppm: the share of parts that must meet it, ppm.
         rho_um: what one radian of error weighs, um.
         symmetry: rotational order of the part, 1 for none.
+        kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within
+            its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
+        tolerance: x_um, y_um, theta_urad, for "tolerances" and "orientation".
+        modes: how many poses a leaf may leave open, for "modes".
     """
 
     distance_um: int
     confidence_ppm: int
     rho_um: int
     symmetry: int
+    kind: str = "pose"
+    tolerance: tuple[int, int, int] = (0, 0, 0)
+    modes: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,21 @@ def small_table() -> Table:
     return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
 
 
+def every_field_table() -> Table:
+    """The small table with every optional field in use: releases, alternatives, another goal, a job."""
+    table = with_job(small_table(), '{"seed":1}')
+    root, second = table.nodes
+    squeeze = second.squeeze._replace(opening_um=60_000, force_mn=25_000)
+    ambiguous = table.leaves[2]._replace(alternatives=((400, 0, -643_000), (0, -300, 2_500_000)))
+    both = table.leaves[1]._replace(alternatives=((-1_200, -2_000, -1_571_000),))
+    return replace(
+        table,
+        nodes=(root._replace(release=(2_000, -500)), second._replace(squeeze=squeeze)),
+        leaves=(table.leaves[0], both, ambiguous),
+        goal=replace(GOAL, kind="modes", modes=2, tolerance=(2_500, 2_500, 87_000)),
+    )
+
+
 def with_job(table: Table, job: str) -> Table:
     """The same table with a job embedded."""
     return replace(table, job=job, job_digest=hashlib.sha256(job.encode()).digest())

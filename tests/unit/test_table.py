@@ -1,25 +1,34 @@
 """The table: round trips, every kind of damage refused, the proof's refusals, look-up against a slow twin."""
 
 import hashlib
+import zlib
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import msgpack
 import pytest
-from sample_tables import GRIPPER, random_table, renumbered, small_table, with_job, with_leaf, with_node
+from grown_tables import grown_table
+from sample_tables import (
+    GRIPPER,
+    every_field_table,
+    random_table,
+    renumbered,
+    small_table,
+    with_job,
+    with_leaf,
+    with_node,
+)
 
 from runtime import table as table_module
 from runtime.table import (
     MAX_BYTES,
-    REJECT,
-    Branch,
+    PAYLOAD_FIELDS,
     Calibration,
-    Node,
     Table,
     TableError,
     TableFileError,
     canonical,
-    count_map,
     digest,
     dump,
     dumps,
@@ -28,21 +37,39 @@ from runtime.table import (
     prove,
     wilson_upper,
 )
+from runtime.table_deflate import deflate, inflate
 
 SMALL = dumps(small_table())
+EVERY = dumps(every_field_table())
+STEP_UM = 85_000 / 227
 
 
-def framed(payload: bytes, version: object = 1) -> bytes:
+def framed(payload: bytes, version: object = 2) -> bytes:
     """A frame whose digest is right, so that only what is inside can be refused."""
     return bytes(msgpack.packb(["squeezetree", version, hashlib.sha256(payload).digest(), payload]))
 
 
-def payload_fields() -> list[object]:
-    return list(msgpack.unpackb(msgpack.unpackb(SMALL)[3]))
+def field(name: str) -> bytes:
+    value = msgpack.unpackb(msgpack.unpackb(SMALL)[3])[PAYLOAD_FIELDS.index(name)]
+    assert isinstance(value, bytes)
+    return value
+
+
+def with_field(name: str, value: object) -> bytes:
+    fields = list(msgpack.unpackb(msgpack.unpackb(SMALL)[3]))
+    fields[PAYLOAD_FIELDS.index(name)] = value
+    return bytes(msgpack.packb(fields))
 
 
 @pytest.mark.parametrize(
-    "table", [small_table(), with_job(small_table(), '{"seed":1}'), *(random_table(s, 30) for s in range(5))]
+    "table",
+    [
+        small_table(),
+        every_field_table(),
+        with_job(small_table(), '{"seed":1}'),
+        grown_table(1, 60),
+        *(random_table(s, 30) for s in range(5)),
+    ],
 )
 def test_round_trip_gives_the_canonical_table_and_then_the_same_bytes(table: Table) -> None:
     data = dumps(table)
@@ -59,30 +86,51 @@ def test_numbering_does_not_change_the_file(seed: int) -> None:
     assert dumps(other) == dumps(table)
 
 
-def test_canonical_moves_values_by_less_than_their_grid_and_intervals_outwards() -> None:
+def test_canonical_moves_values_by_no_more_than_their_grid() -> None:
     table = random_table(7, 40)
     settled = canonical(table)
     before = [branch for node in table.nodes for branch in node.branches]
     after = [branch for node in settled.nodes for branch in node.branches]
     for old, new in zip(before, after, strict=True):
-        assert 0 <= old.low_um - new.low_um < 50
-        assert 0 <= new.high_um - old.high_um < 50
-        assert abs(new.expected_um - old.expected_um) <= 25
-        assert abs(new.probability_ppm - old.probability_ppm) <= 100
+        assert abs(new.low_um - old.low_um) <= STEP_UM / 2 + 1
+        assert abs(new.high_um - old.high_um) <= STEP_UM / 2 + 1
+        assert abs(new.expected_um - old.expected_um) <= STEP_UM / 8 + 1
+        assert abs(new.probability_ppm - old.probability_ppm) <= 5000
     assert all(sum(branch.probability_ppm for branch in node.branches) == 10**6 for node in settled.nodes)
 
 
-def test_every_single_bit_flip_is_refused() -> None:
-    for at in range(len(SMALL)):
+def test_intervals_keep_the_counts_they_hold_on_the_default_line() -> None:
+    table, calibration = random_table(8, 60), Calibration.linear(GRIPPER)
+    settled = loads(dumps(table))
+    for old, new in zip(table.nodes, settled.nodes, strict=True):
+        for before, after in zip(old.branches, new.branches, strict=True):
+            assert calibration.counts(before.low_um, before.high_um) == calibration.counts(
+                after.low_um, after.high_um
+            )
+
+
+def test_a_moved_placement_costs_its_clearance_or_is_refused() -> None:
+    table = changed_squeeze(x_um=1_040, angle_urad=1_571_500)
+    settled = canonical(table).nodes[1].squeeze
+    assert (settled.x_um, settled.angle_urad) == (1_000, 1_570_796)
+    assert settled.clearance_um <= table.nodes[1].squeeze.clearance_um - 40 - 42.5 * 0.7
+    with pytest.raises(TableError, match="node 1: on the file's grid the open fingers may touch"):
+        canonical(changed_squeeze(x_um=1_040, clearance_um=30))
+
+
+@pytest.mark.parametrize("written", [SMALL, EVERY], ids=["small", "every field"])
+def test_every_single_bit_flip_is_refused(written: bytes) -> None:
+    for at in range(len(written)):
         for bit in range(8):
-            damaged = bytearray(SMALL)
+            damaged = bytearray(written)
             damaged[at] ^= 1 << bit
-            with pytest.raises(TableError):
+            with pytest.raises(TableError, match=r"recompile it|pass the|not readable"):
                 loads(bytes(damaged))
 
 
-def test_every_single_bit_flip_of_the_payload_is_refused_or_another_table_with_another_file() -> None:
-    payload = msgpack.unpackb(SMALL)[3]
+@pytest.mark.parametrize("written", [SMALL, EVERY], ids=["small", "every field"])
+def test_every_single_bit_flip_of_the_payload_is_refused_or_another_table(written: bytes) -> None:
+    payload = msgpack.unpackb(written)[3]
     accepted = 0
     for at in range(len(payload)):
         for bit in range(8):
@@ -98,36 +146,79 @@ def test_every_single_bit_flip_of_the_payload_is_refused_or_another_table_with_a
     assert accepted > 0  # a digest made to fit a changed trial count is another table, and a legal one
 
 
-@pytest.mark.parametrize("cut", range(0, len(SMALL), 7))
-def test_truncations_are_refused(cut: int) -> None:
-    with pytest.raises(TableError):
-        loads(SMALL[:cut])
+@pytest.mark.parametrize("written", [SMALL, EVERY], ids=["small", "every field"])
+def test_every_truncation_is_refused_as_one(written: bytes) -> None:
+    for cut in range(len(written)):
+        with pytest.raises(TableError, match="cut short"):
+            loads(written[:cut])
 
 
-def test_appended_bytes_and_splices_are_refused() -> None:
+def test_appended_bytes_and_every_splice_are_refused() -> None:
     other = dumps(random_table(1, 3))
     with pytest.raises(TableError, match="bytes follow"):
         loads(SMALL + b"\0")
-    for cut in range(1, len(SMALL)):
-        spliced = SMALL[:cut] + other[cut:]
-        if spliced not in (SMALL, other):
-            with pytest.raises(TableError):
-                loads(spliced)
+    for first, second in ((SMALL, other), (other, SMALL)):
+        for cut in range(1, len(first)):
+            for spliced in (first[:cut] + second[cut:], first[:cut] + second[-len(first) + cut :]):
+                if spliced not in (SMALL, other):
+                    with pytest.raises(TableError):
+                        loads(spliced)
+
+
+def test_damage_to_a_large_table_is_refused() -> None:
+    written, random = dumps(grown_table(3, 400)), Random(3)
+    for _ in range(400):
+        at, length = random.randrange(len(written)), random.randrange(1, 200)
+        flipped = bytearray(written)
+        flipped[at] ^= 1 << random.randrange(8)
+        spliced = written[:at] + written[random.randrange(len(written)) :][:length] + written[at + length :]
+        for damaged in (bytes(flipped), written[:at], spliced):
+            if damaged != written:
+                with pytest.raises(TableError):
+                    loads(damaged)
+
+
+def test_a_table_of_400_nodes_and_their_leaves_is_compact() -> None:
+    table = grown_table(0, 400)
+    assert len(table.leaves) >= 400
+    assert len(dumps(table)) <= 6000
 
 
 def test_other_format_is_refused_by_its_number() -> None:
-    with pytest.raises(TableError, match="format 3 is not readable; this runtime reads 1"):
+    with pytest.raises(TableError, match="format 3 is not readable; this runtime reads 1 and 2"):
         loads(framed(msgpack.unpackb(SMALL)[3], 3))
     with pytest.raises(TableError, match="format True is not readable"):
         loads(framed(msgpack.unpackb(SMALL)[3], True))
 
 
 def test_longer_form_of_an_integer_is_refused() -> None:
-    fields = payload_fields()
-    assert isinstance(fields[8], bytes)
-    fields[8] = bytes([fields[8][0] | 0x80, 0]) + fields[8][1:]
-    with pytest.raises(TableError, match="not in the one form"):
-        loads(framed(msgpack.packb(fields)))
+    shapes = inflate(field("shapes"), "shapes", 100)
+    needless = deflate(bytes([shapes[0] | 0x80, 0]) + shapes[1:])
+    with pytest.raises(TableError, match="shapes is not in the one form"):
+        loads(framed(with_field("shapes", needless)))
+    with pytest.raises(TableError, match="not in the one form"):  # of msgpack, 5 as two bytes
+        loads(framed(msgpack.unpackb(SMALL)[3].replace(b"\xcd\x0b\xb8", b"\xce\x00\x00\x0b\xb8")))
+
+
+def test_a_placement_cannot_be_recalled_before_its_first_use() -> None:
+    recalling = grown_table(1, 3, proposals=0)
+    assert len({node.squeeze[:3] for node in recalling.nodes}) == 2
+    fields = list(msgpack.unpackb(msgpack.unpackb(dumps(recalling))[3]))
+    fields[PAYLOAD_FIELDS.index("placements")] = deflate(b"\x00\x09\x00")
+    used = msgpack.packb(fields)
+    with pytest.raises(TableError, match="refers to a placement before its first"):
+        loads(framed(used))
+
+
+def test_another_packing_of_a_column_is_refused() -> None:
+    assert inflate(zlib.compress(b"abc", wbits=-15), "x", 3) == b"abc"
+    other = zlib.compressobj(9, wbits=-15)
+    packed = other.compress(inflate(field("lows"), "lows", 100)) + other.flush()
+    stored = b"\x01\x01\x00\xfe\xff" + b"\x00"
+    for stream in (packed, stored, field("lows") + b"\x00"):
+        if stream != field("lows"):
+            with pytest.raises(TableError, match="column lows is"):
+                loads(framed(with_field("lows", stream)))
 
 
 @pytest.mark.parametrize(
@@ -140,7 +231,8 @@ def test_longer_form_of_an_integer_is_refused() -> None:
         (b"\xc0" * (MAX_BYTES + 1), "longer than"),
         (b"\xa3abc", "not a squeezetree table"),
         (msgpack.packb(["squeezetree", 1, b"", 3]), "the frame is not"),
-        (framed(b"\x90"), "the payload is not an array of 13"),
+        (framed(b"\x90"), f"the payload is not an array of {len(PAYLOAD_FIELDS)}"),
+        (framed(b"\x90", 1), "the payload is not an array of 13"),
     ],
 )
 def test_hostile_bytes_are_refused_with_a_reason(data: bytes, reason: str) -> None:
@@ -149,25 +241,45 @@ def test_hostile_bytes_are_refused_with_a_reason(data: bytes, reason: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "reason"),
+    ("name", "value", "reason"),
     [
-        (0, 5, "tool holds int where str belongs"),
-        (3, [3000, True, 10571, 2], "goal holds bool where int belongs"),
-        (6, b"\x80", "ends in the middle"),
-        (6, b"\x00\x00", "not made of rows of 3"),
-        (7, b"\xff\xff\xff\xff\xff\xff\xff\x01", "more than 35 bits"),
-        (8, b"\x07", "1 shapes for 2 nodes"),
-        (8, b"\x01\x04", "a node has 0 branches"),
-        (9, b"\x00\x00\x00\x09\x00\x00", "that is not there"),
-        (10, b"\x00\x00\x00", "branches end before"),
-        (12, b"text", "job holds bytes where str belongs"),
+        ("tool", 5, "tool holds int where str belongs"),
+        ("goal", [3000, True, 10571, 2, 0, 0, 0, 0, 1], "goal holds bool where int belongs"),
+        ("goal", [3000, 990000, 10571, 2, 4, 0, 0, 0, 1], "goal has the kind 4"),
+        ("gripper", ["2F", 85000, 27500, 9500, 230, 230, 150], "count_open is 230"),
+        ("gripper", ["2F", 90, 27500, 9500, 3, 230, 50], "a table cannot tell them"),
+        ("shapes", deflate(b"\x86"), "ends in the middle"),
+        ("shapes", deflate(b"\x01\x04"), "a node has no branches"),
+        ("shapes", deflate(b"\xff\xff\xff\xff\x7f\x04"), "more than 32"),
+        ("shapes", deflate(b"\x07"), "lead to 2 nodes besides the root"),
+        ("shapes", b"", "cut short"),
+        ("shapes", b"\xff", "column shapes is damaged"),
+        ("placements", deflate(b"\x00\x09"), "positions holds 10 integers, allowed are 8"),
+        ("placements", deflate(b"\x01"), "holds 1 integers where 2 belong"),
+        ("placements", deflate(b"\x01\x01\x01"), "holds 3 integers, allowed are 2"),
+        ("placements", deflate(b"\x01" * 64), "longer than any table needs"),
+        ("placements", None, "placements holds NoneType where bytes belongs"),
+        ("jaws", deflate(b"\x01\x00"), "another order than that of their first use"),
+        ("releases", deflate(b"\x02\x00"), "another order than that of their first use"),
+        ("clearances", deflate(b"\x7f\x7f"), "a clearance is greater than"),
+        ("spans", deflate(b"\xff\x01\x7f\x7f\x7f"), "ends beyond the gripper's counts"),
+        ("alternatives", deflate(b"\xff\xff\xff\xff\x7f\x00\x00"), "alternatives, allowed are"),
+        ("positions", deflate(b"\xff\xff\xff\xff\xff\x01"), "more than 35 bits"),
+        ("positions", b"", "a placement, a jaw setting or a release is listed twice"),
+        ("spreads", deflate(b"\x7f" * 18), "variance is greater than"),
+        ("spreads", deflate(b"\x01\x01\x01\x20\x00\x00" * 3), "correlation is not in the one form"),
+        ("job", b"text", "job holds bytes where str belongs"),
     ],
 )
-def test_wrong_field_is_refused_with_its_name(field: int, value: object, reason: str) -> None:
-    fields = payload_fields()
-    fields[field] = value
+def test_wrong_field_is_refused_with_its_name(name: str, value: object, reason: str) -> None:
+    # Angles alike, so that placements differ by their positions alone.
+    payload = with_field(name, value)
+    if name == "positions" and value == b"":
+        fields = list(msgpack.unpackb(payload))
+        fields[PAYLOAD_FIELDS.index("angles")] = b""
+        payload = bytes(msgpack.packb(fields))
     with pytest.raises(TableError, match=reason):
-        loads(framed(msgpack.packb(fields)))
+        loads(framed(payload))
 
 
 def changed_squeeze(**changes: int) -> Table:
@@ -202,8 +314,8 @@ REFUSED = [
     (changed_squeeze(speed_um_s=0), "speed_um_s is 0"),
     (changed_squeeze(clearance_um=-1), "clearance_um is -1"),
     (changed_squeeze(angle_urad=4_000_000), "angle_urad is 4000000"),
-    (changed_branch(1, low_um=19_000), "node 1, branch 1: low_um is 19000"),
-    (changed_branch(0, expected_um=22_500), "high_um is 22000"),
+    (changed_branch(1, low_um=18_910), "node 1, branch 1: low_um is 18910"),
+    (changed_branch(0, expected_um=22_500), "node 1, branch 0: expected_um is 22500"),
     (changed_branch(1, high_um=85_100), "high_um is 85100"),
     (changed_branch(0, probability_ppm=760_000), "sum to 1010000|do not sum"),
     (changed_branch(1, low_um=35_950, expected_um=36_000, high_um=36_000), "no encoder count means"),
@@ -247,59 +359,11 @@ def test_wilson_upper_is_where_the_normal_test_stops_rejecting(share: float, tri
     assert wilson_upper(share * trials, trials) == pytest.approx(low, abs=1e-9)
 
 
-def slow_count_map(node: Node, calibration: Calibration) -> list[int]:
-    """The rule as it is written: contained, nearest expected width, lower one of two."""
-    outcomes = []
-    for count in range(256):
-        width = calibration.width_um(count)
-        held = [
-            (abs(width - b.expected_um), n)
-            for n, b in enumerate(node.branches)
-            if b.low_um <= width <= b.high_um
-        ]
-        outcomes.append(min(held)[1] if held else REJECT)
-    return outcomes
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_count_map_agrees_with_the_rule_for_every_count(seed: int) -> None:
-    calibration = Calibration.linear(GRIPPER)
-    for node in random_table(seed, 12).nodes:
-        assert list(count_map(node, calibration)) == slow_count_map(node, calibration)
-
-
-def test_count_map_of_overlapping_intervals_takes_the_nearest_expected_width() -> None:
-    squeeze = small_table().nodes[0].squeeze
-    node = Node(squeeze, (Branch(20_000, 22_000, 30_000, 5, ~0), Branch(21_000, 28_000, 40_000, 5, ~1)))
-    calibration = Calibration(tuple(range(255_000, -1, -1_000)))
-    outcomes = count_map(node, calibration)
-    assert list(outcomes) == slow_count_map(node, calibration)
-    assert outcomes[calibration.count(25_000)] == 0  # equally near to both
-    assert outcomes[calibration.count(26_000)] == 1
-
-
-def test_linear_calibration_is_robotiqs_line() -> None:
-    # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
-    calibration = Calibration.linear(GRIPPER)
-    for count in range(256):
-        assert calibration.width_um(count) == pytest.approx(
-            min(max(85e3 * (230 - count) / 227, 0), 85e3), abs=0.5
-        )
-    assert calibration.count(21_000) == 174
-
-
-def test_calibration_that_rises_is_refused() -> None:
-    with pytest.raises(TableError, match="must not rise with the count; they do at 1"):
-        Calibration((5, 6, *([0] * 254)))
-    with pytest.raises(TableError, match="256 widths"):
-        Calibration((5, 4))
-
-
 def test_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "small.msgpack"
     dump(small_table(), path)
     assert path.read_bytes() == SMALL
-    assert load(path) == small_table()
+    assert load(path) == canonical(small_table())
     with pytest.raises(TableError):
         dump(replace(small_table(), nodes=()), path)
     assert path.read_bytes() == SMALL

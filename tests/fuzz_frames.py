@@ -1,0 +1,141 @@
+"""Any bytes on the gripper's line, towards the simulated slave and towards the driver's masters.
+
+`case` takes bytes as a fuzzer invents them: the first says who listens, the next ones how the rest is cut
+into pieces. What is answered or believed must be in the bytes as a whole, sound frame, found here by looking
+at every position; nothing else may happen but silence and the link's own errors.
+"""
+
+import contextlib
+import logging
+import random
+
+from pymodbus import FramerType
+from pymodbus.client import ModbusTcpClient
+
+from drivers.clock import Pace
+from drivers.errors import LinkError
+from drivers.robotiq.modbus import RTU, TCP, ModbusLink
+from drivers.sim.gripper import GripperModel
+from drivers.sim.modbus import GripperRegisters, crc16, frame_length
+from drivers.sim.rtu import RtuSlave
+
+READ = bytes.fromhex("09 03 07D0 0003 040E")
+READ_REPLY = bytes.fromhex("09 03 06 B900 00FF BD00 1D7C")
+CLOSE = bytes.fromhex("09 10 03E8 0003 06 0900 00FF FFFF 4229")
+READ_WRITE = bytes.fromhex("09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C")
+TCP_REPLY = bytes.fromhex("0001 0000 0009 02 04 06 B900 00FF BD00")
+WRITE_REPLY = bytes.fromhex("09 10 03E8 0003 0130")
+CORPUS = tuple(
+    bytes((listener, 0)) + frame
+    for listener, frames in enumerate(((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,)))
+    for frame in frames
+)
+MAX_PIECES = 64
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # as the driver does when it opens a port
+
+
+class Still:
+    """A clock whose pauses take no time."""
+
+    def now(self) -> float:
+        return 0.0
+
+    def sleep(self, seconds: float) -> None:
+        pass
+
+
+class FedClient(ModbusTcpClient):
+    """pymodbus's own client on a line that says what it is fed, then nothing."""
+
+    def __init__(self, framer: FramerType, pieces: list[bytes]) -> None:
+        super().__init__("nowhere", framer=framer, timeout=0.5, retries=0)
+        self.pieces = pieces
+
+    def connect(self) -> bool:
+        return True
+
+    @property
+    def connected(self) -> bool:
+        return True
+
+    def close(self) -> None:
+        pass
+
+    def send(self, request: bytes, addr: object = None) -> int:
+        return len(request)
+
+    def recv(self, size: int | None) -> bytes:
+        return self.pieces.pop(0) if self.pieces else b""
+
+
+def case(data: bytes) -> None:
+    """Run one case.
+
+    Raises:
+        AssertionError: something was answered or believed that no sound frame said.
+    """
+    if len(data) < 2:
+        return
+    pieces = _cut(data[2:], data[1])
+    (towards_slave, towards_rtu_master, towards_tcp_master)[data[0] % 3](pieces)
+
+
+def towards_slave(pieces: list[bytes]) -> None:
+    """Feed the simulated gripper; afterwards, and after a pause, it still listens."""
+    model = GripperModel(random.Random(1))
+    slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
+    replies = [reply for piece in pieces for reply in slave.feed(piece)]
+    requests = _frames(b"".join(pieces), frame_length)
+    assert len(replies) <= len(requests), "more answers than sound requests"
+    for reply in replies:
+        assert reply[0] == RTU.unit, "another slave answered"
+        assert crc16(reply[:-2]) == reply[-2:], "an answer's CRC is wrong"
+        assert reply[1] in {request[1] for request in requests}, "an answer to what nobody asked"
+    slave.silence()
+    (reply,) = slave.feed(READ)
+    assert len(reply) == len(READ_REPLY), "deaf after noise"
+
+
+def towards_rtu_master(pieces: list[bytes]) -> None:
+    """Let the driver read and write over RTU while the line says anything."""
+    said = b"".join(pieces)
+    blocks = {frame[3:9] for frame in _frames(said, _reply_length) if frame[1:3] == b"\x03\x06"}
+    _believes(ModbusLink(FedClient(FramerType.RTU, pieces), RTU, "fed", Pace(Still())), blocks)
+
+
+def towards_tcp_master(pieces: list[bytes]) -> None:
+    """Let the driver read and write over Modbus TCP while the line says anything."""
+    said = b"".join(pieces)
+    ends = range(len(said) - len(TCP_REPLY) + 1)
+    replies = [said[at : at + len(TCP_REPLY)] for at in ends]
+    blocks = {reply[9:] for reply in replies if reply[2:9] == TCP_REPLY[2:9]}
+    _believes(ModbusLink(FedClient(FramerType.SOCKET, pieces), TCP, "fed", Pace(Still())), blocks)
+
+
+def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
+    for _ in range(3):
+        with contextlib.suppress(LinkError):
+            assert link.read() in blocks, "a reading that no sound frame carried"
+        with contextlib.suppress(LinkError):
+            link.write(bytes(6))
+
+
+def _cut(data: bytes, size: int) -> list[bytes]:
+    """The bytes in pieces as a port may deliver them; size 0: all at once."""
+    step = max(size % 32 or len(data), -(-len(data) // MAX_PIECES), 1)
+    return [data[at : at + step] for at in range(0, len(data), step)]
+
+
+def _reply_length(head: bytes) -> int | None:
+    return 3 + head[2] + 2 if len(head) > 2 else 0
+
+
+def _frames(data: bytes, length_of) -> list[bytes]:
+    """Every piece of some bytes that is a frame to or from slave 9 with the right CRC."""
+    found = []
+    for at in range(len(data)):
+        length = length_of(data[at:]) if data[at] == RTU.unit else 0
+        frame = data[at : at + (length or 0)]
+        if length and len(frame) == length and crc16(frame[:-2]) == frame[-2:]:
+            found.append(frame)
+    return found

@@ -1,0 +1,176 @@
+"""Mutated tables, one for each number: what `tools/fuzz tables` and its slice in the tests run.
+
+A mutant is damaged in one of three depths: the bytes of a file; the payload, with a digest that fits again;
+the integers of its columns and header, packed again, so that only the proof stands between them and a cell.
+Every mutant must be refused by a `TableError`, or be exactly the file of another table that may be executed.
+"""
+
+import hashlib
+import signal
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from random import Random
+from types import FrameType
+from typing import Any
+
+import msgpack
+from grown_tables import grown_table
+from sample_tables import every_field_table, random_table, small_table
+
+from runtime.table import TableError, dumps, loads
+from runtime.table_columns import MAX_VALUE, packed, unpacked
+
+LONGEST_S = 2.0  # a mutant that takes longer counts as a hang
+GOLDEN_1 = Path(__file__).parent / "golden" / "table-format-1.msgpack"
+VALUES = (0, 1, 2, 3, 127, 128, 255, 1000, 2**31 - 1, 2**34, MAX_VALUE)
+STRANGE = (None, True, -1, 2**63, 1.5, "", b"", [], [0] * 64, "ü" * 100, b"\xff" * 200)
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of the mutants: verdicts by depth, the slowest one, and those that must not be."""
+
+    verdicts: Counter[str] = field(default_factory=Counter)
+    slowest_s: float = 0.0
+    slowest: int = -1
+    failures: list[str] = field(default_factory=list)
+
+
+@cache
+def seeds() -> tuple[bytes, ...]:
+    """The files that are mutated."""
+    tables = (small_table(), every_field_table(), random_table(1, 8), grown_table(2, 12), grown_table(3, 40))
+    return (*map(dumps, tables), GOLDEN_1.read_bytes())
+
+
+def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None) -> Tally:
+    """Judge the mutants of some numbers."""
+    tally = Tally()
+    for number in numbers:
+        depth, data = mutant(seed, number)
+        start = time.perf_counter()
+        try:
+            with _limit(LONGEST_S):
+                verdict = judge(depth, data)
+        except Exception as error:
+            verdict = "failed"
+            tally.failures.append(f"--seed {seed} --first {number}: {type(error).__name__}: {error}")
+        taken = time.perf_counter() - start
+        if taken > tally.slowest_s:
+            tally.slowest_s, tally.slowest = taken, number
+        tally.verdicts[f"{depth}: {verdict}"] += 1
+        if report is not None and number % 10_000 == 9_999:
+            report(tally)
+    return tally
+
+
+def judge(depth: str, data: bytes) -> str:
+    """Read a mutant: "refused", "unchanged" or "another table".
+
+    Raises:
+        AssertionError: it was accepted, but is not the file of the table it was read as.
+    """
+    try:
+        table = loads(data)
+    except TableError:
+        return "refused"
+    if data in seeds():
+        return "unchanged"
+    assert depth != "file", "a damaged file was accepted"
+    old = msgpack.unpackb(data)[1] == 1
+    assert old or dumps(table) == data, "accepted, but not the file of the table it was read as"
+    return "another table"
+
+
+def mutant(seed: int, number: int) -> tuple[str, bytes]:
+    """The depth and the bytes of one mutant."""
+    random = Random(f"{seed} {number}")
+    data = random.choice(seeds())
+    depth = random.choices(("file", "payload", "values"), (2, 3, 5))[0]
+    if depth == "file":
+        return depth, _damaged(data, random)
+    magic, version, _, payload = msgpack.unpackb(data)
+    payload = _damaged(payload, random) if depth == "payload" else _with_other_values(payload, random)
+    return depth, bytes(msgpack.packb([magic, version, hashlib.sha256(payload).digest(), payload]))
+
+
+def _damaged(data: bytes, random: Random) -> bytes:
+    out = bytearray(data)
+    for _ in range(random.choice((1, 1, 1, 2, 4))):
+        at, length = random.randrange(len(out) + 1), random.choice((1, 1, 2, 8, 64))
+        action = random.randrange(7)
+        if action == 0 and at < len(out):
+            out[at] ^= 1 << random.randrange(8)
+        elif action == 1 and at < len(out):
+            out[at] = random.choice((0, 1, 0x7F, 0x80, 0xC6, 0xDD, 0xFF, random.randrange(256)))
+        elif action == 2:
+            del out[at : at + length]
+        elif action == 3:
+            out[at:at] = random.randbytes(length)
+        elif action == 4:
+            out[at:at] = out[at : at + length]
+        elif action == 5:
+            other = random.choice(seeds())
+            out[at:] = other[random.randrange(len(other)) :]
+        else:
+            del out[at:]
+    return bytes(out)
+
+
+def _with_other_values(payload: bytes, random: Random) -> bytes:
+    fields = msgpack.unpackb(payload)
+    for _ in range(random.choice((1, 1, 2, 3))):
+        at = random.randrange(len(fields))
+        fields[at] = _other(fields[at], random)
+    return bytes(msgpack.packb(fields))
+
+
+def _other(value: Any, random: Random) -> Any:
+    if random.random() < 0.03:
+        return random.choice(STRANGE)
+    if isinstance(value, list) and value:
+        at = random.randrange(len(value))
+        return [*value[:at], _other(value[at], random), *value[at + 1 :]]
+    if isinstance(value, int):
+        return random.choice((value + random.choice((-1, 1, 7, -100)), random.choice(VALUES)))
+    if isinstance(value, bytes) and len(value) != 32:
+        return _other_column(value, random)
+    return value
+
+
+def _other_column(value: bytes, random: Random) -> bytes:
+    try:
+        column = unpacked(value, "mutated", 100_000) if value else [0] * random.randrange(1, 60)
+    except TableError:  # a column of format 1 is not packed
+        return _damaged(value, random)
+    for _ in range(random.choice((1, 1, 2, 5))):
+        at = random.randrange(len(column))
+        action = random.randrange(6)
+        if action < 3:
+            column[at] = min(max(0, column[at] + random.choice((-2, -1, 1, 2, 3))), MAX_VALUE)
+        elif action == 3:
+            column[at] = random.choice((*VALUES, column[random.randrange(len(column))]))
+        elif action == 4 and len(column) > 1:
+            del column[at]
+        else:
+            column.insert(at, random.choice(VALUES[:6]))
+    return packed(column)
+
+
+@contextmanager
+def _limit(seconds: float) -> Iterator[None]:
+    def expired(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"not refused within {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, expired)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

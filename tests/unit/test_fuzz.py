@@ -1,0 +1,76 @@
+"""The fuzzers themselves: a slice of what `tools/fuzz` runs, repeatable, and able to find what is wrong."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fuzz_frames
+import fuzz_tables
+import pytest
+
+TOOL = Path(__file__).parents[2] / "tools" / "fuzz"
+
+
+def run_tool(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(TOOL), *arguments]
+    environment = {**os.environ, **variables}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+
+
+def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table() -> None:
+    tally = fuzz_tables.run(1, range(4_000))
+    assert tally.failures == []
+    assert sum(tally.verdicts.values()) == 4_000
+    for depth in ("file", "payload", "values"):
+        assert tally.verdicts[f"{depth}: refused"] > 500
+    assert tally.verdicts["values: another table"] > 100  # the mutants get as far as the proof, and past it
+    assert tally.verdicts["file: another table"] == 0
+
+
+def test_a_mutant_is_the_same_each_time() -> None:
+    assert [fuzz_tables.mutant(3, n) for n in range(50)] == [fuzz_tables.mutant(3, n) for n in range(50)]
+
+
+def test_a_reader_that_accepts_too_much_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    accepted = fuzz_tables.loads(fuzz_tables.seeds()[0])
+    monkeypatch.setattr(fuzz_tables, "loads", lambda data: accepted)
+    tally = fuzz_tables.run(1, range(20))
+    assert tally.failures
+    assert tally.failures[0].startswith("--seed 1 --first ")
+
+
+def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hang(data: bytes) -> None:
+        while True:
+            pass
+
+    monkeypatch.setattr(fuzz_tables, "LONGEST_S", 0.05)
+    monkeypatch.setattr(fuzz_tables, "loads", hang)
+    (failure,) = fuzz_tables.run(1, range(1)).failures
+    assert "TimeoutError" in failure
+
+
+def test_a_master_that_believes_noise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fuzz_frames.ModbusLink, "read", lambda link: bytes(6))
+    with pytest.raises(AssertionError, match="no sound frame"):
+        fuzz_frames.case(fuzz_frames.CORPUS[3])
+
+
+def test_the_tool_repeats_one_mutant() -> None:
+    done = run_tool("tables", "--first", "12", "--count", "1")
+    assert done.returncode == 0, done.stderr
+    assert "1 mutated tables" in done.stdout
+
+
+def test_the_tool_fuzzes_frames_without_its_engine() -> None:
+    done = run_tool("frames", "--seconds", "1", "--random")
+    assert done.returncode == 0, done.stdout
+    assert "0 failures" in done.stdout
+
+
+def test_the_tool_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "atheris.py").write_text("raise ModuleNotFoundError('No module named atheris')\n")
+    done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 2
+    assert "pip install atheris" in done.stderr
