@@ -154,22 +154,22 @@ def unreadable(node: Node, calibration: Calibration) -> list[int]:
 
 
 def _prove_resolved(index: int, leaf: Leaf, goal: GoalSpec, limits: Limits) -> None:
-    where, poses = f"leaf {index}", (leaf[:3], *leaf.alternatives)
     x_min, y_min, x_max, y_max = limits.work_area_um
-    for x, y, _ in poses:
+    for x, y, _ in (leaf[:3], *leaf.alternatives):
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            within(f"{where}: x_um", x, x_min, x_max)
-            within(f"{where}: y_um", y, y_min, y_max)
+            within(f"leaf {index}: x_um", x, x_min, x_max)
+            within(f"leaf {index}: y_um", y, y_min, y_max)
+    poses = 1 + len(leaf.alternatives)
     allowed = goal.modes if goal.kind == "modes" else 1
-    if len(poses) > allowed:
+    if poses > allowed:
         raise TableError(
-            f"{where}: {len(poses)} poses where the goal leaves {allowed} open; mark it unresolved"
+            f"leaf {index}: {poses} poses where the goal leaves {allowed} open; mark it unresolved"
         )
     if leaf.success_ppm >= goal.confidence_ppm:
         return
     hits = round(leaf.success_ppm / PPM * leaf.trials)
     if refuted(hits, leaf.trials, goal.confidence_ppm / PPM):
         raise TableError(
-            f"{where}: {leaf.success_ppm / PPM:.4f} of {leaf.trials} trials met the goal, which refutes the "
-            f"confidence of {goal.confidence_ppm / PPM:.4f}; mark it unresolved or plan deeper"
+            f"leaf {index}: {leaf.success_ppm / PPM:.4f} of {leaf.trials} trials met the goal, which refutes "
+            f"the confidence of {goal.confidence_ppm / PPM:.4f}; mark it unresolved or plan deeper"
         )
