@@ -1,0 +1,113 @@
+"""Every folder of trees/ is a part: its job loads, says what it is, and has the symmetry that it states."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import job as job_file
+from planner.part.outline import diameter
+
+TREES = Path(__file__).parents[2] / "trees"
+JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
+ROWS = tomllib.loads((TREES / "table1.toml").read_text())["row"]
+ZOO = sorted(set(JOBS) - {row["part"] for row in ROWS})
+FINGERS_PASS_MM = 60.0
+
+part = pytest.mark.parametrize("name", JOBS)
+
+
+@pytest.fixture(scope="module")
+def jobs():
+    return {name: job_file.load(path) for name, path in JOBS.items()}
+
+
+def header(name):
+    """The comment that a job file opens with, as one line."""
+    lines = JOBS[name].read_text().splitlines()
+    end = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    return " ".join(line.removeprefix("#").strip() for line in lines[:end])
+
+
+def test_every_folder_holds_a_job():
+    assert {path.name for path in TREES.iterdir() if path.is_dir()} == set(JOBS)
+
+
+@part
+def test_header_says_what_it_is_and_its_symmetry(name, jobs):
+    text = header(name)
+    assert len(text) > 40
+    stated = re.search(r"Rotational order (\d+)\.", text)
+    assert stated, f"{name}: the header lacks 'Rotational order n.'"
+    assert jobs[name].part.symmetry == int(stated[1])
+
+
+@part
+def test_part_fits_between_the_jaws_at_any_angle(name, jobs):
+    job = jobs[name]
+    assert diameter(job.part.outline_mm) < FINGERS_PASS_MM
+    assert len(job.part.outline_mm) <= 60
+
+
+@part
+def test_goal_and_gripper_are_the_papers(name, jobs):
+    job = jobs[name]
+    assert (job.goal.distance_mm, job.goal.confidence) == (3.0, 0.99)
+    gripper = job.gripper
+    assert (gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm) == (85.0, 27.5, 9.5)
+    assert (job.friction.finger_part_min, job.friction.finger_part_max) == (0.4, 0.6)
+    assert job.pressure.kind == "boundary"
+    assert job.uncertainty.orientation == "unknown"
+
+
+def test_parts_have_different_outlines_and_names(jobs):
+    outlines = {jobs[name].part.outline_mm.tobytes() for name in ZOO}
+    assert len(outlines) == len(ZOO)
+    assert len({jobs[name].part.name for name in ZOO}) == len(ZOO)
+
+
+def test_the_zoo_has_ten_parts_more_of_every_kind(jobs):
+    assert len(ZOO) >= 10
+    orders = [jobs[name].part.symmetry for name in ZOO]
+    assert {1, 2} < set(orders)
+    texts = " ".join(header(name).lower() for name in ZOO)
+    for kind in ("asymmetric", "concave", "curved", "elongated", "nearly symmetric"):
+        assert kind in texts
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_zoo_parts_lie_in_a_disc_of_ten_millimetres_and_are_squeezed_at_one_centre(name, jobs):
+    assert jobs[name].uncertainty.radius_mm == 10.0
+    assert np.array_equal(jobs[name].actions.centers_mm, [[0.0, 0.0]])
+    assert len(jobs[name].actions.angles_deg) == 4
+
+
+# The paper's Table I, columns 1 to 8*: part, radius of the disc in mm, actions, success on the robot.
+TABLE_I = [
+    ("1", "butterfly", 10.0, 4, 0.939),
+    ("2", "butterfly", 15.0, 4, 0.835),
+    ("3", "rectangle", 12.75, 4, 0.972),
+    ("4", "rectangle", 12.75, 4, 0.872),
+    ("5", "rectangle", 25.0, 20, 0.917),
+    ("6", "rectangle", 25.0, 20, 0.896),
+    ("7", "rectangle", 25.0, 20, 0.768),
+    ("8*", "rectangle", 25.0, 20, 0.851),
+]
+
+
+def test_rows_are_the_papers_table(jobs):
+    found = []
+    for row in ROWS:
+        job = jobs[row["part"]]
+        actions = len(job.actions.angles_deg) * len(job.actions.centers_mm)
+        found.append((row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"]))
+    assert found == TABLE_I
+
+
+def test_worlds_of_rows_four_to_eight_are_not_the_planners():
+    for row in ROWS[3:]:
+        friction = row["world"]["friction"]
+        assert (friction["finger_part_min"], friction["finger_part_max"]) != (0.4, 0.6)
+    assert [row["experiment"] for row in ROWS if "pressure" in row["world"]] == ["4", "5"]
