@@ -1,0 +1,127 @@
+"""OpenLoopSearch and OpenLoopSearchBFSExpand: Algorithms 2 and 3 of the paper, as printed.
+
+A breadth-first search over sequences of actions, blind to what the squeezes would show. Three readings of the
+print:
+
+- "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
+- UpdateBestAction replaces the best only by a larger ratio, so ties go to the sequence found first, the
+  shorter one and then the one of earlier actions. The root is no sequence: some action is found even if none
+  gains anything.
+- CollisionFree asks of the whole belief. A learned detector errs, and a belief wider than the jaws always
+  has a few particles under a finger, so a small share is let through (`COLLIDING_SHARE`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray
+from planner.frames import to_hand, to_world
+
+ALPHA = 0.75
+"""A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""
+COLLIDING_SHARE = 0.005
+"""Share of the belief that may lie under an open finger of an action that counts as free of collision."""
+
+
+class Motion(Protocol):
+    """ForwardMotionModel-KCDE, in the hand frame."""
+
+    def move(self, poses: Array, rng: np.random.Generator) -> Array:
+        """Draws a final pose for each initial one, both (n, 3) in the hand frame."""
+
+
+class Collision(Protocol):
+    """CollisionFree-DecisionTree, in the hand frame."""
+
+    def collides(self, poses: Array) -> BoolArray:
+        """Where an open finger would stand on the part; poses are (n, 3), the result (n,)."""
+
+
+class Sequence(NamedTuple):
+    """A sequence of actions and what it comes to.
+
+    Attributes:
+        actions: indices of placements; empty if every first action collides or is pruned.
+        ratio: singleton ratio of the belief afterwards.
+    """
+
+    actions: tuple[int, ...]
+    ratio: float
+
+
+class _Element(NamedTuple):
+    """An element of the queue: `poses` is empty where nothing will be expanded from it."""
+
+    poses: Array
+    ratio: float
+    actions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenLoop:
+    """The search for a sequence of actions.
+
+    Attributes:
+        placements: (k, 3) the actions: the hand frame in the world.
+        motion: forward motion model.
+        collision: collision detector.
+        ratio: singleton ratio of a belief (n, 3).
+        depth: d, the longest sequence.
+        alpha: share of its ratio that a belief must keep.
+        enough: a sequence that exceeds this ratio ends the search; above 1, none does.
+        budget: beliefs expanded before the search ends with the best sequence so far: the paper's time
+            budget, counted rather than clocked so that a plan can be repeated.
+    """
+
+    placements: Array
+    motion: Motion
+    collision: Collision
+    ratio: Callable[[Array], float]
+    depth: int
+    alpha: float = ALPHA
+    enough: float = 2.0
+    budget: int | None = None
+
+    def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
+        """Algorithm 2 up to the choice of a*: the sequence with the largest singleton ratio.
+
+        Args:
+            poses: (n, 3) the node's particles in the world.
+            rng: source of the motion model's randomness.
+        """
+        queue = deque([_Element(poses, self.ratio(poses), ())])
+        best, expanded = Sequence((), -np.inf), 0
+        while queue and best.ratio <= self.enough:
+            element = queue.popleft()
+            if element.actions and element.ratio > best.ratio:
+                best = Sequence(element.actions, element.ratio)
+            if len(element.actions) < self.depth and (self.budget is None or expanded < self.budget):
+                queue.extend(self._expand(element, rng))
+                expanded += 1
+        return best
+
+    def free(self, poses: Array, placement: Array) -> bool:
+        """Whether the hand can be set down at a placement among the believed poses."""
+        return bool(self.collision.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
+
+    def moved(self, poses: Array, placement: Array, rng: np.random.Generator) -> Array:
+        """ForwardMotionModel-KCDE(X, a): to the hand frame, through the model, and back to the world."""
+        return to_world(self.motion.move(to_hand(poses, placement), rng), placement)
+
+    def _expand(self, element: _Element, rng: np.random.Generator) -> Iterator[_Element]:
+        """Algorithm 3: the element's successors that are free of collision and not pruned."""
+        last = len(element.actions) + 1 == self.depth
+        for action, placement in enumerate(self.placements):
+            if not self.free(element.poses, placement):
+                continue
+            poses = self.moved(element.poses, placement, rng)
+            ratio = self.ratio(poses)
+            if ratio > self.alpha * element.ratio:
+                # The last level is judged only; kept whole, its beliefs would fill the memory.
+                yield _Element(poses[:0] if last else poses, ratio, (*element.actions, action))
