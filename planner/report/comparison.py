@@ -1,0 +1,191 @@
+"""Methods side by side: rows of a job and a world, compiled and judged alike, as JSON and as Markdown.
+
+The judge is the stochastic contact world of the row, with fresh seeds, whatever the planner believed in.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from planner.compile import Plan, compile_job
+from planner.errors import NoPlanError
+from planner.evaluate import evaluate
+from planner.job import Job
+from planner.overrides import job_with
+from planner.statistics import wilson_interval
+from planner.world import ContactWorld
+
+SEED_WORLD = 0x5431
+SEED_TRIALS = 0x5432
+
+Figures = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A part in a world.
+
+    Attributes:
+        name: what the row is called: an experiment of the paper, or a part.
+        part: folder of `trees/`.
+        materials: of finger and part, for people.
+        paper: success rate that the paper reports; None without one.
+        job: values of the job that differ from the file, each as "section.key=value".
+        world: values that differ in the world that judges, which the planner is not told.
+    """
+
+    name: str
+    part: str
+    materials: str = ""
+    paper: float | None = None
+    job: tuple[str, ...] = ()
+    world: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A way to plan: a name, and the values of the job that ask for it."""
+
+    name: str
+    job: tuple[str, ...] = ()
+
+
+CLOSED_LOOP = Method("closed-loop")
+METHODS = {
+    method.name: method
+    for method in (
+        CLOSED_LOOP,
+        Method("fixed-actions", ("actions.proposals=none",)),
+        Method("paper", ("search.method=paper",)),
+        Method("paper-sequence", ("search.method=paper-sequence",)),
+        Method("sensorless", ("search.method=sensorless",)),
+    )
+}
+"""The default, the default without placements proposed by the belief, and the paper's three."""
+
+
+def table_rows(trees: Path) -> list[Row]:
+    """The rows of the paper's Table I, from `table1.toml`."""
+    document = tomllib.loads((trees / "table1.toml").read_text())
+    return [
+        Row(
+            name=row["experiment"],
+            part=row["part"],
+            materials=row["materials"],
+            paper=row["paper"],
+            job=tuple(row.get("job", ())),
+            world=tuple(row.get("world", ())),
+        )
+        for row in document["row"]
+    ]
+
+
+def zoo_rows(trees: Path) -> list[Row]:
+    """A row for each part that Table I does not have, in the world that its job describes."""
+    taken = {row.part for row in table_rows(trees)}
+    folders = sorted(path.parent.name for path in trees.glob("*/job.toml"))
+    return [Row(name=folder, part=folder) for folder in folders if folder not in taken]
+
+
+def pairs(assignments: Iterable[str]) -> list[tuple[str, str]]:
+    """Names and values of "section.key=value", as `planner.overrides.job_with` takes them."""
+    return [(name, value) for name, _, value in (text.partition("=") for text in assignments)]
+
+
+def run(
+    row: Row,
+    method: Method,
+    trees: Path,
+    trials: int,
+    workers: int | None = None,
+    report: Callable[[str, int, int], None] | None = None,
+) -> Figures:
+    """Compiles a row with a method and judges the table.
+
+    Args:
+        row: job and world.
+        method: how to plan.
+        trees: the folder with the parts.
+        trials: parts squeezed by the judge, and by the compiler's own evaluation.
+        workers: threads; all cores if None.
+        report: told about the compiler's progress.
+
+    Returns:
+        Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie
+        within the goal; `within_rate` counts all poses within the goal, claimed or not: what the paper
+        counts, whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
+    """
+    job = job_with(trees / row.part / "job.toml", pairs((*row.job, *method.job)))
+    figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials, "paper": row.paper}
+    figures["method"] = method.name
+    started = perf_counter()
+    try:
+        plan = compile_job(job, workers=workers, trials=trials, report=report)
+    except NoPlanError as error:
+        return {**figures, "compile_seconds": perf_counter() - started, "no_plan": str(error)}
+    figures["compile_seconds"] = perf_counter() - started
+    return {**figures, **_judged(plan, job, job_with(job.canonical(), pairs(row.world)), trials, workers)}
+
+
+def _judged(plan: Plan, job: Job, truth: Job, trials: int, workers: int | None) -> Figures:
+    """The figures of a plan in the world of another job."""
+    evaluation = evaluate(plan.table, job, ContactWorld(truth, SEED_WORLD, workers), trials, SEED_TRIALS)
+    within = int(np.sum(evaluation.error_mm < evaluation.goal_mm))
+    return {
+        **evaluation.summary(),
+        "within_rate": within / trials,
+        "within_ci95": list(wilson_interval(within, trials)),
+        "nodes": len(plan.table.nodes),
+        "leaves": len(plan.table.leaves),
+        "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
+    }
+
+
+COLUMNS = (
+    ("row", lambda f: f["row"]),
+    ("part", lambda f: f["part"]),
+    ("materials", lambda f: f["materials"]),
+    ("paper's robot", lambda f: "" if f["paper"] is None else f"{f['paper']:.3f}"),
+    ("method", lambda f: f["method"]),
+    ("success", lambda f: _rate(f["success_rate"], f["success_ci95"])),
+    ("within 3 mm", lambda f: _rate(f["within_rate"], f["within_ci95"])),
+    ("squeezes", lambda f: f"{f['mean_squeezes']:.2f} / {f['max_squeezes']}"),
+    ("wrong", lambda f: f"{f['wrong_rate']:.4f}"),
+    ("rejected", lambda f: f"{f['reject_rate']:.4f}"),
+    ("unresolved", lambda f: f"{f['unresolved_rate']:.4f}"),
+    ("crashes", lambda f: str(f["crashes"])),
+    ("compile s", lambda f: f"{f['compile_seconds']:.1f}"),
+    ("nodes", lambda f: str(f["nodes"])),
+)
+
+
+def markdown(results: Sequence[Figures]) -> str:
+    """The figures as a Markdown table; columns that are empty in every row are left out.
+
+    Args:
+        results: what `run` returned, in the order to be shown.
+    """
+    cells = [[_cell(make, figures) for _, make in COLUMNS] for figures in results]
+    shown = [k for k in range(len(COLUMNS)) if any(row[k] for row in cells)]
+    lines = [[COLUMNS[k][0] for k in shown], ["---"] * len(shown)]
+    lines += [[row[k] for k in shown] for row in cells]
+    notes = [f"{f['row']}, {f['method']}: {f['no_plan']}" for f in results if "no_plan" in f]
+    return "\n".join(["| " + " | ".join(line) + " |" for line in lines] + [""] * bool(notes) + notes) + "\n"
+
+
+def _cell(make: Callable[[Figures], str], figures: Figures) -> str:
+    try:
+        return make(figures)
+    except KeyError:
+        return "-"  # there was no plan to judge
+
+
+def _rate(rate: float, interval: Sequence[float]) -> str:
+    return f"{rate:.4f} ({interval[0]:.4f} to {interval[1]:.4f})"
