@@ -1,12 +1,15 @@
 """OpenLoopSearch and OpenLoopSearchBFSExpand: Algorithms 2 and 3 of the paper, as printed.
 
-A breadth-first search over sequences of actions, blind to what the squeezes would show. Three readings of the
+A breadth-first search over sequences of actions, blind to what the squeezes would show. Four readings of the
 print:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
 - UpdateBestAction replaces the best only by a larger ratio, so ties go to the sequence found first, the
   shorter one and then the one of earlier actions. The root is no sequence: some action is found even if none
   gains anything.
+- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one whose ratio has fallen to less than
+  alpha of its parent's. They differ where both are 0, as they are for a belief of two modes, and there the
+  text is followed: the print would end such a tree at once, with it the search goes on, if blindly.
 - CollisionFree asks of the whole belief. A learned detector errs, and a belief wider than the jaws always
   has a few particles under a finger, so a small share is let through (`COLLIDING_SHARE`).
 """
@@ -122,6 +125,6 @@ class OpenLoop:
                 continue
             poses = self.moved(element.poses, placement, rng)
             ratio = self.ratio(poses)
-            if ratio > self.alpha * element.ratio:
+            if ratio >= self.alpha * element.ratio:
                 # The last level is judged only; kept whole, its beliefs would fill the memory.
                 yield _Element(poses[:0] if last else poses, ratio, (*element.actions, action))

@@ -71,7 +71,7 @@ def best_by_trial(search, poses):
                 alive = alive and search.free(belief, search.placements[action])
                 belief = search.moved(belief, search.placements[action], None)
                 value = search.ratio(belief)
-                alive = alive and value > search.alpha * last
+                alive = alive and value >= search.alpha * last
                 last = value
             if alive and last > found[1]:
                 found = (actions, last)
@@ -125,11 +125,12 @@ def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
     assert found_by(patient, poses).ratio == 1.0
 
 
-def test_a_ratio_of_nothing_is_pruned_as_printed():
+def test_two_modes_are_searched_on_and_ties_go_to_the_first_action():
     poses = np.concatenate([line(0, 0.1, 50), line(9.9, 10, 50)])
     assert ratio(poses) == 0.0
-    stays = search_of([right(0.0)], 3)
-    assert found_by(stays, poses).actions == ()
+    assert found_by(search_of([right(0.0), left(11.0)], 3), poses).actions == (0,)
+    # Only both pushes one after the other bring the modes together: the first gains nothing.
+    assert found_by(search_of([right(4.0), left(4.5)], 2), poses).actions == (0, 1)
 
 
 def test_some_action_is_found_even_if_none_gains():
