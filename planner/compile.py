@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,7 +83,7 @@ def compile_job(
     """
     say = report or silent
     deadline = time.monotonic() + budget_s
-    simulator = Simulator.of_job(job, workers)
+    simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
     if job.search.model == "kcde":
         threads = Threads(simulator.workers)
         roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler or threads, say)
@@ -133,5 +133,6 @@ def _growth(job: Job, simulator: Simulator) -> Growth:
         depth=job.search.depth,
         costs=costs_of(job),
         particles=job.search.search_particles,
+        crash_share=job.goal.crash_share,
     )
     return Growth(look_ahead, model, handling_of(job), job.search.max_depth)

@@ -41,10 +41,18 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Coefficient of friction between finger and part, uniform between two bounds."""
+    """Coefficient of friction between finger and part.
+
+    Attributes:
+        finger_part_min: lower bound; friction is uniform between the two.
+        finger_part_max: upper bound.
+        doubt: share of the plan's particles whose friction lies anywhere in an interval wider than stated, so
+            that a part which does not keep to the bounds ends in an honest leaf.
+    """
 
     finger_part_min: float
     finger_part_max: float
+    doubt: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +148,8 @@ class Goal:
         tolerance_mm: bounds on x and y, for "tolerances".
         tolerance_deg: bound on theta, for "tolerances" and "orientation".
         modes: how many poses a leaf may leave open, for "modes".
+        crash_share: share of the parts that may lie under an open finger coming down, where no placement is
+            clear of all of them: an uncertainty wider than the jaws open.
     """
 
     kind: str
@@ -148,6 +158,7 @@ class Goal:
     tolerance_mm: tuple[float, float]
     tolerance_deg: float
     modes: int
+    crash_share: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
     "friction": {
         "finger_part_min": Number(0, 2),
         "finger_part_max": Number(0, 2),
+        "doubt": Number(0, 1, default=0.2),
     },
     "gripper": {
         "model": Text(default="robotiq-2f-85"),
@@ -83,6 +84,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "tolerance_mm": Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5]),
         "tolerance_deg": Number(0, 180, above=True, default=5.0),
         "modes": Integer(1, 8, default=1),
+        "crash_share": Number(0, 0.05, default=0.0),
     },
     "search": {
         "method": Text(("closed-loop", "paper", "paper-sequence", "sensorless"), default="closed-loop"),

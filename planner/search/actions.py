@@ -80,14 +80,14 @@ def _least_clearance(outline: Array, poses: Array, opening: float, h: float, thi
 @kernel
 def _free(
     outline: Array, reach: float, belief: Array, placements: Array, opening: float, h: float,
-    thickness: float, least: float, points: Array, listed: IntArray, free: BoolArray,
+    thickness: float, least: float, spared: int, points: Array, listed: IntArray, free: BoolArray,
 ) -> None:  # fmt: skip
-    """`free[a]`: whether the fingers at placement a keep `least` from every pose of the belief."""
+    """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses of the belief."""
     n = outline.shape[0]
     pose = np.empty(3)
     for a in range(placements.shape[0]):
         c, s = np.cos(placements[a, 2]), np.sin(placements[a, 2])
-        free[a] = True
+        near = 0
         for k in range(belief.shape[0]):
             dx, dy = belief[k, 0] - placements[a, 0], belief[k, 1] - placements[a, 1]
             pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, belief[k, 2] - placements[a, 2]
@@ -100,10 +100,11 @@ def _free(
                     blocked(points, finger, face, h, thickness)
                     or max(clearance(points, finger, face, h), 0.0) < least
                 ):
-                    free[a] = False
+                    near += 1
                     break
-            if not free[a]:
+            if near > spared:
                 break
+        free[a] = near <= spared
 
 
 def least_clearance(
@@ -133,11 +134,12 @@ def least_clearance(
 
 
 def free_placements(
-    outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float
+    outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float, share: float = 0.0
 ) -> BoolArray:
-    """Which placements keep a clearance of at least `least_mm` from every believed pose.
+    """Which placements keep a clearance of at least `least_mm` from every believed pose, or all but a few.
 
-    The same judgement as `least_clearance(...) >= least_mm`, without measuring what is far anyway.
+    With a share of 0 the same judgement as `least_clearance(...) >= least_mm`, without measuring what is far
+    anyway.
 
     Args:
         outline: (N, 2) the part [mm].
@@ -145,11 +147,13 @@ def free_placements(
         belief: (n, 3) believed poses in the world.
         placements: (k, 3) hand frames in the world.
         least_mm: clearance asked for, at most half the opening.
+        share: of the poses that may be nearer.
     """
     n, free = len(outline), np.empty(len(placements), np.bool_)
     reach = float(np.max(np.hypot(*outline.T)))
     _free(
         outline, reach, np.ascontiguousarray(belief), np.ascontiguousarray(placements), jaws[0],
-        0.5 * jaws[1] + SIDE_MARGIN_MM, jaws[2], least_mm, np.empty((n, 2)), np.arange(n), free,
+        0.5 * jaws[1] + SIDE_MARGIN_MM, jaws[2], least_mm, int(share * len(belief)), np.empty((n, 2)),
+        np.arange(n), free,
     )  # fmt: skip
     return free

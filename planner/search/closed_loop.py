@@ -9,7 +9,7 @@ progressively: all of them are squeezed once, and only the most promising are fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ FOLLOWED = (8, 6, 4)
 """How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
 SECOND_MODE = 0.25
 """What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
+UNSETTLED = 0.015
+"""What the fixed placements may leave open before others are proposed."""
 LEAST_PROGRESS = 0.001
 """Gain in mode ratio, the cost of one squeeze not counted, below which none is planned."""
 SHRINK = 1.0
@@ -75,6 +77,7 @@ class LookAhead:
         depth: squeezes to look ahead.
         costs: c.
         particles: size of the belief to search with.
+        crash_share: share of a belief that may lie under an open finger where no placement clears all of it.
     """
 
     actions: ActionSet
@@ -85,6 +88,7 @@ class LookAhead:
     depth: int
     costs: Costs
     particles: int
+    crash_share: float = 0.0
 
     def clearance(self, belief: Array, placement: Array) -> float:
         """Least distance between the open fingers at a placement and the believed part [mm]."""
@@ -94,8 +98,9 @@ class LookAhead:
         """The placement to squeeze at.
 
         The cost decides which action is best, not whether to go on: a belief that does not meet the goal yet
-        is squeezed as long as that gets it nearer. Where nothing does at the stated depth one squeeze more is
-        looked ahead: a belief of several modes may need two before any progress shows.
+        is squeezed as long as that gets it nearer. The fixed placements are looked at first, and those about
+        the belief only where these do not settle it. Where nothing gains at the stated depth one squeeze more
+        is looked ahead: a belief of several modes may need two before any progress shows.
 
         Args:
             belief: (n, 3) particles in the world.
@@ -104,21 +109,29 @@ class LookAhead:
         Returns:
             None where no action is free of collision or gains anything.
         """
+        found = []
+        for look_ahead, depth in self._stages():
+            choice = look_ahead._best(belief, depth, rng)
+            if choice is not None and choice.gain > LEAST_PROGRESS:
+                found.append(choice)
+                settled = self.confidence - depth * self.costs.squeeze - UNSETTLED
+                if look_ahead is self or choice.value >= settled:
+                    break
+        return max(found, key=lambda choice: choice.value, default=None)
+
+    def _stages(self) -> list[tuple[LookAhead, int]]:
+        """Searches to try one after the other, with their depth."""
+        thorough = [(self, self.depth), (self, self.depth + 1)]
+        if self.actions.proposals is None:
+            return thorough
+        return [(replace(self, actions=replace(self.actions, proposals=None)), self.depth), *thorough]
+
+    def _best(self, belief: Array, depth: int, rng: np.random.Generator) -> Choice | None:
+        """The best of the options, varied a little if placements may be proposed; None without any."""
         thin = subsample(belief, self.particles)
         options = self._free(belief, self.actions.options(thin, self.metric))
         if not len(options):
             return None
-        best = None
-        for depth in (self.depth, self.depth + 1):
-            best = self._best(belief, thin, options, depth, rng)
-            if best.gain > LEAST_PROGRESS:
-                return best
-        return None
-
-    def _best(
-        self, belief: Array, thin: Array, options: Array, depth: int, rng: np.random.Generator
-    ) -> Choice:
-        """The best of the options, varied a little if placements may be proposed."""
         (squeezed,) = self._squeeze([thin], [options], rng)
         if self.actions.proposals is not None:
             top = squeezed.placements[np.argsort(-squeezed.rank, kind="stable")[:REFINED]]
@@ -198,8 +211,10 @@ class LookAhead:
 
     def _free(self, belief: Array, placements: Array) -> Array:
         """Those of the placements at which the open fingers stay clear of the belief."""
-        simulator = self.simulator
-        free = free_placements(simulator.outline, simulator.jaws, belief, placements, LEAST_CLEARANCE_MM)
+        part, jaws = self.simulator.outline, self.simulator.jaws
+        free = free_placements(part, jaws, belief, placements, LEAST_CLEARANCE_MM)
+        if self.crash_share > 0.0 and not free.any():
+            free = free_placements(part, jaws, belief, placements, 0.0, self.crash_share)
         return np.asarray(placements[free])
 
 

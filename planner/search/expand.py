@@ -155,7 +155,7 @@ def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
         return
     node.placement = placement = choice.placement
     node.opening_mm, node.clearance_mm = growth.handling.opening(node.belief, placement)
-    belief = replenish(node.belief, LEAST_PARTICLES)
+    belief = replenish(growth.handling.clear(node.belief, placement), LEAST_PARTICLES)
     outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
     node.clusters, node.unstable = outcomes.clusters, outcomes.unstable
     node.release = growth.handling.release(outcomes)

@@ -12,7 +12,9 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.encoder import Encoder, encoder_of
+from planner.frames import to_hand
 from planner.job import Job
+from planner.models.region import stands_on
 from planner.search.actions import least_clearance
 from planner.search.outcomes import Outcomes
 
@@ -51,7 +53,11 @@ class Handling:
             if clearance >= SPARE_MM:
                 return opening, clearance
         full = self.openings_mm[-1]
-        return full, self._clearance(full, belief, placement)
+        return full, max(self._clearance(full, belief, placement), 0.0)
+
+    def clear(self, belief: Array, placement: Array) -> Array:
+        """The particles that no open finger comes down on: the others are not squeezed, the arm has stopped."""
+        return np.asarray(belief[~stands_on(self.outline, self.jaws, to_hand(belief, placement))])
 
     def force_n(self, unstable: float) -> float:
         """The strongest grip for a stable squeeze; the gentlest where parts may be thrown (paper VII.B)."""
