@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -24,9 +25,11 @@ from planner.arrays import Array, IntArray
 from planner.errors import ClusterError
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.quartic import QuarticSurface
-from planner.mechanics.simulator import Simulator
+from planner.mechanics.simulator import Parameters, Simulator
 from planner.models.region import farthest, ring_counts, stands_on, starts, within_reach
+from planner.models.slopes import few, slopes_of
 from planner.models.store import Store
+from planner.models.touch import TOUCHES, meet
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler, Threads
 
@@ -43,6 +46,9 @@ ROW = np.dtype(
     [("index", "<u2"), ("status", "i1"), ("initial", "<f8", 3), ("final", "<f8", 3), ("width_mm", "<f8")]
 )
 """One roll-out of a block, in the store and on the way between machines."""
+SLOPE = np.dtype([("index", "<u2"), ("initial", "<f8", 3), ("slope", "<f4", (4, 3))])
+"""Its slope, kept apart: it costs four more roll-outs."""
+Work: TypeAlias = Callable[[Simulator, bytes, "Block"], bytes]
 
 
 class RollOuts(NamedTuple):
@@ -95,19 +101,7 @@ def roll_outs(
         ValueError: radius or count are not above 0.
         ClusterError: the cluster was lost, or runs another version of this program.
     """
-    count = DEFAULT_COUNT if count is None else count
-    if not (0.0 < radius_mm < math.inf and count > 0):
-        raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
-    wanted = ring_counts(radius_mm, count)
-    rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
-    blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
-    rows = _finished(simulator, blocks, store, scheduler or Threads(), report or silent)
-    kept = [
-        part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
-        for (ring, number), part in zip(blocks, rows, strict=True)
-    ]
-    table = np.concatenate([np.empty(0, ROW), *kept])
-    table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
+    table = _table(roll_block, ROW, simulator, radius_mm, count, store, scheduler, report)
     return RollOuts(
         np.ascontiguousarray(table["initial"]),
         np.ascontiguousarray(table["final"]),
@@ -116,25 +110,65 @@ def roll_outs(
     )
 
 
+def slopes(
+    simulator: Simulator,
+    radius_mm: float,
+    count: int | None = None,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
+    report: Report | None = None,
+) -> Array:
+    """Slopes of the roll-outs that `roll_outs` gives for the same arguments, which see.
+
+    Returns:
+        (n, 4, 3) change of final x, y, theta and of width_mm with initial x, y and theta
+        (`planner.models.slopes`); zero where no finger touches the part, or an open one stands on it.
+    """
+    table = _table(slope_block, SLOPE, simulator, radius_mm, count, store, scheduler, report)
+    return np.ascontiguousarray(table["slope"], dtype=np.float64)
+
+
+def _table(
+    work: Work, row: np.dtype[np.void], simulator: Simulator, radius_mm: float, count: int | None,
+    store: Store | None, scheduler: Scheduler | None, report: Report | None,
+) -> Rows:  # fmt: skip
+    """The rows of the region, one block's after the other."""
+    count = DEFAULT_COUNT if count is None else count
+    if not (0.0 < radius_mm < math.inf and count > 0):
+        raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
+    wanted = ring_counts(radius_mm, count)
+    rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
+    blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
+    rows = _finished(work, row, simulator, blocks, store, scheduler or Threads(), report or silent)
+    kept = [
+        part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
+        for (ring, number), part in zip(blocks, rows, strict=True)
+    ]
+    table = np.concatenate([np.empty(0, row), *kept])
+    return table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
+
+
 def _finished(
-    simulator: Simulator, blocks: list[Block], store: Store | None, scheduler: Scheduler, report: Report
-) -> list[Rows]:
+    work: Work, row: np.dtype[np.void], simulator: Simulator, blocks: list[Block], store: Store | None,
+    scheduler: Scheduler, report: Report,
+) -> list[Rows]:  # fmt: skip
     """The rows of every block, from the store or rolled out and stored one by one."""
+    stage = "slopes" if work is slope_block else "roll-outs"
     alone = replace(simulator, workers=1)
     content, version = content_of(simulator), code_version()
-    names = [_name(content, version, block) for block in blocks]
+    names = [_name(content, version, block, stage) for block in blocks]
     found = {block: store.get(name) for block, name in zip(blocks, names, strict=True)} if store else {}
     missing = [block for block in blocks if found.get(block) is None]
-    report("roll-outs", len(blocks) - len(missing), len(blocks))
-    task = functools.partial(roll_block, alone, version)
+    report(stage, len(blocks) - len(missing), len(blocks))
+    task = functools.partial(work, alone, version)
     for k, data in enumerate(scheduler.map(task, missing)):
         found[missing[k]] = data
         if store:
-            store.put(_name(content, version, missing[k]), data)
-        report("roll-outs", len(blocks) - len(missing) + k + 1, len(blocks))
+            store.put(_name(content, version, missing[k], stage), data)
+        report(stage, len(blocks) - len(missing) + k + 1, len(blocks))
     if store and missing:
         store.trim()
-    return [np.frombuffer(found[block] or b"", ROW) for block in blocks]
+    return [np.frombuffer(found[block] or b"", row) for block in blocks]
 
 
 def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
@@ -151,18 +185,9 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     Raises:
         ClusterError: this is another version of the program.
     """
-    if version != code_version():
-        raise ClusterError(
-            "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
-            "something else; install the same on all machines"
-        )
-    outline, jaws = simulator.outline, simulator.jaws
-    rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
-    initial = starts(block.ring, BLOCK, rng)
-    reached = np.flatnonzero(within_reach(outline, jaws, initial))
-    initial = initial[reached]
-    hits = stands_on(outline, jaws, initial)
-    rolled = simulator.roll_out(initial, simulator.sample(len(initial), rng))
+    reached, initial, parameters = _drawn(simulator, version, block)
+    hits = stands_on(simulator.outline, simulator.jaws, initial)
+    rolled = simulator.roll_out(initial, parameters)
     rows = np.empty(len(initial), ROW)
     rows["index"] = reached
     rows["status"] = np.where(hits, COLLIDES, rolled.status)
@@ -170,6 +195,33 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     rows["final"] = np.where(hits[:, None], initial, rolled.poses)
     rows["width_mm"] = rolled.width_mm
     return rows.tobytes()
+
+
+def slope_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
+    """Finds the slopes of one block, wherever it runs; arguments and errors as of `roll_block`.
+
+    Returns:
+        An array of `SLOPE` in the same order.
+    """
+    reached, initial, parameters = _drawn(simulator, version, block)
+    touched = np.flatnonzero(meet(simulator.outline, simulator.jaws, initial) == TOUCHES)
+    rows = np.zeros(len(initial), SLOPE)
+    rows["index"], rows["initial"] = reached, initial
+    rows["slope"][touched] = slopes_of(simulator, initial[touched], few(parameters, touched))
+    return rows.tobytes()
+
+
+def _drawn(simulator: Simulator, version: bytes, block: Block) -> tuple[IntArray, Array, Parameters]:
+    """The starts of a block within the fingers' reach: their numbers, poses and mechanics."""
+    if version != code_version():
+        raise ClusterError(
+            "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
+            "something else; install the same on all machines"
+        )
+    rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
+    initial = starts(block.ring, BLOCK, rng)
+    reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, initial))
+    return reached, initial[reached], simulator.sample(len(reached), rng)
 
 
 def content_of(simulator: Simulator) -> bytes:
@@ -193,8 +245,8 @@ def code_version() -> bytes:
     """Digest of the code that squeezes, and of what it runs on: other code makes other entries."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
-    own = [Path(__file__), package / "models" / "region.py", package / "kernel.py"]
-    for source in sorted([*(package / "mechanics").glob("*.py"), *own]):
+    own = [package / "models" / name for name in ("rollouts.py", "region.py", "slopes.py", "touch.py")]
+    for source in sorted([*(package / "mechanics").glob("*.py"), package / "kernel.py", *own]):
         digest.update(source.read_bytes())
     return digest.digest()
 
@@ -204,5 +256,5 @@ def _seed(content: bytes, block: Block) -> bytes:
     return hashlib.sha256(content + b"%d %d" % block).digest()
 
 
-def _name(content: bytes, version: bytes, block: Block) -> str:
-    return hashlib.sha256(version + _seed(content, block)).hexdigest()
+def _name(content: bytes, version: bytes, block: Block, stage: str) -> str:
+    return hashlib.sha256(version + _seed(content, block) + stage.encode()).hexdigest()

@@ -1,0 +1,217 @@
+"""Which training points lie near a pose: cells of a grid, searched without a branch of a tree.
+
+Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
+rotational order. Points are stored cell by cell, cells with the angle fastest: what lies near in angle lies
+in a row, and a search scans a few rows.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.kernel import kernel
+
+POINTS_PER_CELL = 2.0
+LARGEST_GRID = 4_000_000
+"""Cells; thin data spread over much space gets larger ones."""
+
+
+class Grid(NamedTuple):
+    """Points in the cells of a grid.
+
+    Attributes:
+        points: (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm].
+        row: (N,) the row each had before.
+        first: (cells + 1,) the first point of each cell.
+        corner: (2,) least x and y of the grid [mm].
+        size: (3,) sides of a cell [mm].
+        shape: (3,) number of cells along each axis.
+        period: of the last coordinate [mm].
+    """
+
+    points: Array
+    row: IntArray
+    first: IntArray
+    corner: Array
+    size: Array
+    shape: IntArray
+    period: float
+
+    @property
+    def spacing_mm(self) -> float:
+        """Typical distance of neighbours: the side of a cube that holds one point."""
+        return float((np.prod(self.size) * self.shape.prod() / len(self.points)) ** (1.0 / 3.0))
+
+
+def grid_of(points: Array, period: float) -> Grid:
+    """Sorts points into a grid.
+
+    Args:
+        points: (N, 3) normalised, N >= 1; the last coordinate is wrapped here [mm].
+        period: of the last coordinate [mm].
+    """
+    wrapped = np.array(points, dtype=np.float64)
+    wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
+    corner = wrapped[:, :2].min(axis=0)
+    extent = np.append(wrapped[:, :2].max(axis=0) - corner, period)
+    cells = min(max(len(points) / POINTS_PER_CELL, 1.0), LARGEST_GRID)
+    # A disc fills pi/4 of its square; degenerate extents get one cell.
+    side = (np.prod(np.maximum(extent, 1e-3)) / cells) ** (1.0 / 3.0)
+    shape = np.maximum(np.ceil(extent / side), 1).astype(np.int64)
+    size = np.maximum(extent, 1e-3) / shape
+    at = np.minimum(((wrapped - np.append(corner, 0.0)) / size).astype(np.int64), shape - 1)
+    cell = (at[:, 0] * shape[1] + at[:, 1]) * shape[2] + at[:, 2]
+    row = np.argsort(cell, kind="stable")
+    first = np.searchsorted(cell[row], np.arange(shape.prod() + 1))
+    return Grid(wrapped[row], row, first, corner, size, shape, float(period))
+
+
+def wrap_up(coordinate: Array, period: float) -> Array:
+    """Coordinates reduced to [0, period)."""
+    wrapped = np.mod(coordinate, period)
+    return np.asarray(np.where(wrapped >= period, 0.0, wrapped))
+
+
+@kernel
+def _gap(coordinate: float, low: float, size: float) -> float:
+    """Distance of a coordinate from the interval [low, low + size]."""
+    return max(low - coordinate, coordinate - low - size, 0.0)
+
+
+@kernel
+def _scan(
+    grid: Grid, start: int, stop: int, q: Array, square: float, place: IntArray, squares: Array, found: int
+) -> int:
+    """Adds the points start to stop - 1 that lie within sqrt(square) of q; returns the new count."""
+    points, period = grid.points, grid.period
+    for k in range(start, stop):
+        dx, dy, dz = points[k, 0] - q[0], points[k, 1] - q[1], abs(points[k, 2] - q[2])
+        dz = min(dz, period - dz)
+        s = dx * dx + dy * dy + dz * dz
+        # Written always, kept if near: a branch here would be mispredicted half the time.
+        place[found] = k
+        squares[found] = s
+        found += s <= square
+    return found
+
+
+@kernel
+def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) -> int:
+    """Finds all points within `reach` of a pose.
+
+    Args:
+        grid: the points.
+        q: (3,) normalised, the last coordinate in [0, period) [mm].
+        reach: distance [mm].
+        place: (N + 1,) receives where in the grid they stand, in order; modified in place.
+        squares: (N + 1,) receives their squared distances [mm^2]; modified in place.
+
+    Returns:
+        How many there are.
+    """
+    nx, ny, nz = grid.shape
+    sx, sy, sz = grid.size
+    x, y, z = q[0] - grid.corner[0], q[1] - grid.corner[1], q[2]
+    square, found = reach * reach, 0
+    x_first, x_last = int(max(np.floor((x - reach) / sx), 0)), int(min(np.floor((x + reach) / sx), nx - 1))
+    y_first, y_last = int(max(np.floor((y - reach) / sy), 0)), int(min(np.floor((y + reach) / sy), ny - 1))
+    for i in range(x_first, x_last + 1):
+        gap_x = _gap(x, i * sx, sx)
+        for j in range(y_first, y_last + 1):
+            gap_y = _gap(y, j * sy, sy)
+            left = square - gap_x * gap_x - gap_y * gap_y
+            if left < 0.0:
+                continue
+            half = np.sqrt(left)
+            low, high = int(np.floor((z - half) / sz)), int(np.floor((z + half) / sz))
+            base = (i * ny + j) * nz
+            first = grid.first
+            if high - low + 1 >= nz:
+                found = _scan(grid, first[base], first[base + nz], q, square, place, squares, found)
+            elif low < 0 or high >= nz:
+                low, high = (low + nz) % nz, high % nz
+                found = _scan(grid, first[base], first[base + high + 1], q, square, place, squares, found)
+                found = _scan(grid, first[base + low], first[base + nz], q, square, place, squares, found)
+            else:
+                found = _scan(
+                    grid, first[base + low], first[base + high + 1], q, square, place, squares, found
+                )
+    return found
+
+
+@kernel
+def nearest_within(
+    grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
+) -> tuple[int, float]:
+    """Finds the nearest point and all that are at most `spread` farther, in squares of distance.
+
+    Args:
+        grid: the points, at least one.
+        q: (3,) normalised, the last coordinate in [0, period) [mm].
+        start: distance to look at first [mm]; a good guess saves a second look.
+        spread: what is added to the nearest point's squared distance [mm^2].
+        place: (N + 1,) receives where in the grid they stand; modified in place.
+        squares: (N + 1,) receives by how much each squared distance exceeds the least [mm^2].
+
+    Returns:
+        How many there are, at least 1; and the nearest point's squared distance [mm^2].
+    """
+    reach, found = start, 0
+    while True:
+        found = within(grid, q, reach, place, squares)
+        if found > 0:
+            break
+        reach *= 2.0
+    least = squares[:found].min()
+    # A little more than asked for, lest rounding lose the nearest point itself.
+    if least + spread > reach * reach:
+        found = within(grid, q, np.sqrt(least + spread) * (1.0 + 1e-12), place, squares)
+    kept = 0
+    for k in range(found):
+        excess = squares[k] - least
+        if excess <= spread:
+            place[kept], squares[kept] = place[k], max(excess, 0.0)
+            kept += 1
+    return kept, least
+
+
+@kernel
+def keep_least(place: IntArray, squares: Array, found: int, most: int) -> int:
+    """Moves the `most` points of least squared distance to the front (quickselect, Hoare 1961).
+
+    Args:
+        place: (N + 1,) points found; modified in place.
+        squares: (N + 1,) their squared distances; modified in place.
+        found: how many there are.
+        most: how many to keep, at least 1.
+
+    Returns:
+        How many are left.
+    """
+    low, high = 0, found - 1
+    while low < high and most < found:
+        pivot = squares[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while squares[i] < pivot:
+                i += 1
+            while squares[j] > pivot:
+                j -= 1
+            if i <= j:
+                squares[i], squares[j] = squares[j], squares[i]
+                place[i], place[j] = place[j], place[i]
+                i += 1
+                j -= 1
+        if most - 1 <= j:
+            high = j
+        elif most - 1 >= i:
+            low = i
+        else:
+            break
+    return min(found, most)
+
+
+__all__ = ["Grid", "grid_of", "keep_least", "nearest_within", "within", "wrap_up"]

@@ -1,0 +1,126 @@
+"""The learned model in place of the simulator: as good to plan with, and interchangeable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from problems import OUTLINES, random_poses, simulator
+
+from planner.encoder import Encoder
+from planner.mechanics.simulator import STATUS_NAMES
+from planner.models.energy import compare
+from planner.models.learned import LearnedModel
+from planner.models.rollouts import roll_outs, slopes
+from planner.part import symmetry
+from planner.search.outcomes import Simulation
+
+ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
+FIXED = np.array([[0.0, 0.0, angle] for angle in np.radians([0.0, 45.0, 90.0])])
+RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}
+
+
+def learned(name, count=6_000, workers=2, paper=False):
+    part = simulator(OUTLINES[name](), workers=workers)
+    rolled = roll_outs(part, 3 * RADII_MM[name], count)
+    slope = None if paper else slopes(part, 3 * RADII_MM[name], count)
+    return LearnedModel.fit(part, ENCODER, symmetry.order(part.outline), rolled, slope, paper)
+
+
+@pytest.fixture(scope="module")
+def rectangle_model():
+    return learned("rectangle")
+
+
+@pytest.mark.parametrize("name", RADII_MM)
+def test_push_forwards_are_as_near_the_simulator_as_it_is_to_itself(name, rectangle_model):
+    model = rectangle_model if name == "rectangle" else learned(name)
+    belief = random_poses(np.random.default_rng(1), 250, RADII_MM[name])
+    reference = Simulation(model.simulator, ENCODER)
+    order, rho = model.motion.order, model.motion.rho_mm
+    compared = compare(model, reference, belief, FIXED, rho, order, 8, np.random.default_rng(2))
+    assert [c.squeezes for c in compared] == [1, 2, 3]
+    for comparison in compared:
+        assert comparison.ratio < 1.5
+
+
+def test_the_paper_blurs_more(rectangle_model):
+    paper = learned("rectangle", count=2000, paper=True)
+    belief = random_poses(np.random.default_rng(3), 1000, 12.75)
+    reference = Simulation(paper.simulator, ENCODER)
+    rho = paper.motion.rho_mm
+    ratios = [
+        compare(model, reference, belief, FIXED[:1], rho, 2, 3, np.random.default_rng(4))[0].ratio
+        for model in (rectangle_model, paper)
+    ]
+    assert ratios[1] > 2 * ratios[0]
+    assert paper.bandwidths is None
+    assert paper.motion.h1_mm == 0.5
+    assert np.all(paper.motion.scatter == 0.5)
+    assert paper.motion.most == 400
+
+
+def test_it_squeezes_as_the_simulator_does(rectangle_model):
+    rng = np.random.default_rng(5)
+    cases = [
+        (random_poses(rng, n, 12.0), placement) for n, placement in zip((400, 1, 90), FIXED, strict=True)
+    ]
+    outcomes = rectangle_model.squeeze(cases, np.random.default_rng(6))
+    for (belief, _), outcome in zip(cases, outcomes, strict=True):
+        assert sum(len(child) for child in outcome.beliefs) == len(belief)
+        assert outcome.probability.sum() == pytest.approx(1.0)
+        assert outcome.clusters.size.tolist() == [len(child) for child in outcome.beliefs]
+    assert rectangle_model.squeeze([], rng) == []
+    one = replace(rectangle_model, simulator=replace(rectangle_model.simulator, workers=1))
+    again = one.squeeze(cases, np.random.default_rng(6))
+    for ours, theirs in zip(outcomes, again, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(ours.beliefs, theirs.beliefs, strict=True))
+
+
+def test_statuses_and_widths_come_at_the_simulators_rates(rectangle_model):
+    rng = np.random.default_rng(7)
+    poses = random_poses(rng, 6000, 20.0)
+    ours = rectangle_model.roll_out(poses, np.zeros(6000, np.int64), rng)
+    part = rectangle_model.simulator
+    theirs = part.roll_out(poses, part.sample(6000, rng))
+    rates = [np.bincount(r.status, minlength=len(STATUS_NAMES)) / 6000 for r in (ours, theirs)]
+    assert rates[0] == pytest.approx(rates[1], abs=0.03)
+    bins = np.linspace(0.0, 86.0, 44)
+    widths = [np.histogram(r.width_mm, bins)[0] / 6000 for r in (ours, theirs)]
+    assert widths[0] == pytest.approx(widths[1], abs=0.04)
+    still = theirs.status == STATUS_NAMES.index("untouched")
+    assert np.array_equal(ours.poses[still], poses[still])
+    assert np.array_equal(ours.status == 0, still)
+
+
+def test_what_no_roll_out_covers_is_simulated(rectangle_model):
+    part = rectangle_model.simulator
+    inner = roll_outs(part, 6.0, 400)
+    narrow = LearnedModel.fit(part, ENCODER, 2, inner)
+    rng = np.random.default_rng(8)
+    outside = random_poses(rng, 500, 4.0) + np.array([0.0, 14.0, 0.0])
+    drawn = narrow.motion.sample(outside, rng)
+    belief = np.arange(500)
+    assert not np.any(narrow.covered(drawn.source, drawn.nearest_mm, belief)[drawn.source >= 0])
+    ours = narrow.roll_out(outside, belief, rng).poses
+    theirs = part.roll_out(outside, part.sample(500, rng)).poses
+    assert np.median(np.abs(ours - theirs)[:, :2].sum(axis=1)) < 3.0
+
+
+def test_a_roll_out_serves_one_particle_of_a_belief(rectangle_model):
+    source = np.array([4, 4, 9, 4, 9, 9])
+    belief = np.array([0, 0, 0, 1, 1, 1])
+    near = np.zeros(6)
+    expected = [True, False, True, True, True, False]
+    assert rectangle_model.covered(source, near, belief).tolist() == expected
+    anyone = replace(rectangle_model, most_draws=0)
+    assert anyone.covered(source, near, belief).all()
+    assert not rectangle_model.covered(source, near + 1e3, belief).any()
+
+
+def test_roll_outs_without_slopes_do_too(rectangle_model):
+    part = rectangle_model.simulator
+    flat = LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 38.25, 6_000))
+    assert len(flat.motion.slope) == 0
+    belief = random_poses(np.random.default_rng(9), 200, 12.0)
+    outcome = flat.squeeze([(belief, FIXED[0])], np.random.default_rng(10))[0]
+    assert sum(len(child) for child in outcome.beliefs) == 200

@@ -1,0 +1,47 @@
+"""Slow, obvious twins of the motion model's kernels: every roll-out against every pose, in numpy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+
+def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np.ndarray:
+    """Normalised differences (n, m, 3) of poses (n, 3) from others (m, 3), the angle wrapped."""
+    difference = poses[:, None] - others[None]
+    period = math.tau / order
+    turn = difference[..., 2] - period * np.round(difference[..., 2] / period)
+    return np.stack([difference[..., 0], difference[..., 1], rho * turn], axis=-1)
+
+
+def weights(poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: float) -> np.ndarray:
+    """Equation 8 over all roll-outs, (n, m)."""
+    square = (offsets(poses, initial, rho, order) ** 2).sum(axis=-1)
+    log_weight = -0.5 * square / h1**2
+    weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
+    return weight / weight.sum(axis=1, keepdims=True)
+
+
+def density(
+    poses: np.ndarray, finals: np.ndarray, initial: np.ndarray, end: np.ndarray, rho: float, order: int,
+    h1: float, h2: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Equation 7 at outcomes (n, 3) of poses (n, 3), h2 (m, 3) by roll-out and coordinate. (n,)."""
+    z = offsets(finals, end, rho, order) / h2[None]
+    kernel = np.exp(-0.5 * (z**2).sum(axis=-1)) / (h2.prod(axis=1) * math.tau**1.5)[None]
+    return (weights(poses, initial, rho, order, h1) * kernel).sum(axis=1)
+
+
+def energy_distance(a: np.ndarray, b: np.ndarray, rho: float, order: int) -> float:
+    """Energy distance with every pair written out."""
+
+    def points(poses: np.ndarray) -> np.ndarray:
+        around = np.exp(1j * order * poses[:, 2]) * rho / order
+        return np.column_stack([poses[:, :2], around.real, around.imag])
+
+    def mean(p: np.ndarray, q: np.ndarray) -> float:
+        return float(np.linalg.norm(p[:, None] - q[None], axis=-1).mean())
+
+    first, second = points(a), points(b)
+    return 2 * mean(first, second) - mean(first, first) - mean(second, second)
