@@ -16,8 +16,9 @@ from planner.goal import metric_of
 from planner.job import Job
 from planner.lower import lower, with_evaluation
 from planner.mechanics.simulator import Simulator
+from planner.models.learned import LearnedModel
 from planner.models.region import region_radius
-from planner.models.rollouts import roll_outs
+from planner.models.rollouts import roll_outs, slopes
 from planner.models.store import Store
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
@@ -27,7 +28,7 @@ from planner.search.closed_loop import LookAhead
 from planner.search.costs import costs_of
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
-from planner.search.outcomes import Simulation
+from planner.search.outcomes import MotionModel, Simulation
 from planner.world import ContactWorld
 from runtime.table import Table, canonical
 
@@ -84,10 +85,7 @@ def compile_job(
     say = report or silent
     deadline = time.monotonic() + budget_s
     simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
-    if job.search.model == "kcde":
-        threads = Threads(simulator.workers)
-        roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler or threads, say)
-    growth = _growth(job, simulator)
+    growth = _growth(job, simulator, motion_model(job, simulator, store, scheduler, say))
     look_ahead = growth.look_ahead
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))
@@ -121,9 +119,38 @@ def compile_job(
     return Plan(table, root, evaluation)
 
 
-def _growth(job: Job, simulator: Simulator) -> Growth:
+def motion_model(
+    job: Job, simulator: Simulator, store: Store | None, scheduler: Scheduler | None, say: Report
+) -> MotionModel:
+    """What squeezes beliefs while planning: a learned model where the job asks for it, or the simulator."""
+    if job.search.model == "kcde":
+        return learned_model(job, simulator, store, scheduler, say)
+    return Simulation(simulator, encoder_of(job))
+
+
+def learned_model(
+    job: Job, simulator: Simulator, store: Store | None, scheduler: Scheduler | None, say: Report
+) -> LearnedModel:
+    """The model learned from the roll-outs of a job.
+
+    Args:
+        job: the checked job.
+        simulator: its squeezes.
+        store: where roll-outs are kept; nowhere if None.
+        scheduler: who rolls them out; as many threads as the simulator has if None.
+        say: told about progress.
+
+    Raises:
+        ClusterError: the cluster was lost.
+    """
+    threads = scheduler or Threads(simulator.workers)
+    order = (simulator, region_radius(job), job.search.rollouts, store, threads, say)
+    rolled, slope = roll_outs(*order), slopes(*order)
+    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled, slope)
+
+
+def _growth(job: Job, simulator: Simulator, model: MotionModel) -> Growth:
     """How a job's tree is grown."""
-    model = Simulation(simulator, encoder_of(job))
     look_ahead = LookAhead(
         actions=actions_of(job),
         simulator=simulator,

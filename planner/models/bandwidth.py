@@ -11,7 +11,7 @@ roll-outs) that raises the likelihood by 3.6 a roll-out, in natural logarithms.
 
 Likelihood alone would blur too much: it judges the density at every single pose, which takes many
 neighbours, while a belief is pushed forward as a whole, and averages over its particles by itself. The limits
-`H1_MOST` and `H2_MOST` come from the energy distance between push-forwards (decision 0009).
+`H1_MOST` and `H2_MOST` come from the energy distance between push-forwards (decision 0011).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LEAST_SCATTER_MM = 0.002
 """Less than a step of the simulator resolves."""
 STEPS = (2.0**0.5, 2.0**0.25)
 """Ratios of neighbouring bandwidths in the refinements."""
-H1_MOST = 0.25
+H1_MOST = 0.125
 """Limit of h1, in spacings of the roll-outs."""
 H2_MOST = 0.1
 """Limit of a local h2, as a factor of the scatter."""

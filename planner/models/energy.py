@@ -76,29 +76,31 @@ def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
 
 
 def compare(
-    model: Model, reference: Model, belief: Array, placements: Array, rho_mm: float, order: int,
-    repetitions: int, rng: np.random.Generator,
+    model: Model, reference: Model, beliefs: Sequence[Array], placements: Array, rho_mm: float, order: int,
+    rng: np.random.Generator,
 ) -> list[Comparison]:  # fmt: skip
     """Compares push-forwards of a belief through a sequence of squeezes.
 
-    All runs start from the same particles, so that what differs is the squeezes' doing alone.
+    Runs that start from the same particles differ by the squeezes' doing alone: that is the strictest
+    comparison. Runs that start from particles of their own also differ as samples of one belief do.
 
     Args:
         model: the motion model in question.
         reference: the simulator as a motion model.
-        belief: (n, 3) particles in the world, n >= 1 [mm, mm, rad].
+        beliefs: (n, 3) particles in the world that each run starts from, n >= 1 [mm, mm, rad]: as many runs
+            of the simulator, at least 2, after as many of the model.
         placements: (k, 3) where the hand squeezes, one after the other.
         rho_mm: what one radian weighs.
         order: rotational order of the part.
-        repetitions: runs of either, at least 2.
         rng: source of all randomness.
 
     Returns:
         One comparison for each number of squeezes, 1 to k.
     """
-    streams = rng.spawn(2 * repetitions)
-    runs = [_push(model, belief, placements, stream) for stream in streams[:repetitions]]
-    truth = [_push(reference, belief, placements, stream) for stream in streams[repetitions:]]
+    half = len(beliefs) // 2
+    streams = list(zip(beliefs, rng.spawn(2 * half), strict=True))
+    runs = [_push(model, belief, placements, stream) for belief, stream in streams[:half]]
+    truth = [_push(reference, belief, placements, stream) for belief, stream in streams[half:]]
     comparisons = []
     for k in range(len(placements)):
         tried = [points_of(run[k], rho_mm, order) for run in runs]

@@ -145,7 +145,8 @@ def _table(
         for (ring, number), part in zip(blocks, rows, strict=True)
     ]
     table = np.concatenate([np.empty(0, row), *kept])
-    return table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
+    inside = np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm
+    return np.asarray(table[inside])
 
 
 def _finished(

@@ -69,8 +69,8 @@ def test_a_model_is_judged_by_the_simulators_own_scatter():
     belief = random_poses(np.random.default_rng(1), 400, 10.0)
     placements = np.zeros((2, 3))
     rng = np.random.default_rng(2)
-    same = compare(Shaken(0, 0.1), Shaken(0, 0.1), belief, placements, RHO, 1, 6, rng)
-    wrong = compare(Shaken(0.5, 0.1), Shaken(0, 0.1), belief, placements, RHO, 1, 6, rng)
+    same = compare(Shaken(0, 0.1), Shaken(0, 0.1), [belief] * 12, placements, RHO, 1, rng)
+    wrong = compare(Shaken(1.0, 0.1), Shaken(0, 0.1), [belief] * 12, placements, RHO, 1, rng)
     assert [c.squeezes for c in same] == [1, 2]
     for alike, apart in zip(same, wrong, strict=True):
         assert 0.8 < alike.ratio < 1.25
@@ -82,7 +82,7 @@ def test_a_model_is_judged_by_the_simulators_own_scatter():
 def test_motions_without_scatter_are_alike_or_infinitely_apart():
     belief = random_poses(np.random.default_rng(3), 50, 10.0)
     rng = np.random.default_rng(4)
-    exact = compare(Shaken(0, 0), Shaken(0, 0), belief, np.zeros((1, 3)), RHO, 1, 2, rng)
+    exact = compare(Shaken(0, 0), Shaken(0, 0), [belief] * 4, np.zeros((1, 3)), RHO, 1, rng)
     assert exact[0].model_mm == pytest.approx(0.0, abs=1e-12)
-    off = compare(Shaken(1, 0), Shaken(0, 0), belief, np.zeros((1, 3)), RHO, 1, 2, rng)
+    off = compare(Shaken(1, 0), Shaken(0, 0), [belief] * 4, np.zeros((1, 3)), RHO, 1, rng)
     assert off[0].ratio > 1e6
