@@ -18,7 +18,7 @@ from planner.lower import lower, with_evaluation
 from planner.mechanics.simulator import Simulator
 from planner.models.learned import LearnedModel
 from planner.models.region import region_radius
-from planner.models.rollouts import roll_outs, slopes
+from planner.models.rollouts import RollOuts, roll_outs, slopes
 from planner.models.store import Store
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
@@ -124,14 +124,14 @@ def motion_model(
 ) -> MotionModel:
     """What squeezes beliefs while planning: a learned model where the job asks for it, or the simulator."""
     if job.search.model == "kcde":
-        return learned_model(job, simulator, store, scheduler, say)
+        return learned_model(job, simulator, store, scheduler, say)[0]
     return Simulation(simulator, encoder_of(job))
 
 
 def learned_model(
     job: Job, simulator: Simulator, store: Store | None, scheduler: Scheduler | None, say: Report
-) -> LearnedModel:
-    """The model learned from the roll-outs of a job.
+) -> tuple[LearnedModel, RollOuts]:
+    """The model learned from the roll-outs of a job, and the roll-outs.
 
     Args:
         job: the checked job.
@@ -146,7 +146,7 @@ def learned_model(
     threads = scheduler or Threads(simulator.workers)
     order = (simulator, region_radius(job), job.search.rollouts, store, threads, say)
     rolled, slope = roll_outs(*order), slopes(*order)
-    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled, slope)
+    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled, slope), rolled
 
 
 def _growth(job: Job, simulator: Simulator, model: MotionModel) -> Growth:

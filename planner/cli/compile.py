@@ -10,8 +10,9 @@ import time
 from pathlib import Path
 
 from planner import job as job_file
-from planner.cli import shell, sweep
+from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
+from planner.errors import UsageError
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.table import dump
@@ -53,6 +54,11 @@ def _parser() -> argparse.ArgumentParser:
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
         help="stop searching after so long, with the best tree so far (default: search until done)",
     )  # fmt: skip
+    parser.add_argument(
+        "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
+        help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
+        ".pdf; default: TREE.models.svg beside the table)",
+    )  # fmt: skip
     parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
     shell.add_cache(parser)
     shell.add_scheduler(parser)
@@ -66,6 +72,9 @@ def _single(arguments: argparse.Namespace) -> int:
     if arguments.seed is not None:
         job = dataclasses.replace(job, seed=arguments.seed)
     output = shell.writable(arguments.output)
+    picture = arguments.models_report and shell.writable(
+        models_report.picture_path(arguments.models_report, output)
+    )
     store = shell.store_of(arguments)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
@@ -74,19 +83,27 @@ def _single(arguments: argparse.Namespace) -> int:
         plan = compile_job(
             job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
         )
+        judged = None
+        if picture:
+            judged = models_report.judge(job, arguments.workers, store, scheduler, report, picture)
     table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
     with shell.writing(output) as draft:
         dump(table, draft)
     seconds = time.perf_counter() - started
     if arguments.json:
-        shell.print_json(_figures(plan, output, seconds))
+        models = {"models": models_report.figures(judged, picture)} if judged else {}
+        shell.print_json({**_figures(plan, output, seconds), **models})
     else:
         print(_text(plan, job.part.name, output, seconds))
+        if judged:
+            print(models_report.text(judged, picture))
     return 0
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
     """Compiles the job with every combination of the swept values."""
+    if arguments.models_report:
+        raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)
     store = shell.store_of(arguments)
