@@ -17,10 +17,12 @@ from planner.search.outcomes import Simulation
 ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
 FIXED = np.array([[0.0, 0.0, angle] for angle in np.radians([0.0, 45.0, 90.0])])
 RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}
+COUNTS = {"rectangle": 20_000, "butterfly": 5_000, "right triangle": 8_000, "L": 12_000}
+"""Fewer than by default, for time: the bench has the figures at the default number."""
 
 
-def learned(name, count=6_000, workers=2, paper=False):
-    part = simulator(OUTLINES[name](), workers=workers)
+def learned(name, count=None, paper=False):
+    part, count = simulator(OUTLINES[name](), workers=2), count or COUNTS[name]
     rolled = roll_outs(part, 3 * RADII_MM[name], count)
     slope = None if paper else slopes(part, 3 * RADII_MM[name], count)
     return LearnedModel.fit(part, ENCODER, symmetry.order(part.outline), rolled, slope, paper)
@@ -37,7 +39,7 @@ def test_push_forwards_are_as_near_the_simulator_as_it_is_to_itself(name, rectan
     belief = random_poses(np.random.default_rng(1), 250, RADII_MM[name])
     reference = Simulation(model.simulator, ENCODER)
     order, rho = model.motion.order, model.motion.rho_mm
-    compared = compare(model, reference, belief, FIXED, rho, order, 8, np.random.default_rng(2))
+    compared = compare(model, reference, [belief] * 16, FIXED, rho, order, np.random.default_rng(2))
     assert [c.squeezes for c in compared] == [1, 2, 3]
     for comparison in compared:
         assert comparison.ratio < 1.5
@@ -49,7 +51,7 @@ def test_the_paper_blurs_more(rectangle_model):
     reference = Simulation(paper.simulator, ENCODER)
     rho = paper.motion.rho_mm
     ratios = [
-        compare(model, reference, belief, FIXED[:1], rho, 2, 3, np.random.default_rng(4))[0].ratio
+        compare(model, reference, [belief] * 6, FIXED[:1], rho, 2, np.random.default_rng(4))[0].ratio
         for model in (rectangle_model, paper)
     ]
     assert ratios[1] > 2 * ratios[0]

@@ -1,0 +1,141 @@
+"""How fast particles are drawn from the motion model, beside scipy; not part of the gate.
+
+    python tests/bench/bench_kcde.py [--repeat 30]
+
+5000 particles of the rectangle's belief, drawn on one core from the paper's estimate of 10 000 points, with
+h1 = h2 = 0.5 mm: from every point whose weight matters, by our kernel, and from the nearest 400 by scipy's
+cKDTree. Both in turn, in one process; medians count. Also from the estimate that the planner makes of 100 000
+roll-outs. Prints figures and writes `results/kcde.json` beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from scipy.spatial import cKDTree
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from problems import OUTLINES, random_poses, simulator  # noqa: E402
+
+from planner.encoder import Encoder  # noqa: E402
+from planner.kernel import cache_folder  # noqa: E402
+from planner.models.energy import energy_distance  # noqa: E402
+from planner.models.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde, Rows, rows_of  # noqa: E402
+from planner.models.learned import LearnedModel  # noqa: E402
+from planner.models.rollouts import roll_outs, slopes  # noqa: E402
+from planner.models.store import Store  # noqa: E402
+from planner.models.touch import TOUCHES, meet  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "kcde.json"
+POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75
+ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
+SHUFFLES = 100
+
+
+def estimate(count: int) -> tuple[Kcde, Rows]:
+    """The paper's estimate of the first so many roll-outs that touch, all weights counting; and those."""
+    part = simulator(OUTLINES["rectangle"]())
+    rolled = roll_outs(part, 3 * RADIUS_MM, 2 * count)
+    touching = np.flatnonzero(meet(part.outline, part.jaws, rolled.initial) == TOUCHES)
+    chosen = rows_of(rolled, np.random.default_rng(0).permutation(touching)[:count])
+    model = Kcde.fit(chosen, part.outline, part.jaws, part.surface.rho_mm, 2, paper=True)
+    return replace(model, most=0), chosen
+
+
+def with_scipy(rows: Rows, rho: float, order: int) -> Callable[[np.ndarray, np.random.Generator], np.ndarray]:
+    """The same draws the usual way: the nearest 400, their weights, one of them, and noise."""
+    period, scale = rho * math.tau / order, np.array([1.0, 1.0, rho])
+
+    def points(poses: np.ndarray) -> np.ndarray:
+        normalised = poses * scale
+        normalised[:, 2] %= period
+        return normalised
+
+    tree = cKDTree(points(rows.initial), boxsize=[0.0, 0.0, period])
+
+    def draw(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        distance, near = tree.query(points(poses), PAPER_NEIGHBOURS, workers=1)
+        weight = np.cumsum(np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / PAPER_MM**2), axis=1)
+        picked = (rng.random((len(poses), 1)) * weight[:, -1:] > weight).sum(axis=1)
+        source = near[np.arange(len(poses)), picked]
+        return rows.final[source] + PAPER_MM * rng.standard_normal(poses.shape) / scale
+
+    return draw
+
+
+def seconds(calls: list[Callable[[], Any]], repeat: int) -> list[float]:
+    """Median time of each call, made in turn."""
+    times = np.empty((repeat, len(calls)))
+    for row in times:
+        for k, call in enumerate(calls):
+            start = time.perf_counter()
+            call()
+            row[k] = time.perf_counter() - start
+    return [float(t) for t in np.median(times, axis=0)]
+
+
+def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> float:
+    """Share of random divisions of all draws that are as far apart as these two samples."""
+    rng, n = np.random.default_rng(4), len(ours)
+    pooled = np.concatenate([ours, theirs])
+    apart = energy_distance(ours, theirs, rho, order)
+    mixed = (rng.permutation(pooled) for _ in range(SHUFFLES))
+    return float(np.mean([energy_distance(mix[:n], mix[n:], rho, order) >= apart for mix in mixed]))
+
+
+def planners_own() -> Kcde:
+    """What the planner draws from at the default number of roll-outs."""
+    part, store = simulator(OUTLINES["rectangle"]()), Store(cache_folder() / "rollouts")
+    order = (part, 3 * RADIUS_MM, None, store)
+    return LearnedModel.fit(part, ENCODER, 2, roll_outs(*order), slopes(*order)).motion
+
+
+def main() -> None:
+    """Run the bench and record it."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--repeat", type=int, default=30)
+    options = parser.parse_args()
+    model, rows = estimate(POINTS)
+    own = planners_own()
+    draw = with_scipy(rows, model.rho_mm, model.order)
+    rng = np.random.default_rng(1)
+    poses = random_poses(rng, PARTICLES, RADIUS_MM)
+    touched = poses[meet(model.outline, model.jaws, poses) == TOUCHES]
+    first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
+    calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng), lambda: own.sample(poses, rng)]
+    ours_s, scipy_s, own_s = seconds(calls, options.repeat)
+    row = {
+        "points": POINTS, "particles": PARTICLES, "ours_ms": 1e3 * ours_s, "scipy_ms": 1e3 * scipy_s,
+        "ratio": scipy_s / ours_s, "particles_per_second": PARTICLES / ours_s,
+        "same_distribution_p": p_value(first, second, model.rho_mm, model.order),
+        "own_points": len(own.initial), "own_ms": 1e3 * own_s, "own_particles_per_second": PARTICLES / own_s,
+        "setting": {"python": platform.python_version(), "scipy": scipy.__version__,
+                    "machine": platform.machine(), "cores_used": 1},
+    }  # fmt: skip
+    print(
+        "{particles} particles from {points} points on one core: {ours_ms:.2f} ms, scipy {scipy_ms:.0f} ms, "
+        "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "
+        "{same_distribution_p:.2f}\nthe planner's own estimate of {own_points} points: {own_ms:.2f} ms, "
+        "{own_particles_per_second:.0f} particles/s".format(**row)
+    )
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(row, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
