@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import JAWS, rectangle
 
 from planner.cli import compile as plan_compile
+from planner.cli import models_report
 from planner.compile import compile_job, learned_model
 from planner.mechanics.simulator import Simulator
 from planner.models.quality import quality
@@ -16,6 +18,7 @@ from planner.models.rollouts import COLLIDES
 from planner.models.store import Store
 from planner.overrides import job_with
 from planner.progress import silent
+from planner.report.subspaces import figure
 from runtime.table import dumps
 
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
@@ -75,7 +78,7 @@ def test_the_report_judges_every_action_and_every_model(job, judged):
 
 def compiled(tmp_path, *words):
     overrides = JOB.read_text(encoding="utf-8") + (
-        "\n[search]\nrollouts = 20000\nparticles = 1000\nsearch_particles = 100\n"
+        "\n[search]\nrollouts = 5000\nparticles = 1000\nsearch_particles = 100\n"
     )
     (tmp_path / "job.toml").write_text(overrides, encoding="utf-8")
     table = tmp_path / "tree.msgpack"
@@ -83,27 +86,28 @@ def compiled(tmp_path, *words):
     return plan_compile.main([str(tmp_path / "job.toml"), "-o", str(table), *common])
 
 
-def test_the_command_prints_the_report_and_draws_the_partition(tmp_path, capsys):
-    assert compiled(tmp_path, "--models-report") == 0
-    out = capsys.readouterr().out
+def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_path):
+    report, _ = judged
+    picture = tmp_path / "tree.models.svg"
+    figure(report, rectangle(), JAWS, picture)
+    out = models_report.text(report, picture)
     assert out.count(" deg: ") == 4
     for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):
         assert word in out
-    picture = tmp_path / "tree.models.svg"
-    assert f"wrote {picture}" in out
     panels = [e.get("id", "") for e in ET.parse(picture).iter("{http://www.w3.org/2000/svg}g")]
     assert {name for name in panels if name.startswith("subspace-")} == {f"subspace-{k}" for k in range(4)}
 
 
-def test_json_has_the_report_in_plain_numbers(tmp_path, capsys):
-    assert compiled(tmp_path, "--json", "--models-report", str(tmp_path / "fig.png")) == 0
+def test_the_command_says_it_in_json_and_draws_beside_the_table(tmp_path, capsys):
+    assert compiled(tmp_path, "--json", "--models-report") == 0
     models = json.loads(capsys.readouterr().out)["models"]
     assert [round(math.degrees(a["theta_rad"])) for a in models["actions"]] == [0, 45, 90, 135]
     assert all(a["ratio"] == pytest.approx(a["model_mm"] / a["simulator_mm"]) for a in models["actions"])
     assert models["collision"]["any_opening"]["miss_rate"] <= 0.001
     assert models["sensor"]["median_mm"] <= models["sensor"]["worst_mm"]
     assert [part["rollouts"] > 0 for part in models["subspaces"]] == [True] * 4
-    assert (tmp_path / "fig.png").read_bytes().startswith(b"\x89PNG")
+    assert models["picture"] == str(tmp_path / "tree.models.svg")
+    assert (tmp_path / "tree.models.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 
 def test_a_report_that_cannot_be_made_is_refused_before_the_work(tmp_path, capsys):
