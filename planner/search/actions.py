@@ -82,7 +82,7 @@ def _free(
     outline: Array, reach: float, belief: Array, placements: Array, opening: float, h: float,
     thickness: float, least: float, spared: int, points: Array, listed: IntArray, free: BoolArray,
 ) -> None:  # fmt: skip
-    """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses of the belief."""
+    """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
     n = outline.shape[0]
     pose = np.empty(3)
     for a in range(placements.shape[0]):

@@ -56,7 +56,7 @@ class Handling:
         return full, max(self._clearance(full, belief, placement), 0.0)
 
     def clear(self, belief: Array, placement: Array) -> Array:
-        """The particles that no open finger comes down on: the others are not squeezed, the arm has stopped."""
+        """The particles that no open finger comes down on; at the others the arm stops."""
         return np.asarray(belief[~stands_on(self.outline, self.jaws, to_hand(belief, placement))])
 
     def force_n(self, unstable: float) -> float:
