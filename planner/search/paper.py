@@ -99,20 +99,20 @@ class PaperPlanner:
 
         Args:
             belief: (n, 3) particles of the initial uncertainty in the world.
-            seed: every node draws from a stream of its own, numbered in order of expansion.
+            seed: every node draws from a stream of its own, named after its path.
             progress: called with the number of nodes done and the number waiting.
 
         Returns:
             The root. A leaf whose ratio is not above r_s could not be expanded: no action was free of
             collision and kept the ratio, or the path was too long.
         """
-        root = TreeNode(belief, 1.0, 0, singleton(belief, self.tolerances, self.order))
+        root = TreeNode(belief, 1.0, singleton(belief, self.tolerances, self.order))
         waiting, done = deque([root]), 0
         while waiting:
             node = waiting.popleft()
             done += 1
             if node.mode.ratio <= self.enough and node.depth < self.max_depth:
-                waiting.extend(self._expanded(node, np.random.default_rng([*seed, done])))
+                waiting.extend(self._expanded(node, np.random.default_rng([*seed, node.depth, *node.path])))
             if progress is not None:
                 progress(done, len(waiting))
         return root
@@ -164,14 +164,14 @@ class PaperPlanner:
         self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
     ) -> list[TreeNode]:
         """Gives a node its action and its children."""
-        node.placement = placement
+        node.placement, node.opening_mm = placement, self.encoder.opening_mm
         # Particles that the learned detector let through would make the clearance negative.
         node.clearance_mm = max(self.clearance(node.belief, placement), 0.0)
         node.clusters = clusters
-        for belief in beliefs:
+        for k, belief in enumerate(beliefs):
             share = node.share * len(belief) / len(node.belief)
             mode = singleton(belief, self.tolerances, self.order)
-            node.children.append(TreeNode(belief, share, node.depth + 1, mode))
+            node.children.append(TreeNode(belief, share, mode, (*node.path, k)))
         return node.children
 
 
