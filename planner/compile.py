@@ -29,6 +29,8 @@ from planner.search.costs import costs_of
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.outcomes import MotionModel, Simulation
+from planner.search.paper import METHODS
+from planner.search.paper_plan import plan_paper
 from planner.world import ContactWorld
 from runtime.table import Table, canonical
 
@@ -83,6 +85,8 @@ def compile_job(
             leaf of the tree is within the goal.
     """
     say = report or silent
+    if job.search.method in METHODS:
+        return _paper_plan(job, workers, trials, say)
     deadline = time.monotonic() + budget_s
     simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
     growth = _growth(job, simulator, motion_model(job, simulator, store, scheduler, say))
@@ -147,6 +151,20 @@ def learned_model(
     order = (simulator, region_radius(job), job.search.rollouts, store, threads, say)
     rolled, slope = roll_outs(*order), slopes(*order)
     return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled, slope), rolled
+
+
+def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan:
+    """Plans by the paper's method, and evaluates the table; nothing is expanded further for what is found."""
+    root = plan_paper(job, Simulator.of_job(job, workers), report=say)
+    if not root.children:
+        raise NoPlanError(
+            f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
+        )
+    table = canonical(lower(root, job))
+    world = ContactWorld(job, job.seed + SEED_WORLD, workers)
+    evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION)
+    table, evaluation = with_evaluation(table, evaluation, job)
+    return Plan(table, root, evaluation)
 
 
 def _growth(job: Job, simulator: Simulator, model: MotionModel) -> Growth:
