@@ -45,12 +45,13 @@ def plan_paper(
     """
     say = report or silent
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)
-    learned = learn(rolled, simulator, radius_of_gyration(job.part.outline_mm), job.part.symmetry)
+    encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
+    learned = learn(rolled, simulator, encoder, rho_mm, job.part.symmetry)
     placements = actions_of(job).placements
     planner = PaperPlanner(
         placements=placements,
         models=Models(*learned),
-        encoder=encoder_of(job),
+        encoder=encoder,
         clearance=lambda belief, placement: least_clearance(
             simulator.outline, simulator.jaws, belief, placement
         ),
