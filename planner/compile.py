@@ -16,13 +16,11 @@ from planner.goal import metric_of
 from planner.job import Job
 from planner.lower import lower, with_evaluation
 from planner.mechanics.simulator import Simulator
-from planner.models.learned import LearnedModel
-from planner.models.region import region_radius
-from planner.models.rollouts import RollOuts, roll_outs, slopes
+from planner.models.learning import learned_model, learns
 from planner.models.store import Store
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
-from planner.scheduler import Scheduler, Threads
+from planner.scheduler import Scheduler
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
 from planner.search.costs import costs_of
@@ -89,7 +87,11 @@ def compile_job(
         return _paper_plan(job, workers, trials, say)
     deadline = time.monotonic() + budget_s
     simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
-    growth = _growth(job, simulator, motion_model(job, simulator, store, scheduler, say))
+    reference = Simulation(simulator, encoder_of(job))
+    ahead: MotionModel = reference
+    if learns(job):
+        ahead = learned_model(job, simulator, store, scheduler, say)[0].unaided()
+    growth = _growth(job, simulator, ahead, reference)
     look_ahead = growth.look_ahead
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))
@@ -123,36 +125,6 @@ def compile_job(
     return Plan(table, root, evaluation)
 
 
-def motion_model(
-    job: Job, simulator: Simulator, store: Store | None, scheduler: Scheduler | None, say: Report
-) -> MotionModel:
-    """What squeezes beliefs while planning: a learned model where the job asks for it, or the simulator."""
-    if job.search.model == "kcde":
-        return learned_model(job, simulator, store, scheduler, say)[0]
-    return Simulation(simulator, encoder_of(job))
-
-
-def learned_model(
-    job: Job, simulator: Simulator, store: Store | None, scheduler: Scheduler | None, say: Report
-) -> tuple[LearnedModel, RollOuts]:
-    """The model learned from the roll-outs of a job, and the roll-outs.
-
-    Args:
-        job: the checked job.
-        simulator: its squeezes.
-        store: where roll-outs are kept; nowhere if None.
-        scheduler: who rolls them out; as many threads as the simulator has if None.
-        say: told about progress.
-
-    Raises:
-        ClusterError: the cluster was lost.
-    """
-    threads = scheduler or Threads(simulator.workers)
-    order = (simulator, region_radius(job), job.search.rollouts, store, threads, say)
-    rolled, slope = roll_outs(*order), slopes(*order)
-    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled, slope), rolled
-
-
 def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan:
     """Plans by the paper's method, and evaluates the table; nothing is expanded further for what is found."""
     root = plan_paper(job, Simulator.of_job(job, workers), report=say)
@@ -167,12 +139,12 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
     return Plan(table, root, evaluation)
 
 
-def _growth(job: Job, simulator: Simulator, model: MotionModel) -> Growth:
-    """How a job's tree is grown."""
+def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
+    """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
     look_ahead = LookAhead(
         actions=actions_of(job),
         simulator=simulator,
-        model=model,
+        model=ahead,
         metric=metric_of(job, radius_of_gyration(job.part.outline_mm)),
         confidence=1.0 - MARGIN * (1.0 - job.goal.confidence),
         depth=job.search.depth,
@@ -180,4 +152,4 @@ def _growth(job: Job, simulator: Simulator, model: MotionModel) -> Growth:
         particles=job.search.search_particles,
         crash_share=job.goal.crash_share,
     )
-    return Growth(look_ahead, model, handling_of(job), job.search.max_depth)
+    return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from planner.compile import learned_model
 from planner.errors import UsageError
 from planner.job import Job
 from planner.mechanics.simulator import Simulator
 from planner.models.collision import Confusion
+from planner.models.learning import learned_model
 from planner.models.quality import ActionQuality, Quality, quality
 from planner.models.store import Store
 from planner.progress import Report

@@ -114,7 +114,7 @@ def l_job(proposals):
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
-    search = "[search]\nparticles = 2000\nsearch_particles = 200\n"
+    search = '[search]\nmodel = "simulation"\nparticles = 2000\nsearch_particles = 200\n'
     return job_file.parse("\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10") + "\n" + search)
 
 

@@ -11,13 +11,13 @@ from problems import JAWS, rectangle
 
 from planner.cli import compile as plan_compile
 from planner.cli import models_report
-from planner.compile import compile_job, learned_model
+from planner.compile import compile_job
 from planner.mechanics.simulator import Simulator
+from planner.models.learning import learned_model, learns
 from planner.models.quality import quality
 from planner.models.rollouts import COLLIDES
 from planner.models.store import Store
 from planner.overrides import job_with
-from planner.progress import silent
 from planner.report.subspaces import figure
 from runtime.table import dumps
 
@@ -55,9 +55,23 @@ def test_same_seed_gives_the_same_bytes_with_and_without_a_store_on_one_worker_a
     assert dumps(again.table) == dumps(plan.table)
 
 
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ([("search.model", "simulation"), ("actions.proposals", "belief")], False),
+        ([("search.model", "kcde")], True),
+        ([("search.model", "auto")], False),
+        ([("search.model", "auto"), ("actions.proposals", "belief")], True),
+        ([("search.model", "auto"), ("actions.angles_deg", str(list(range(0, 180, 9))))], True),
+    ],
+)
+def test_auto_learns_where_there_is_much_to_choose_from(overrides, expected):
+    assert learns(job_with(JOB.read_text(encoding="utf-8"), overrides, "job.toml")) == expected
+
+
 @pytest.fixture(scope="module")
 def judged(job, store):
-    model, rolled = learned_model(job, Simulator.of_job(job, 2), store, None, silent)
+    model, rolled = learned_model(job, Simulator.of_job(job, 2), store)
     return quality(job, model, rolled), rolled
 
 
