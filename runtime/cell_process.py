@@ -6,12 +6,13 @@ import os
 import select
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self
 
+from runtime.clock import SystemClock
 from runtime.errors import CellStartError
+from runtime.ports import Clock
 
 START_S = 60.0  # the planner's world compiles its kernels on the first start
 END_S = 5.0
@@ -60,7 +61,7 @@ class CellProcess:
             env=_environment(),
         )
         try:
-            self.endpoints = _endpoints(_first_line(self._process, START_S))
+            self.endpoints = _endpoints(_first_line(self._process, START_S, SystemClock()))
         except BaseException:
             self.close()
             raise
@@ -97,12 +98,12 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}
 
 
-def _first_line(process: subprocess.Popen[bytes], seconds: float) -> bytes:
+def _first_line(process: subprocess.Popen[bytes], seconds: float, clock: Clock) -> bytes:
     assert process.stdout is not None
-    deadline = time.monotonic() + seconds
+    deadline = clock.now() + seconds
     line = b""
     while not line.endswith(b"\n"):
-        chunk = _read_some(process.stdout, deadline - time.monotonic())
+        chunk = _read_some(process.stdout, deadline - clock.now())
         if chunk is None:
             raise CellStartError(f"grasp-cell told no endpoints within {seconds:g} s; try it by itself")
         if not chunk:

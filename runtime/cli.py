@@ -2,11 +2,9 @@
 
 import argparse
 import sys
-import time
 import traceback
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +12,7 @@ from typing import NamedTuple
 from drivers import connect
 from runtime import safe_state, session
 from runtime.cell_process import CellProcess
+from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects
 from runtime.errors import CellError, StoppedError, UsageError
 from runtime.executor import Cell
@@ -26,7 +25,6 @@ from runtime.table import PPM, Table, dumps, load
 REHEARSAL = "runtime.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
 PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
-LINK_MARGIN_S = 30.0
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 
 EPILOG = f"""\
@@ -48,21 +46,6 @@ is the highest that any part earned. A real cell feeds its parts by itself, a si
 Connecting moves nothing. Every fault, and Ctrl-C, ends in the declared safe state:
 {safe_state.DECLARED}.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class SystemClock:
-    """The machine's monotonic clock, for a cell that lives `time_scale` seconds in one of ours."""
-
-    time_scale: float
-
-    def now(self) -> float:
-        """Seconds since some fixed moment."""
-        return time.monotonic()
-
-    def deadline(self, seconds: float) -> float:
-        """The moment by which a motion of so many cell seconds is over; the link keeps our time."""
-        return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
 
 class Devices(NamedTuple):
@@ -109,9 +92,10 @@ def run(arguments: argparse.Namespace) -> int:
     console.note(_headline(arguments.tree, table))
     with ExitStack() as stack:
         devices = _connect(arguments, table, console, stack)
-        journal = stack.enter_context(Journal(arguments.journal))
+        clock = SystemClock(arguments.time_scale)
+        journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
         journal.header(dumps(table), _header(arguments))
-        cell = Cell(devices.gripper, devices.arm, SystemClock(arguments.time_scale), journal)
+        cell = Cell(devices.gripper, devices.arm, clock, journal)
         # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
         activate = arguments.activate or arguments.port == "sim"
         results = session.run_journalled(

@@ -13,9 +13,8 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 from types import TracebackType
@@ -36,13 +35,18 @@ class Journal:
         path: the file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
         """Create the file, or verify it and go on at its end.
+
+        Args:
+            path: the file.
+            stamp: what each record is dated with, `Clock.stamp`.
 
         Raises:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
+        self._stamp = stamp
         self._previous, self._seq = GENESIS, 0
         try:
             self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -92,7 +96,7 @@ class Journal:
         """
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
-        frame = {"seq": self._seq, "time": _now(), "kind": kind, **fields, "previous": self._previous}
+        frame = {"seq": self._seq, "time": self._stamp(), "kind": kind, **fields, "previous": self._previous}
         body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
         digest = hashlib.sha256(body).hexdigest()
         try:
@@ -215,10 +219,6 @@ def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> byt
 def _tail(digest: str) -> bytes:
     """What ends a line: its digest, in place of the body's closing brace."""
     return f',"digest":"{digest}"}}\n'.encode("ascii")
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def _write_all(file: int, data: bytes) -> None:

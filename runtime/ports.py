@@ -146,13 +146,22 @@ class Auditor(Protocol):
 
 
 class Clock(Protocol):
-    """Deadlines in the cell's own seconds, which a simulated cell may live faster than we do."""
+    """All the time the runtime knows: it waits, dates and judges lateness by this and nothing else.
+
+    Deadlines and pauses are in the cell's own seconds, which a simulated cell may live faster than we do.
+    """
 
     def now(self) -> float:
         """The moment it is, never going back."""
 
     def deadline(self, seconds: float) -> float:
         """The moment by which a motion of so many cell seconds is over, the link's own time included."""
+
+    def sleep(self, seconds: float) -> None:
+        """Pause for so many cell seconds."""
+
+    def stamp(self) -> str:
+        """Date and time in UTC, ISO 8601 to the millisecond: what a record is dated with."""
 
 
 class Journal(Protocol):

@@ -141,6 +141,12 @@ class FakeClock:
     def deadline(self, seconds: float) -> float:
         return self.time + seconds
 
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+    def stamp(self) -> str:
+        return f"1970-01-01T00:00:{self.time:06.3f}+00:00"
+
 
 class FakeScene:
     """Counts parts; knows the truth it was given."""

@@ -5,15 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from runtime.clock import SystemClock
 from runtime.errors import JournalError
 from runtime.journal import Journal, records, verify
 
 TABLE = b"the table's bytes"
+STAMP = SystemClock().stamp
 
 
 def written(path: Path, *, closed: bool = True) -> Path:
     """One run of two records and its end."""
-    with Journal(path) as journal:
+    with Journal(path, STAMP) as journal:
         journal.header(TABLE, {"port": "sim"})
         journal.record("squeeze", {"part": 1, "width_um": 21_000})
         if closed:
@@ -63,7 +65,7 @@ def test_a_missing_line_is_found(tmp_path: Path, dropped: int) -> None:
 
 def test_lines_of_another_journal_do_not_fit(tmp_path: Path) -> None:
     one, other = written(tmp_path / "1.jsonl"), tmp_path / "2.jsonl"
-    with Journal(other) as journal:
+    with Journal(other, STAMP) as journal:
         journal.header(TABLE, {"port": "/dev/ttyUSB0"})
         journal.record("squeeze", {"part": 1, "width_um": 30_000})
     lines = other.read_bytes().splitlines(keepends=True)
@@ -79,7 +81,7 @@ def test_a_torn_last_line_is_found_and_not_continued(tmp_path: Path, cut: int) -
     with pytest.raises(JournalError, match="line 3: cut short"):
         verify(path)
     with pytest.raises(JournalError, match="line 3: cut short"):
-        Journal(path)
+        Journal(path, STAMP)
 
 
 def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) -> None:
@@ -93,40 +95,43 @@ def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) ->
 
 def test_a_record_outside_a_run_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "j.jsonl")
-    with Journal(path) as journal:
+    with Journal(path, STAMP) as journal:
         journal.record("squeeze", {"part": 2})
     with pytest.raises(JournalError, match="line 4: does not belong to a run"):
         verify(path)
 
 
 def test_two_writers_are_refused(tmp_path: Path) -> None:
-    with Journal(tmp_path / "j.jsonl"), pytest.raises(JournalError, match="another process"):
-        Journal(tmp_path / "j.jsonl")
+    with Journal(tmp_path / "j.jsonl", STAMP), pytest.raises(JournalError, match="another process"):
+        Journal(tmp_path / "j.jsonl", STAMP)
 
 
 def test_the_embedded_table_must_be_the_one_of_its_digest(tmp_path: Path) -> None:
-    with Journal(tmp_path / "j.jsonl") as journal:
+    with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", {"journal_version": 1, "table_base64": "AAAA", "table_sha256": "0" * 64})
     with pytest.raises(JournalError, match="line 1: the embedded table is not the one of its digest"):
         verify(tmp_path / "j.jsonl")
 
 
 def test_a_full_disk_is_error_24() -> None:
-    with Journal(Path("/dev/full")) as journal, pytest.raises(JournalError, match="No space left") as full:
+    with (
+        Journal(Path("/dev/full"), STAMP) as journal,
+        pytest.raises(JournalError, match="No space left") as full,
+    ):
         journal.header(TABLE, {})
     assert full.value.exit_code == 24
 
 
 def test_a_path_that_cannot_be_written_is_error_24(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="No such file") as refused:
-        Journal(tmp_path / "no folder" / "j.jsonl")
+        Journal(tmp_path / "no folder" / "j.jsonl", STAMP)
     assert refused.value.exit_code == 24
     with pytest.raises(JournalError, match="is empty"):
         verify(Path("/dev/null"))
 
 
 def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path: Path) -> None:
-    with Journal(tmp_path / "j.jsonl") as journal:
+    with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         with pytest.raises(ValueError, match="reserved field names: \\['seq'\\]"):
             journal.record("squeeze", {"seq": 1})
         with pytest.raises(ValueError, match="not JSON compliant"):

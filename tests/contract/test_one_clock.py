@@ -1,0 +1,24 @@
+"""Every wait, date and deadline of the runtime goes through the Clock port, which may be a virtual one."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+RUNTIME = Path(__file__).parents[2] / "runtime"
+CLOCKS = {"time", "datetime", "sched", "timeit"}
+
+
+def modules_imported(source: str) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {name.name.partition(".")[0] for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(RUNTIME.rglob("*.py")), ids=lambda path: path.stem)
+def test_only_the_system_clock_reads_the_time(path: Path) -> None:
+    assert bool(modules_imported(path.read_text()) & CLOCKS) == (path.name == "clock.py")
