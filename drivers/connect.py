@@ -16,13 +16,16 @@ if TYPE_CHECKING:
     from drivers.sim.eye import Scene
 
 
-def gripper(port: str, *, clock: Clock | None = None, time_scale: float = 1.0) -> "Gripper":
+def gripper(
+    port: str, *, clock: Clock | None = None, time_scale: float = 1.0, read_only: bool = False
+) -> "Gripper":
     """Open a gripper; reads its state, writes nothing.
 
     Args:
         port: see above.
         clock: clock of waits and deadlines, in wall seconds; none: the machine's own.
         time_scale: device seconds per wall second; 1 for hardware.
+        read_only: give it a link that cannot write.
 
     Raises:
         PortError: the port cannot be opened.
@@ -31,6 +34,7 @@ def gripper(port: str, *, clock: Clock | None = None, time_scale: float = 1.0) -
     # Imported here: a program that opens no gripper does not load pymodbus.
     from drivers.robotiq import modbus
     from drivers.robotiq.gripper import Gripper
+    from drivers.robotiq.readonly import ReadOnlyLink
 
     pace = Pace(clock or WallClock(), time_scale)
     if port.startswith("can:"):
@@ -41,7 +45,7 @@ def gripper(port: str, *, clock: Clock | None = None, time_scale: float = 1.0) -
         scheme, host, number = _address(port, ("rtu+tcp", "tcp"))
         link = modbus.open_tcp(host, number, pace, rtu=scheme == "rtu+tcp")
     try:
-        return Gripper(link, pace)
+        return Gripper(ReadOnlyLink(link) if read_only else link, pace)
     except BaseException:
         link.close()
         raise
@@ -54,6 +58,7 @@ def arm(
     time_scale: float = 1.0,
     tool: "Pose | None" = None,
     work_object: "Pose | None" = None,
+    read_only: bool = False,
 ) -> "Arm":
     """Connect to an arm (open_abb server); sends its settings, moves nothing.
 
@@ -63,6 +68,7 @@ def arm(
         time_scale: arm seconds per wall second; 1 for hardware.
         tool: tool frame; none: the flange itself.
         work_object: work object frame; none: the arm's world frame.
+        read_only: send no setting, refuse every motion.
 
     Raises:
         PortError: nobody accepts the connection.
@@ -73,7 +79,12 @@ def arm(
 
     _, host, number = _address(url, ("tcp",))
     return connect(
-        host, number, Pace(clock or WallClock(), time_scale), tool or IDENTITY, work_object or IDENTITY
+        host,
+        number,
+        Pace(clock or WallClock(), time_scale),
+        tool or IDENTITY,
+        work_object or IDENTITY,
+        read_only=read_only,
     )
 
 

@@ -102,3 +102,9 @@ class PortError(OSError):
     def __init__(self, message: str, port: str = "") -> None:
         super().__init__(message)
         self.port = port
+
+
+class ReadOnlyError(RuntimeError):
+    """A device opened for reading was told to do something; nothing was sent."""
+
+    exit_code = 1

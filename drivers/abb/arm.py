@@ -13,7 +13,7 @@ from typing import NamedTuple
 from drivers.abb import codec
 from drivers.abb.codec import IDENTITY, Pose, ProtocolError, Reply
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import ArmError, PortError
+from drivers.errors import ArmError, PortError, ReadOnlyError
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # and a stale acknowledgement follows at once
@@ -47,17 +47,26 @@ class Arm:
         pace: deadlines in the arm's own seconds.
         tool: tool frame (TCP midway between the finger tips).
         work_object: work object frame (the table).
+        read_only: send no setting and refuse every command; poses are then in the frames the server has.
 
     Raises:
         ArmError: it does not answer as an open_abb server.
     """
 
     def __init__(
-        self, connection: socket.socket, endpoint: str, pace: Pace, tool: Pose, work_object: Pose
+        self,
+        connection: socket.socket,
+        endpoint: str,
+        pace: Pace,
+        tool: Pose,
+        work_object: Pose,
+        *,
+        read_only: bool = False,
     ) -> None:
         self.endpoint = endpoint
         self._socket = connection
         self._pace = pace
+        self._read_only = read_only
         self._unknown = ""  # why the state is unknown
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
@@ -65,6 +74,10 @@ class Arm:
         self._at: ArmPose | None = None
         self._drain()
         self._ask(codec.PING, (), ANSWER_S)
+        if not read_only:
+            self._send_settings(tool, work_object)
+
+    def _send_settings(self, tool: Pose, work_object: Pose) -> None:
         # All settings outlive a client: the server still has those of whoever was here before.
         self._ask(codec.SET_TOOL, codec.pose_numbers(tool), ANSWER_S)
         self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(work_object), ANSWER_S)
@@ -149,6 +162,10 @@ class Arm:
                 "look at the arm, then connect again"
             )
         line = codec.command(code, *numbers)
+        if self._read_only and code not in codec.HARMLESS:
+            raise ReadOnlyError(
+                f"a dry run was about to send {line.decode()!r} to the arm at {self.endpoint}"
+            )
         try:
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
             reply = self._await_reply(*self._owed) if self._owed else NOTHING_OWED
@@ -204,8 +221,16 @@ def travel_s(start: ArmPose, target: ArmPose, speed_mm_s: float) -> float:
     return max(path_mm / speed_mm_s, turn_deg / TURN_SPEED_DEG_S)
 
 
-def connect(host: str, port: int, pace: Pace, tool: Pose = IDENTITY, work_object: Pose = IDENTITY) -> Arm:
-    """Connect to an open_abb server, drain it and send all settings; nothing moves.
+def connect(
+    host: str,
+    port: int,
+    pace: Pace,
+    tool: Pose = IDENTITY,
+    work_object: Pose = IDENTITY,
+    *,
+    read_only: bool = False,
+) -> Arm:
+    """Connect to an open_abb server, drain it and send all settings (unless `read_only`); nothing moves.
 
     The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
     again.
@@ -216,12 +241,12 @@ def connect(host: str, port: int, pace: Pace, tool: Pose = IDENTITY, work_object
     """
     for _ in range(CONNECT_TRIES - 1):
         with contextlib.suppress(_CutOffError):
-            return _connect_once(host, port, pace, tool, work_object)
+            return _connect_once(host, port, pace, tool, work_object, read_only=read_only)
         pace.pause(ACCEPT_S)
-    return _connect_once(host, port, pace, tool, work_object)
+    return _connect_once(host, port, pace, tool, work_object, read_only=read_only)
 
 
-def _connect_once(host: str, port: int, pace: Pace, tool: Pose, work_object: Pose) -> Arm:
+def _connect_once(host: str, port: int, pace: Pace, tool: Pose, work_object: Pose, *, read_only: bool) -> Arm:
     endpoint = f"tcp://{host}:{port}"
     try:
         connection = socket.create_connection((host, port), timeout=5.0)
@@ -234,7 +259,7 @@ def _connect_once(host: str, port: int, pace: Pace, tool: Pose, work_object: Pos
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.settimeout(LINK_TIMEOUT_S)
     try:
-        return Arm(connection, endpoint, pace, tool, work_object)
+        return Arm(connection, endpoint, pace, tool, work_object, read_only=read_only)
     except BaseException:
         connection.close()
         raise

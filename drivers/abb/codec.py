@@ -14,6 +14,7 @@ MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 
 PING, MOVE_LINEAR, READ_POSE, SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 0, 1, 3, 6, 7, 8, 9
 CLOSE = 99  # answered by silence
+HARMLESS = frozenset({PING, READ_POSE, CLOSE})  # neither move anything nor change a setting
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {3: 7, 4: 6, 5: 6, 32: 1}
