@@ -10,9 +10,12 @@ from drivers.clock import Clock, Pace, WallClock
 from drivers.errors import PortError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from drivers.abb.arm import Arm
     from drivers.abb.codec import Pose
     from drivers.robotiq.gripper import Gripper
+    from drivers.robotiq.probe import Answered
     from drivers.sim.eye import Scene
 
 
@@ -49,6 +52,17 @@ def gripper(
     except BaseException:
         link.close()
         raise
+
+
+def scan(port: str) -> "Iterator[Answered]":
+    """Who answers on a serial port, at which baud rate; reads only.
+
+    Raises:
+        PortError: the port cannot be opened.
+    """
+    from drivers.robotiq import probe
+
+    return probe.scan(port)
 
 
 def arm(

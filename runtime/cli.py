@@ -1,51 +1,38 @@
-"""The command `grasp-runtime`: executes a decision table on a cell, real or simulated."""
+"""The commands of the cell, wired to the drivers: `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`.
+
+The one module of the runtime that opens devices.
+"""
 
 import argparse
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import safe_state, session
+from runtime import crash, dry_run, fitness, options, session
+from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects
-from runtime.errors import CellError, StoppedError, UsageError
-from runtime.executor import Cell
+from runtime.errors import CellError, StoppedError, exit_code_of
+from runtime.executor import Cell, Plan
 from runtime.interrupts import StopRequests
 from runtime.journal import Journal
+from runtime.lock import PortLock
+from runtime.monitor import Monitor
+from runtime.options import SIMULATED, parser
 from runtime.ports import Arm, Gripper, Scene
+from runtime.safe_state import DECLARED
 from runtime.safety import check_table
-from runtime.table import PPM, Table, dumps, load
+from runtime.table import PPM, Calibration, Table, dumps, load
 
 REHEARSAL = "runtime.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
 PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
-DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
-
-EPILOG = f"""\
-example:
-  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
-
-exit codes:
-   0  every part reached a leaf        21  gripper fault, or not activated
-   1  internal error: a bug            22  arm fault, or a motion refused
-   2  usage                            23  a port cannot be opened
-   3  table file missing or unreadable 24  journal cannot be written
-  10  a part was rejected              30  table invalid
-  11  a part stayed unresolved         31  simulated cell failed to start
-  20  gripper link fault               40  stopped by the operator
-
-With --count above 1, rejected and unresolved parts do not end the run, a fault or a stop does; the exit code
-is the highest that any part earned. A real cell feeds its parts by itself, a simulated one brings the next.
-
-Connecting moves nothing. Every fault, and Ctrl-C, ends in the declared safe state:
-{safe_state.DECLARED}.
-"""
 
 
 class Devices(NamedTuple):
@@ -57,7 +44,7 @@ class Devices(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command.
+    """Run `grasp-runtime`.
 
     Args:
         argv: its arguments, without the program's name; None for the process's own.
@@ -66,14 +53,39 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = parser().parse_args(argv)
+    return guarded("grasp-runtime", run, arguments)
+
+
+def doctor(argv: Sequence[str] | None = None) -> int:
+    """Run `grasp-doctor`; returns its exit code."""
+    from runtime import doctor_command  # another command's modules are not loaded into a run
+
+    arguments = doctor_command.parser().parse_args(argv)
+    return guarded("grasp-doctor", lambda given: doctor_command.run(given, connect), arguments)
+
+
+def calibrate(argv: Sequence[str] | None = None) -> int:
+    """Run `grasp-calibrate`; returns its exit code."""
+    from runtime import calibrate_command
+
+    arguments = calibrate_command.parser().parse_args(argv)
+    return guarded("grasp-calibrate", lambda given: calibrate_command.run(given, connect.gripper), arguments)
+
+
+def guarded(name: str, command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
+    """Run a command, hear one stop request, and tell an error in one line.
+
+    Returns:
+        The exit code.
+    """
     with StopRequests():
         try:
-            return run(arguments)
+            return command(arguments)
         except KeyboardInterrupt:
-            print("grasp-runtime: stopped by the operator while no part was being squeezed", file=sys.stderr)
+            print(f"{name}: stopped by the operator while no part was being squeezed", file=sys.stderr)
             return StoppedError.exit_code
         except Exception as error:
-            return _told(error, debug=arguments.debug)
+            return _told(name, error, debug=arguments.debug)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,87 +97,95 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         Exception: any error of ours or of a device; each carries its `exit_code`.
     """
-    _check_usage(arguments)
+    options.check_usage(arguments)
     table = load(arguments.tree)
     check_table(table)
+    measured = options.gripper_calibration(arguments)
+    plan = options.plan_of(arguments, table, measured)
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
+    _check_fit(table, plan)
+    if arguments.check:
+        return _check(arguments, table, plan, console)
     with ExitStack() as stack:
-        devices = _connect(arguments, table, console, stack)
-        clock = SystemClock(arguments.time_scale)
+        if arguments.dry_run:
+            return _dry_run(arguments, table, plan, console, stack)
+        return _run(arguments, table, plan, console, stack)
+
+
+def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack) -> int:
+    clock = SystemClock(arguments.time_scale)
+    data, header, policy = dumps(table), _header(arguments, plan), arguments.after_crash
+    journal = begun = None
+    if _is_begun(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
-        journal.header(dumps(table), _header(arguments))
-        cell = Cell(devices.gripper, devices.arm, clock, journal)
-        # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
-        activate = arguments.activate or arguments.port == "sim"
-        results = session.run_journalled(
-            table, cell, devices.scene, console, count=arguments.count, activate=activate
-        )
-        console.summary(results, arguments.journal)
-        return session.exit_code(results)
+        begun = crash.look(journal, data, header, policy, console)
+    devices = _connect(arguments, table, console, stack)
+    # Not before the devices answer: a run that never was leaves no record, and no file.
+    journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
+    crash.begin(journal, begun, data, header, policy)
+    auditor = None
+    if arguments.audit is not None:
+        auditor = stack.enter_context(AuditProcess(arguments.audit, SystemClock()))
+    monitor = stack.enter_context(Monitor(console, table, arguments.tree, arguments.status))
+    cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
+    # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
+    activate = arguments.activate or arguments.port == SIMULATED
+    results = session.run_journalled(
+        table,
+        cell,
+        devices.scene,
+        monitor,
+        count=arguments.count,
+        activate=activate,
+        plan=plan,
+        watch=monitor.phase,
+        broken=begun,
+    )
+    console.summary(results, arguments.journal)
+    return session.exit_code(results)
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command's arguments."""
-    built = argparse.ArgumentParser(
-        prog="grasp-runtime",
-        description="Localise parts by executing a decision table on a cell.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = built.add_argument
-    add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
-    add(
-        "--port",
-        required=True,
-        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port",
-    )
-    add("--arm", help="the arm: tcp://host:port; with --port sim its own")
-    add("--count", type=_positive_int, default=1, metavar="N", help="number of parts (default 1)")
-    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
-    add(
-        "--journal",
-        type=Path,
-        default=DEFAULT_JOURNAL,
-        metavar="P",
-        help=f"append the run to this file, after verifying it (default ./{DEFAULT_JOURNAL})",
-    )
-    add("--json", action="store_true", help="one JSON object a part, sentences on standard error")
-    add("--debug", action="store_true", help="print the traceback of an error")
-    simulated = built.add_argument_group("with --port sim")
-    simulated.add_argument(
-        "--time-scale", type=_positive, default=1.0, metavar="S", help="times as fast as life"
-    )
-    simulated.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the simulated cell (default 0)"
-    )
-    simulated.add_argument(
-        "--world",
-        metavar="M:F",
-        help=f"physics of the cell (default {CONTACT_WORLD}; without the planner extra {REHEARSAL})",
-    )
-    return built
+def _is_begun(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0
 
 
-def _check_usage(arguments: argparse.Namespace) -> None:
-    if arguments.port == "sim":
-        if arguments.arm not in (None, "sim"):
-            raise UsageError(
-                "--port sim brings its own arm; leave out --arm, or name the real gripper's port"
-            )
-        return
-    if arguments.arm in (None, "sim"):
-        raise UsageError("a real gripper needs a real arm; name it with --arm tcp://host:port")
-    if arguments.time_scale != 1.0 or arguments.world is not None:
-        raise UsageError(
-            "--time-scale and --world are for --port sim; a real cell has its own time and world"
-        )
+def _check_fit(table: Table, plan: Plan) -> None:
+    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
+    fitness.check(table, calibration)
+
+
+def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console) -> int:
+    """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
+    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
+    origin = arguments.calibration or "the linear map"
+    console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+    if arguments.port is None:
+        return 0
+    gripper = connect.gripper(arguments.port, read_only=True)
+    try:
+        seen = gripper.state()
+    finally:
+        gripper.close()
+    width_mm = calibration.width_um(seen.position_counts) / 1000
+    console.note(f"the gripper stands at count {seen.position_counts}, which is {width_mm:.2f} mm")
+    return 0
+
+
+def _dry_run(
+    arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack
+) -> int:
+    devices = _connect(arguments, table, console, stack)
+    for sentence in dry_run.tell(table, devices.gripper, devices.arm, plan):
+        console.note(sentence)
+    console.note("dry run: nothing was written to the gripper, and nothing but questions to the arm")
+    return 0
 
 
 def _connect(arguments: argparse.Namespace, table: Table, console: Console, stack: ExitStack) -> Devices:
     """Connect to the devices; for a simulated cell start it first and then talk to it as to hardware."""
     gripper_port, arm_url, scene_url = arguments.port, arguments.arm, None
-    if arguments.port == "sim":
+    if arguments.port == SIMULATED:
         world = arguments.world or _default_world(table, console)
         process = CellProcess(
             arguments.tree, world=world, seed=arguments.seed, time_scale=arguments.time_scale
@@ -173,9 +193,12 @@ def _connect(arguments: argparse.Namespace, table: Table, console: Console, stac
         cell = stack.enter_context(process).endpoints
         gripper_port, arm_url, scene_url = cell.gripper, cell.arm, cell.scene
         console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life")
-    gripper = connect.gripper(gripper_port, time_scale=arguments.time_scale)
+    for port in (gripper_port, arm_url):
+        stack.enter_context(PortLock(port))
+    only, scale = arguments.dry_run, arguments.time_scale
+    gripper = connect.gripper(gripper_port, time_scale=scale, read_only=only)
     stack.callback(gripper.close)
-    arm = connect.arm(arm_url, time_scale=arguments.time_scale)
+    arm = connect.arm(arm_url, time_scale=scale, read_only=only)
     stack.callback(arm.close)
     if scene_url is None:
         return Devices(gripper, arm, None)
@@ -210,45 +233,37 @@ def _headline(path: Path, table: Table) -> str:
     return told
 
 
-def _header(arguments: argparse.Namespace) -> dict[str, object]:
+def _header(arguments: argparse.Namespace, plan: Plan) -> dict[str, object]:
+    on_reject, on_unresolved = plan.policy.texts()
+    measured = plan.handling.calibration
     return {
         "table": str(arguments.tree),
         "port": arguments.port,
         "arm": arguments.arm,
         "count": arguments.count,
         "time_scale": arguments.time_scale,
-        "seed": arguments.seed if arguments.port == "sim" else None,
-        "declared_safe_state": safe_state.DECLARED,
+        "seed": arguments.seed if arguments.port == SIMULATED else None,
+        "on_reject": on_reject,
+        "on_unresolved": on_unresolved,
+        "after_crash": arguments.after_crash,
+        "force": arguments.force,
+        "tips": None if plan.handling.arc is None else str(plan.handling.arc),
+        "calibration": None if arguments.calibration is None else str(arguments.calibration),
+        "widths_um": None if measured is None else list(measured.widths_um),
+        "declared_safe_state": DECLARED,
     }
 
 
-def _told(error: Exception, *, debug: bool) -> int:
-    code = getattr(error, "exit_code", None)
+def _told(name: str, error: Exception, *, debug: bool) -> int:
+    code = exit_code_of(error)
     if debug:
         traceback.print_exc()
-    if isinstance(code, int) and (code != 1 or isinstance(error, CellError)):
-        print(f"grasp-runtime: {error}", file=sys.stderr)
+    if code != 1 or isinstance(error, CellError):
+        print(f"{name}: {error}", file=sys.stderr)
         return code
-    name = type(error).__name__
-    print(
-        f"grasp-runtime: internal error, please report it: {name}: {error} (--debug shows more)",
-        file=sys.stderr,
-    )
+    kind = type(error).__name__
+    print(f"{name}: internal error, please report it: {kind}: {error} (--debug shows more)", file=sys.stderr)
     return 1
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
-def _positive_int(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return value
 
 
 if __name__ == "__main__":

@@ -6,10 +6,15 @@ CellError
 ├── TableFileError         3   the table file is missing or cannot be read
 ├── PartRejectedError     10   a part was rejected: no width of the table matches
 ├── PartUnresolvedError   11   a part stayed unresolved: the table cannot tell its pose
+├── PartNotDeliveredError 12   a localised part was not where the last grasp looked for it
 ├── GripperStateError     21   the gripper is not in a state to move, or its reading is not fresh
 ├── MotionRefusedError    22   a motion was refused before it was sent
+├── PortBusyError         23   another grasp-runtime owns the port
 ├── JournalError          24   the journal cannot be written, or does not verify
+├── BrokenRunError        25   the last run broke off and is not to be resumed, or cannot be
+├── CellCheckError        26   grasp-doctor found something that has to be put right first
 ├── TableError            30   the table's content is refused
+├── CalibrationError      32   the gripper's calibration is refused, or does not fit the table
 ├── CellStartError        31   the simulated cell did not start
 └── StoppedError          40   the operator stopped the run
 ```
@@ -74,6 +79,30 @@ class JournalError(CellError):
         self.line = line
 
 
+class PortBusyError(CellError):
+    """Another process of ours works with the same device; two of them would interleave their motions."""
+
+    exit_code = 23
+
+
+class BrokenRunError(CellError):
+    """The last run broke off in the middle, and the declared policy or the cell forbids to go on."""
+
+    exit_code = 25
+
+
+class CellCheckError(CellError):
+    """A check of the cell failed; the sentences above it say what to do."""
+
+    exit_code = 26
+
+
+class CalibrationError(CellError):
+    """A calibration file is refused: not readable, not monotone, of another gripper, or unfit for a table."""
+
+    exit_code = 32
+
+
 class GripperStateError(CellError):
     """The gripper is not ready, reports a fault, or gave a reading that cannot be trusted."""
 
@@ -110,7 +139,28 @@ class PartUnresolvedError(CellError):
     exit_code = 11
 
 
+class PartNotDeliveredError(CellError):
+    """A part was localised, but the fingers read another width at the last grasp; it was left there."""
+
+    exit_code = 12
+
+
 class StoppedError(CellError):
     """The operator stopped the run; the cell was left in the declared safe state."""
 
     exit_code = 40
+
+
+def exit_code_of(error: BaseException) -> int:
+    """Exit code of a command that ends with this error: its own, its built-in parent's, or 1 for a bug."""
+    if isinstance(error, KeyboardInterrupt):
+        return StoppedError.exit_code
+    code = getattr(error, "exit_code", None)
+    if isinstance(code, int):
+        return code
+    return 20 if isinstance(error, OSError) else 1
+
+
+def is_expected(error: BaseException) -> bool:
+    """Whether an error is one that devices, disk or people make, and no bug."""
+    return hasattr(error, "exit_code") or isinstance(error, OSError)

@@ -1,25 +1,31 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `runtime.ports`: no import of a driver, no file, no clock of its own. Any
-fault and any Ctrl-C end in `runtime.safe_state` and in a terminal outcome.
+Pure logic over the Protocols of `runtime.ports`: no import of a driver, no file, no clock of its own. What a
+reading means and what follows is `runtime.decision`'s, how the hand moves `runtime.hand`'s. Any fault and any
+Ctrl-C end in `runtime.safe_state` and in a terminal outcome.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from math import hypot
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from runtime import safety
-from runtime.errors import CellError, GripperStateError
-from runtime.ports import Arm, Clock, Gripper, Journal, Pose, Settled
+from runtime import recovery, safety, strokes
+from runtime.audit import verdict_of
+from runtime.decision import Course, Policy, advance, decide, release_point
+from runtime.delivery import Delivery, deliver
+from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
+from runtime.geometry import placement, predicted_pose
+from runtime.hand import Hand, Handling
+from runtime.phases import Phase, Watcher, unwatched
+from runtime.ports import Arm, Auditor, Clock, Gripper, Journal
+from runtime.reading import reading_fields
 from runtime.results import Outcome, PartResult, Step
 from runtime.safe_state import reach_safe_state
 from runtime.table import REJECT, Calibration, Node, Squeeze, Table, count_map
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
-# Nearer than this to the retreat height the arm counts as retreated.
-LEVEL_MM = 0.05
 
 
 class Observer(Protocol):
@@ -31,46 +37,28 @@ class Observer(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """The devices and records one executor works with."""
+    """The devices and records one executor works with; an auditor where there is one."""
 
     gripper: Gripper
     arm: Arm
     clock: Clock
     journal: Journal
+    auditor: Auditor | None = None
 
 
-class Decision(NamedTuple):
-    """What a reading means at a node: the branch taken, or `REJECT` and the reason."""
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a run does besides what its table says.
 
-    branch: int
-    reason: str | None
-
-
-def decide(node: Node, outcomes: tuple[int, ...], count: int, object_flag: int) -> Decision:
-    """What a settled reading means at a node; nothing is inferred.
-
-    Args:
-        node: the node.
-        outcomes: its 256-entry map from `count_map`.
-        count: settled encoder count, 0..255.
-        object_flag: settled object flag, 1..3.
-
-    Returns:
-        The branch, or `REJECT` with its reason: nothing between the fingers, or a width nobody planned for.
-
-    Raises:
-        GripperStateError: the flag contradicts a closing motion.
+    Attributes:
+        policy: what follows a reject and an unresolved leaf.
+        handling: how the hand is used.
+        delivery: what becomes of a localised part, None: it stays where it lies.
     """
-    if object_flag == safety.ARRIVED:
-        return Decision(REJECT, "the fingers closed on nothing")
-    if object_flag != safety.CLOSING_CONTACT:
-        raise GripperStateError(
-            f"object flag {object_flag} after a closing motion; the reading is not believed"
-        )
-    if outcomes[count] == REJECT:
-        widths = ", ".join(f"{b.low_um / 1000:.2f}..{b.high_um / 1000:.2f}" for b in node.branches)
-        return Decision(REJECT, f"no outcome of this squeeze has this width (planned: {widths} mm)")
-    return Decision(outcomes[count], None)
+
+    policy: Policy = field(default_factory=Policy)
+    handling: Handling = field(default_factory=Handling)
+    delivery: Delivery | None = None
 
 
 class Executor:
@@ -80,26 +68,39 @@ class Executor:
         table: the table, proved.
         cell: the devices, connected and not yet moved.
         observe: called after each squeeze.
+        plan: what the table leaves open.
+        watch: called at each change of phase; must not raise.
 
     Raises:
         TableError: the gripper cannot do what the table asks.
     """
 
-    def __init__(self, table: Table, cell: Cell, observe: Observer) -> None:
+    def __init__(
+        self,
+        table: Table,
+        cell: Cell,
+        observe: Observer,
+        plan: Plan | None = None,
+        watch: Watcher = unwatched,
+    ) -> None:
         safety.check_table(table)
         self._table = table
         self._cell = cell
         self._observe = observe
-        self._calibration = Calibration.linear(table.gripper)
+        self._plan = plan or Plan()
+        self._watch = watch
+        self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
         self._maps = [count_map(node, self._calibration) for node in table.nodes]
-        # Whether the arm stands where its last acknowledged motion left it.
-        self._arm_known = True
+        self._hand = Hand(
+            cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._plan.handling
+        )
 
-    def run_part(self, part: int) -> PartResult:
+    def run_part(self, part: int, broken: recovery.Broken | None = None) -> PartResult:
         """Squeeze one part until its outcome is known.
 
         Args:
             part: its number, for the journal.
+            broken: where a run that broke off had got to with this part, None for a new part.
 
         Returns:
             The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
@@ -110,37 +111,44 @@ class Executor:
         """
         steps: list[Step] = []
         try:
-            self._cell.journal.record("part", {"part": part})
-            result = self._descend(part, steps)
+            if broken is None:
+                self._cell.journal.record("part", {"part": part})
+                result = self._descend(part, steps, Course())
+            else:
+                steps.extend(broken.steps)
+                self._free(part, broken)
+                result = self._descend(part, steps, broken.course)
+            result = self._finish(result)
             self._cell.journal.record("outcome", {"part": part, **result.fields()})
+        except BrokenRunError as error:
+            return self._abandon(part, steps, error)
         except KeyboardInterrupt:
             return self._end(part, steps, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
-            fault = self._end(part, steps, Outcome.FAULT, str(error), _exit_code(error))
-            if not _is_expected(error):
+            fault = self._end(part, steps, Outcome.FAULT, str(error), exit_code_of(error))
+            if not is_expected(error):
                 raise
             return fault
+        self._watch(part, Phase.DONE, None)
         return result
 
-    def _descend(self, part: int, steps: list[Step]) -> PartResult:
-        target = 0
-        while target >= 0:
-            step = self._squeeze_at(target, len(steps) + 1, part)
+    def _descend(self, part: int, steps: list[Step], course: Course) -> PartResult:
+        while course.outcome is None:
+            step = self._squeeze_at(course.node, len(steps) + 1, part)
             steps.append(step)
             self._observe(part, step)
-            if step.target is None:
-                return PartResult.of(part, Outcome.REJECT, steps, step.reason)
-            target = step.target
-        leaf = self._table.leaves[~target]
-        if leaf.resolved:
-            return PartResult.of(part, Outcome.LEAF, steps, None)
-        reason = f"leaf {~target} is not resolved: the table cannot tell the pose well enough"
-        return PartResult.of(part, Outcome.UNRESOLVED, steps, reason)
+            course = advance(course, step.target, self._table, self._plan.policy)
+        return PartResult.of(part, course.outcome, steps, _reason(course, steps))
 
     def _squeeze_at(self, index: int, number: int, part: int) -> Step:
         node = self._table.nodes[index]
         deadline = self._cell.clock.deadline(DEADLINE_FACTOR * self._expected_s(node.squeeze))
-        reading = self._placed_reading(node.squeeze)
+        self._place(part, index, node.squeeze)
+        # Before the part is touched: who resumes this run has to know that it may have been.
+        self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
+        self._watch(part, Phase.SQUEEZE, index)
+        reading = self._hand.close(node)
+        self._watch(part, Phase.READ, index)
         decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
         target = None if decision.branch == REJECT else node.branches[decision.branch].target
         step = Step(
@@ -153,76 +161,91 @@ class Executor:
             reason=decision.reason,
         )
         # Before anything moves on: a decision that is not on the disk was never taken.
-        self._cell.journal.record("squeeze", {"part": part, **step.fields(), **_reading_fields(reading)})
-        self._release(node.squeeze)
+        self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
+        self._watch(part, Phase.RELEASE, index)
+        self._release(node, decision.branch)
+        self._hand.retreat()
         if (late_s := self._cell.clock.now() - deadline) > 0:
             raise GripperStateError(f"one squeeze ended {late_s:.1f} s late; check arm and gripper speed")
         return step
 
-    def _placed_reading(self, squeeze: Squeeze) -> Settled:
-        """Retreat, open, travel, descend, close; the settled reading of the closing motion."""
-        self._retreat()
-        self._open(squeeze)
-        x_mm, y_mm, angle_rad = squeeze.x_um / 1000, squeeze.y_um / 1000, squeeze.angle_urad / 1e6
-        limits = self._table.limits
-        self._travel((x_mm, y_mm, limits.retreat_height_um / 1000, angle_rad))
-        self._travel((x_mm, y_mm, limits.squeeze_height_um / 1000, angle_rad))
-        reading = self._jaws(safety.CLOSED_COUNTS, squeeze)
-        safety.check_fresh(reading, safety.CLOSED_COUNTS)
-        return reading
+    def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
+        """Retreat, open, travel, descend."""
+        self._watch(part, Phase.PLACE, index)
+        self._hand.retreat()
+        self._hand.open(squeeze)
+        self._hand.travel(*placement(squeeze))
+        self._hand.descend(*placement(squeeze))
 
-    def _release(self, squeeze: Squeeze) -> None:
-        self._open(squeeze)
-        self._retreat()
+    def _release(self, node: Node, branch: int) -> None:
+        """Open the jaws, what they hold first dragged to where the node wants it let go."""
+        target = release_point(node, branch)
+        if target is not None:
+            self._hand.drag(target[0] / 1000, target[1] / 1000)
+        self._hand.release(node.squeeze)
 
-    def _open(self, squeeze: Squeeze) -> None:
-        request = safety.opening_counts(squeeze.opening_um, self._calibration)
-        safety.check_opened(self._jaws(request, squeeze), request, self._calibration)
+    def _free(self, part: int, broken: recovery.Broken) -> None:
+        """Let go of what a run that broke off may still hold, where it holds it."""
+        self._watch(part, Phase.RESUME, broken.course.node)
+        try:
+            self._hand.await_stillness()
+        except GripperStateError as error:
+            raise BrokenRunError(f"{error} (the part may still be between the fingers)") from error
+        pending = recovery.pending(broken, self._table, self._hand)
+        if pending is None:
+            return
+        self._release(*pending)
+        self._cell.journal.record("freed", {"part": part})
+        self._hand.retreat()
 
-    def _jaws(self, position_counts: int, squeeze: Squeeze) -> Settled:
-        safety.ready_gripper(self._cell.gripper)
-        self._cell.gripper.move(
-            position_counts, safety.speed_counts(squeeze.speed_um_s), safety.force_counts(squeeze.force_mn)
-        )
-        return self._cell.gripper.wait()
+    def _finish(self, result: PartResult) -> PartResult:
+        """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
+        if result.outcome is not Outcome.LEAF or result.leaf is None:
+            return result
+        pose = predicted_pose(self._table.leaves[result.leaf])
+        if self._cell.auditor is not None:
+            self._watch(result.part, Phase.AUDIT, None)
+            result = result.audited(verdict_of(self._cell.auditor, result.part, pose))
+            self._cell.journal.record("audit", {"part": result.part, "verdict": result.audit})
+        if self._plan.delivery is not None:
+            self._watch(result.part, Phase.DELIVER, None)
+            self._cell.journal.record("delivery", {"part": result.part, "begun": True})
+            missed = deliver(self._hand, self._plan.delivery, pose, self._table)
+            result = result.delivered(missed)
+            self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
+        return result
 
-    def _retreat(self) -> None:
-        """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
-        safety.ready_gripper(self._cell.gripper)
-        self._arm_known = False  # until it answers
-        x_mm, y_mm, z_mm, angle_rad = self._cell.arm.pose()
-        self._arm_known = True
-        height_mm = self._table.limits.retreat_height_um / 1000
-        if z_mm < height_mm - LEVEL_MM:
-            self._move_arm((x_mm, y_mm, height_mm, angle_rad))
-
-    def _travel(self, target: Pose) -> None:
-        safety.check_target(target, self._table.limits)
-        safety.ready_gripper(self._cell.gripper)
-        self._move_arm(target)
-
-    def _move_arm(self, target: Pose) -> None:
-        self._arm_known = False  # until the motion is acknowledged; an interrupt leaves it so
-        self._cell.arm.move_linear(*target, self._table.limits.arm_speed_um_s / 1000)
-        safety.check_placed(self._cell.arm, target)
-        self._arm_known = True
+    def _abandon(self, part: int, steps: list[Step], error: BrokenRunError) -> PartResult:
+        """Give a broken part up before anything was moved: what its fingers hold is for people to see."""
+        result = PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=("nothing was moved",))
+        return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
     def _expected_s(self, squeeze: Squeeze) -> float:
-        """Cell seconds of the longest way there is: across the work area, up and down, three strokes."""
+        """Cell seconds of the longest way there is: across the work area, up and down, three slow strokes."""
         limits = self._table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path_um = hypot(x_max - x_min, y_max - y_min)
         path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / squeeze.speed_um_s
+        speed_um_s = min(squeeze.speed_um_s, strokes.SLOWEST_UM_S)
+        return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / speed_um_s
 
     def _end(
         self, part: int, steps: list[Step], outcome: Outcome, reason: str, exit_code: int | None = None
     ) -> PartResult:
+        self._watch(part, Phase.SAFE, None)
         notes = reach_safe_state(
-            self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._arm_known
+            self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )
         result = PartResult.of(part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes))
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
+
+
+def _reason(course: Course, steps: Sequence[Step]) -> str | None:
+    if course.outcome is Outcome.REJECT:
+        return steps[-1].reason
+    if course.outcome is Outcome.UNRESOLVED:
+        return f"leaf {course.leaf} is not resolved: the table cannot tell the pose well enough"
+    return None
 
 
 def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
@@ -232,23 +255,3 @@ def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
     except CellError as error:
         return result.noting(f"not journalled: {error}")
     return result
-
-
-def _reading_fields(reading: Settled) -> dict[str, object]:
-    return {
-        "object_flag": reading.object_flag,
-        "echo_counts": reading.echo_counts,
-        "current_ma": reading.current_ma,
-        "settle_s": round(reading.seconds, 4),
-    }
-
-
-def _is_expected(error: Exception) -> bool:
-    return hasattr(error, "exit_code") or isinstance(error, TimeoutError | ConnectionError | OSError)
-
-
-def _exit_code(error: Exception) -> int:
-    code = getattr(error, "exit_code", None)
-    if isinstance(code, int):
-        return code
-    return 20 if isinstance(error, TimeoutError | ConnectionError | OSError) else 1

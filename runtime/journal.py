@@ -5,10 +5,12 @@ line before. So a changed, missing or inserted line shows.
 
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
-broke off.
+broke off. In between, for each part: `part`, then a `placed` and a `squeeze` for each squeeze, `audit` and
+`delivery` where there is one, `outcome`; and after a crash `resume` and `freed`.
 """
 
 import base64
+import contextlib
 import fcntl
 import hashlib
 import json
@@ -31,8 +33,11 @@ RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 class Journal:
     """A journal being written. An existing one is verified and continued, never overwritten.
 
+    A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it.
+
     Attributes:
         path: the file.
+        cut_bytes: length of the unfinished line that was cut off, 0 for none.
     """
 
     def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
@@ -46,10 +51,12 @@ class Journal:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
+        self.cut_bytes = 0
         self._stamp = stamp
-        self._previous, self._seq = GENESIS, 0
+        self._previous, self._seq, self._size = GENESIS, 0, 0
+        self._failed = False
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise _unwritable(path, error) from error
         try:
@@ -62,13 +69,22 @@ class Journal:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _sync_directory(self.path.parent)
+            self._cut_torn_line()
         except BlockingIOError:
             raise JournalError(self.path, "is being written by another process; name another file") from None
         except OSError as error:
             raise _unwritable(self.path, error) from error
-        if os.fstat(self._file).st_size:
+        if self._size:
             held = verify(self.path)
             self._previous, self._seq = held.head, held.records
+
+    def _cut_torn_line(self) -> None:
+        size = os.fstat(self._file).st_size
+        self._size = _end_of_last_line(self._file, size)
+        self.cut_bytes = size - self._size
+        if self.cut_bytes:
+            os.ftruncate(self._file, self._size)
+            os.fsync(self._file)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Write the first record: the table's bytes and their digest, and what else tells the run apart.
@@ -94,18 +110,29 @@ class Journal:
             JournalError: it cannot be written: full disk, lost mount, closed journal.
             ValueError: a field has a reserved name or is not a number JSON can hold.
         """
+        if self._failed:
+            raise JournalError(self.path, "could not be written before; what it holds since is not known")
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
         frame = {"seq": self._seq, "time": self._stamp(), "kind": kind, **fields, "previous": self._previous}
         body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
         digest = hashlib.sha256(body).hexdigest()
+        line = body[:-1] + _tail(digest)
         try:
-            _write_all(self._file, body[:-1] + _tail(digest))
+            _write_all(self._file, line)
             os.fsync(self._file)
         except OSError as error:
+            self._give_up()
             raise _unwritable(self.path, error) from error
         self._previous = digest
         self._seq += 1
+        self._size += len(line)
+
+    def _give_up(self) -> None:
+        """Take back a line that was written in part, and write no other: a failed sync cannot be repeated."""
+        self._failed = True
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._file, self._size)
 
     def close(self) -> None:
         """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""
@@ -224,6 +251,15 @@ def _tail(digest: str) -> bytes:
 def _write_all(file: int, data: bytes) -> None:
     while data:
         data = data[os.write(file, data) :]
+
+
+def _end_of_last_line(file: int, size: int) -> int:
+    """Where the last whole line of a file ends; at most `MAX_LINE_BYTES` are looked through."""
+    start = max(size - MAX_LINE_BYTES, 0)
+    tail = b""
+    while start + len(tail) < size and (piece := os.pread(file, size - start - len(tail), start + len(tail))):
+        tail += piece
+    return start + tail.rfind(b"\n") + 1 if b"\n" in tail or start == 0 else size
 
 
 def _sync_directory(path: Path) -> None:

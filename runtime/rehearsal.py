@@ -34,7 +34,9 @@ def make(job: object, seed: int) -> "Rehearsal":
 class Rehearsal:
     """Walks the tree: a branch by its probability, a width inside it; the part itself never moves.
 
-    A squeeze that does not continue the part of the one before begins with a new part at the root.
+    A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
+    later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
+    begins with a new part at the root.
 
     Args:
         table: the table.
@@ -48,6 +50,7 @@ class Rehearsal:
         # Nodes that may come next, the drawn one first, and where the part lies meanwhile.
         self._next: list[int] = []
         self._lies: Pose2 | None = None
+        self._last, self._width_mm = 0, 0.0
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """One squeeze.
@@ -58,7 +61,10 @@ class Rehearsal:
         Returns:
             The same pose, the width in mm without encoder noise, and "grasped".
         """
-        node = self._table.nodes[self._node_of(pose_hand)]
+        index = self._node_of(pose_hand)
+        if index is None:
+            return pose_hand, self._width_mm, "grasped"
+        node = self._table.nodes[index]
         branch = self._random.choices(
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
         )[0]
@@ -67,20 +73,25 @@ class Rehearsal:
             (other.target for other in node.branches if other.target >= 0),
             key=lambda target: target != branch.target,
         )
-        return pose_hand, self._width_um(node, branch) / 1000, "grasped"
+        self._last, self._width_mm = index, self._width_um(node, branch) / 1000
+        return pose_hand, self._width_mm, "grasped"
 
     def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
         """Never: the table proved its placements against a part this world does not have."""
         del pose_hand, opening_mm
         return False
 
-    def _node_of(self, pose_hand: Pose2) -> int:
-        """The node being executed: a child of the last one if the part lies where it lay, else the root."""
-        if self._lies is not None:
-            for index in self._next:
-                seen = compose(placement(self._table.nodes[index].squeeze), pose_hand)
-                if _same(seen, self._lies):
-                    return index
+    def _node_of(self, pose_hand: Pose2) -> int | None:
+        """The node being executed: a child of the last one if the part lies where it lay, else the root.
+
+        None for the last one again.
+        """
+        if self._lies is None:
+            return 0
+        for index in (*self._next, self._last):
+            seen = compose(placement(self._table.nodes[index].squeeze), pose_hand)
+            if _same(seen, self._lies):
+                return index if index in self._next else None
         return 0
 
     def _width_um(self, node: Node, branch: Branch) -> float:

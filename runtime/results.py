@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Self
 
-from runtime.errors import PartRejectedError, PartUnresolvedError, StoppedError
+from runtime.errors import (
+    BrokenRunError,
+    PartNotDeliveredError,
+    PartRejectedError,
+    PartUnresolvedError,
+    StoppedError,
+)
 from runtime.table import Squeeze
 
 
@@ -17,6 +23,7 @@ class Outcome(Enum):
     UNRESOLVED = "unresolved"
     FAULT = "fault"
     STOPPED = "stopped"
+    ABORTED = "aborted"
 
 
 # Exit codes of the outcomes that are not faults; a fault brings its own.
@@ -25,6 +32,7 @@ EXIT_CODES = {
     Outcome.REJECT: PartRejectedError.exit_code,
     Outcome.UNRESOLVED: PartUnresolvedError.exit_code,
     Outcome.STOPPED: StoppedError.exit_code,
+    Outcome.ABORTED: BrokenRunError.exit_code,
 }
 
 
@@ -77,6 +85,8 @@ class PartResult:
         reason: why it is no resolved leaf, or None.
         exit_code: what a run of this one part exits with.
         safe_state: what the safe sequence reached, one sentence a step; empty without a fault.
+        audit: the auditor's verdict, "pass", "fail" or "unknown"; None without one.
+        delivery: "done" or "missed", None where no delivery was asked for.
     """
 
     part: int
@@ -86,6 +96,8 @@ class PartResult:
     reason: str | None
     exit_code: int
     safe_state: tuple[str, ...] = ()
+    audit: str | None = None
+    delivery: str | None = None
 
     @classmethod
     def of(
@@ -114,6 +126,16 @@ class PartResult:
         code = EXIT_CODES[outcome] if exit_code is None else exit_code
         return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
 
+    def audited(self, verdict: str) -> Self:
+        """The same result with the auditor's verdict."""
+        return replace(self, audit=verdict)
+
+    def delivered(self, missed: str | None) -> Self:
+        """The same result after the delivery; `missed` tells why the part still lies where it was found."""
+        if missed is None:
+            return replace(self, delivery="done")
+        return replace(self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code)
+
     def noting(self, sentence: str) -> Self:
         """The same result with one more sentence about its safe state."""
         return replace(self, safe_state=(*self.safe_state, sentence))
@@ -128,4 +150,6 @@ class PartResult:
             "reason": self.reason,
             "exit_code": self.exit_code,
             "safe_state": list(self.safe_state),
+            "audit": self.audit,
+            "delivery": self.delivery,
         }

@@ -1,24 +1,18 @@
-"""The checks before every motion, and the scaling of the table's units to the gripper's counts."""
+"""The checks before every motion: what the table asks for, the gripper, the target, the place reached."""
 
 from math import hypot, isfinite, remainder, tau
 
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
-from runtime.ports import Arm, Gripper, GripperState, Pose, Settled
-from runtime.table import Calibration, Limits, Table
+from runtime.ports import Arm, Gripper, GripperState, Pose
+from runtime.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
+from runtime.table import Limits, Table
 
-# Speed is the rate of the opening, force the nominal grip force, linear over 0..255 (Robotiq SDK, units.cpp).
-SLOWEST_UM_S, FASTEST_UM_S = 20_000, 150_000
-WEAKEST_MN, STRONGEST_MN = 20_000, 235_000
-CLOSED_COUNTS = 255
 # Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
 NO_COMMUNICATION = 0x09
 
 # The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
 PLACED_MM = 0.5
 PLACED_RAD = 0.01
-OPENED_COUNTS = 2
-
-MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
 
 def check_table(table: Table) -> None:
@@ -39,23 +33,6 @@ def check_table(table: Table) -> None:
                 f"node {index} squeezes with {force / 1000:g} N; the gripper does "
                 f"{WEAKEST_MN / 1000:g}..{STRONGEST_MN / 1000:g}, change gripper.force_n and recompile"
             )
-
-
-def speed_counts(speed_um_s: int) -> int:
-    """The fastest speed setting that is not faster than asked, 0..255."""
-    return _scale(speed_um_s, SLOWEST_UM_S, FASTEST_UM_S)
-
-
-def force_counts(force_mn: int) -> int:
-    """The strongest force setting that is not stronger than asked, 0..255."""
-    return _scale(force_mn, WEAKEST_MN, STRONGEST_MN)
-
-
-def opening_counts(opening_um: int, calibration: Calibration) -> int:
-    """The position to request so that the jaws are at least `opening_um` apart, or as far as they go."""
-    wide = [count for count, width in enumerate(calibration.widths_um) if width >= opening_um]
-    full = opening_um >= calibration.widths_um[0]
-    return wide[-1] if wide and not full else 0
 
 
 def ready_gripper(gripper: Gripper) -> GripperState:
@@ -119,39 +96,3 @@ def check_placed(arm: Arm, target: Pose) -> None:
             f"the arm stands {off_mm:.2f} mm and {off_rad:.3f} rad off the place it was sent to; "
             "check the controller before the next run"
         )
-
-
-def check_fresh(settled: Settled, requested_counts: int) -> None:
-    """Check that a settled reading belongs to the request.
-
-    Raises:
-        GripperStateError: it belongs to another request, is no encoder count, or is not settled.
-    """
-    if settled.echo_counts != requested_counts:
-        raise GripperStateError(
-            f"stale reading: the gripper answers request {settled.echo_counts}, asked was {requested_counts}"
-        )
-    if not 0 <= settled.position_counts <= CLOSED_COUNTS:
-        raise GripperStateError(f"position {settled.position_counts} is no encoder count")
-    if settled.object_flag not in (OPENING_CONTACT, CLOSING_CONTACT, ARRIVED):
-        raise GripperStateError("the gripper reports a motion as finished and as going on")
-
-
-def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
-    """Check that the jaws opened as far as requested; the collision proof of the descent counts on it.
-
-    Raises:
-        GripperStateError: the reading is stale, or the jaws are blocked.
-    """
-    check_fresh(settled, requested_counts)
-    asked_um = calibration.width_um(requested_counts)
-    stopped_um = calibration.width_um(settled.position_counts)
-    if stopped_um < calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS)):
-        raise GripperStateError(
-            f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
-            "remove what blocks them"
-        )
-
-
-def _scale(value: int, least: int, most: int) -> int:
-    return min(max((value - least) * 255 // (most - least), 0), 255)

@@ -5,10 +5,12 @@ from contextlib import suppress
 from math import isfinite
 
 from runtime.console import Console, Sighting
-from runtime.errors import JournalError, StoppedError
-from runtime.executor import Cell, Executor
+from runtime.errors import JournalError, exit_code_of
+from runtime.executor import Cell, Executor, Plan
 from runtime.geometry import goal_distance_mm, predicted_pose
+from runtime.phases import Watcher, unwatched
 from runtime.ports import Gripper, Scene
+from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
 from runtime.safety import ready_gripper
 from runtime.table import Table
@@ -36,7 +38,16 @@ def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> No
 
 
 def run_journalled(
-    table: Table, cell: Cell, scene: Scene | None, console: Console, *, count: int, activate: bool
+    table: Table,
+    cell: Cell,
+    scene: Scene | None,
+    console: Console,
+    *,
+    count: int,
+    activate: bool,
+    plan: Plan | None = None,
+    watch: Watcher = unwatched,
+    broken: BrokenRun | None = None,
 ) -> Results:
     """Prepare the gripper, run the parts, and write the run's last record however it ends.
 
@@ -45,8 +56,11 @@ def run_journalled(
         cell: the devices and the journal, its header written.
         scene: the simulated cell's feeder and eye, None on a real one.
         console: told as it happens.
-        count: number of parts.
+        count: number of parts, those of a broken run included.
         activate: whether an inactive gripper may be activated.
+        plan: what the table leaves open.
+        watch: told of each change of phase.
+        broken: the run that broke off and is gone on with, None for a new one.
 
     Returns:
         A result a part, with the truth where a scene knows it.
@@ -55,43 +69,60 @@ def run_journalled(
         JournalError: the last record cannot be written.
         Exception: an error before the first part, or between two, once it is recorded.
     """
+    plan = plan or Plan()
     results: list[Result] = []
     try:
-        prepare_gripper(cell.gripper, console, activate=activate)
-        for result in run_parts(table, cell, scene, console, count):
+        # Fingers that may hold a part are the executor's to look at, and never sweep.
+        if broken is None or broken.part is None:
+            prepare_gripper(cell.gripper, console, activate=activate)
+        for result in run_parts(table, cell, scene, console, count, plan, watch, broken):
             results.append(result)
     except BaseException as error:
         with suppress(JournalError):
-            cell.journal.record("end", _end_fields(results, _code(error), _reason(error)))
+            cell.journal.record("end", _end_fields(results, exit_code_of(error), _reason(error)))
         raise
     cell.journal.record("end", _end_fields(results, exit_code(results), None))
     return results
 
 
 def run_parts(
-    table: Table, cell: Cell, scene: Scene | None, console: Console, count: int
+    table: Table,
+    cell: Cell,
+    scene: Scene | None,
+    console: Console,
+    count: int,
+    plan: Plan | None = None,
+    watch: Watcher = unwatched,
+    broken: BrokenRun | None = None,
 ) -> Iterator[Result]:
-    """Execute the table on `count` parts, or until a fault or a stop.
+    """Execute the table on the parts up to number `count`, or until one whose end ends the run.
 
     Args:
         table: the table, proved.
         cell: the devices and the journal.
         scene: the simulated cell's feeder and eye, None on a real one.
         console: told as it happens.
-        count: number of parts.
+        count: the last part's number.
+        plan: what the table leaves open.
+        watch: told of each change of phase.
+        broken: the run that is gone on with.
 
     Yields:
         A result a part, with the truth where a scene knows it.
     """
-    executor = Executor(table, cell, console.step)
-    for number in range(1, count + 1):
-        if scene is not None:
+    plan = plan or Plan()
+    executor = Executor(table, cell, console.step, plan, watch)
+    begun = None if broken is None else broken.part
+    first = 1 if broken is None else broken.parts + 1
+    for number in range(first, count + 1):
+        resumed = begun if begun is not None and begun.part == number else None
+        if scene is not None and resumed is None:
             scene.next_part()
-        result = executor.run_part(number)
+        result = executor.run_part(number, resumed)
         seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
         console.part(result, seen)
         yield result, seen
-        if result.outcome not in CONTINUING:
+        if plan.policy.ends_run(result.outcome):
             return
 
 
@@ -110,13 +141,6 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
 def exit_code(results: Results) -> int:
     """The gravest of the parts' exit codes: they are numbered by gravity, 0 if every part reached a leaf."""
     return max((result.exit_code for result, _ in results), default=0)
-
-
-def _code(error: BaseException) -> int:
-    if isinstance(error, KeyboardInterrupt):
-        return StoppedError.exit_code
-    code = getattr(error, "exit_code", 1)
-    return code if isinstance(code, int) else 1
 
 
 def _reason(error: BaseException) -> str:

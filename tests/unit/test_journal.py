@@ -1,6 +1,7 @@
 """The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -75,13 +76,61 @@ def test_lines_of_another_journal_do_not_fit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [1, 5, 200])
-def test_a_torn_last_line_is_found_and_not_continued(tmp_path: Path, cut: int) -> None:
+def test_a_torn_last_line_is_found_and_cut_off_by_who_goes_on(tmp_path: Path, cut: int) -> None:
     path = written(tmp_path / "j.jsonl")
     path.write_bytes(path.read_bytes()[:-cut])
+    whole = b"".join(path.read_bytes().splitlines(keepends=True)[:2])
     with pytest.raises(JournalError, match="line 3: cut short"):
         verify(path)
-    with pytest.raises(JournalError, match="line 3: cut short"):
+    with Journal(path, STAMP) as journal:
+        assert journal.cut_bytes > 0
+        assert path.read_bytes() == whole
+        journal.record("end", {"exit_code": 0})
+    assert verify(path).closed
+
+
+def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    path.write_bytes(path.read_bytes()[:100])
+    with Journal(path, STAMP) as journal:
+        assert (journal.cut_bytes, path.read_bytes()) == (100, b"")
+        journal.header(TABLE, {})
+    assert verify(path).records == 1
+
+
+def test_damage_before_the_last_line_is_not_repaired(tmp_path: Path) -> None:
+    path = written(tmp_path / "j.jsonl")
+    data = path.read_bytes()
+    path.write_bytes(data[:50] + data[51:-1])
+    with pytest.raises(JournalError, match="line 1: does not have its digest"):
         Journal(path, STAMP)
+
+
+@pytest.mark.parametrize("call", ["write", "fsync"])
+def test_a_record_that_fails_is_taken_back_and_none_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    path = written(tmp_path / "j.jsonl", closed=False)
+    whole = path.read_bytes()
+    real = os.write
+
+    def half(file: int, data: bytes) -> int:
+        if call == "write" and len(data) < 100:
+            raise OSError(28, "No space left on device")
+        return real(file, data[: max(len(data) - 90, 1)])
+
+    def fail(file: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    with Journal(path, STAMP) as journal:
+        with monkeypatch.context() as broken:
+            broken.setattr(os, "write", half) if call == "write" else broken.setattr(os, "fsync", fail)
+            with pytest.raises(JournalError, match="cannot be written"):
+                journal.record("squeeze", {"part": 2, "padding": "x" * 100})
+        assert path.read_bytes() == whole
+        with pytest.raises(JournalError, match="could not be written before"):
+            journal.record("end", {})
+    assert not verify(path).closed
 
 
 def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) -> None:

@@ -118,6 +118,15 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 23, "127.0.0.1:1"),
         (["--port", "sim", "--arm", "tcp://127.0.0.1:9"], 2, "brings its own arm"),
         (["--port", "/dev/ttyUSB0"], 2, "name it with --arm"),
+        ([], 2, "name the gripper with --port"),
+        (["--port", "sim", "--check"], 2, "looks at an attached gripper"),
+        (["--port", "sim", "--on-reject", "again"], 2, "name resqueeze, restart, next, stop"),
+        (["--port", "sim", "--on-reject", "next,restart"], 2, "next or stop last"),
+        (["--port", "sim", "--on-unresolved", "resqueeze"], 2, "no squeeze to repeat"),
+        (["--port", "sim", "--tips", "bent"], 2, "LINK,OFFSET"),
+        (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
+        (["--port", "sim", "--deliver", "nowhere.toml"], 2, "nowhere.toml"),
+        (["--port", "sim", "--calibration", "nowhere.json"], 32, "nowhere.json"),
         (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
         (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),
         (
@@ -150,9 +159,9 @@ def test_tables_are_refused_before_anything_is_opened(tree: Path, capfd: pytest.
     assert "digest does not match its content; copy the file again or recompile it" in lines[2]
 
 
-@pytest.mark.parametrize("wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"], []])
+@pytest.mark.parametrize("wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"]])
 def test_usage_is_2(tree: Path, wrong: list[str], capfd: pytest.CaptureFixture[str]) -> None:
-    port = ["--port", "sim"] if wrong else []
+    port = ["--port", "sim"]
     with pytest.raises(SystemExit) as left:
         main(["--tree", str(tree), *port, *wrong])
     assert left.value.code == 2

@@ -1,0 +1,116 @@
+"""The auditor as a process of its own: one JSON line asked, one answered, within a deadline, or "unknown".
+
+```
+-> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
+<- {"verdict": "pass"}
+```
+
+A camera never stops the cell: whatever is wrong with it, the verdict is "unknown" and the run goes on.
+"""
+
+import contextlib
+import json
+import os
+import select
+import shlex
+import subprocess
+from types import TracebackType
+from typing import Self
+
+from runtime.errors import UsageError
+from runtime.geometry import Pose2
+from runtime.ports import Auditor, Clock
+
+VERDICTS = ("pass", "fail")
+UNKNOWN = "unknown"
+ANSWER_S = 10.0
+END_S = 2.0
+MAX_ANSWER_BYTES = 65_536
+
+
+def verdict_of(auditor: Auditor, part: int, pose: Pose2) -> str:
+    """The auditor's word: "pass", "fail", or "unknown" where it fails or says anything else."""
+    try:
+        verdict = auditor.judge(part, *pose)
+    except Exception:
+        return UNKNOWN
+    return verdict if verdict in VERDICTS else UNKNOWN
+
+
+class AuditProcess:
+    """An auditor started as a child, asked over its standard input and output.
+
+    Args:
+        command: the program and its arguments, as a shell would split them.
+        clock: of the deadline.
+        answer_s: seconds it may take to judge one part.
+
+    Raises:
+        UsageError: the program cannot be started.
+    """
+
+    def __init__(self, command: str, clock: Clock, answer_s: float = ANSWER_S) -> None:
+        self._clock = clock
+        self._answer_s = answer_s
+        self._owed = 0  # answers still to come from questions that were not waited for
+        self._read = b""
+        try:
+            self._process = subprocess.Popen(
+                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            )
+        except (OSError, ValueError, IndexError) as error:
+            raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
+
+    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> str:
+        """Ask for one part's verdict.
+
+        Raises:
+            OSError: the process is gone.
+            TimeoutError: no answer in time.
+            ValueError: an answer that is no verdict.
+        """
+        asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
+        assert self._process.stdin is not None
+        os.write(self._process.stdin.fileno(), json.dumps(asked).encode() + b"\n")
+        self._owed += 1
+        until = self._clock.now() + self._answer_s
+        answer = b""
+        while self._owed:
+            answer = self._line(until)
+            self._owed -= 1
+        told = json.loads(answer)
+        return str(told["verdict"]) if isinstance(told, dict) else UNKNOWN
+
+    def close(self) -> None:
+        """End the process; a deaf one is killed."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _line(self, until: float) -> bytes:
+        assert self._process.stdout is not None
+        pipe = self._process.stdout.fileno()
+        while b"\n" not in self._read:
+            left = until - self._clock.now()
+            if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
+                raise TimeoutError(f"the auditor did not judge within {self._answer_s:g} s")
+            piece = os.read(pipe, 4096)
+            if not piece or len(self._read) > MAX_ANSWER_BYTES:
+                raise ConnectionError("the auditor ended, or talks without end")
+            self._read += piece
+        line, _, self._read = self._read.partition(b"\n")
+        return line

@@ -1,0 +1,182 @@
+"""The command `grasp-calibrate`: what a cell has to measure of itself before it can be believed."""
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import Protocol
+
+from runtime import calibration, strokes
+from runtime.calibration import Gauge, GripperCalibration
+from runtime.clock import SystemClock
+from runtime.decision import CLOSING_CONTACT
+from runtime.errors import GripperStateError, UsageError
+from runtime.lock import PortLock
+from runtime.ports import Gripper
+from runtime.reading import CLOSED_COUNTS, check_fresh
+from runtime.safety import ready_gripper
+from runtime.table import GripperSpec
+
+DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
+LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
+EPILOG = """\
+example:
+  grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json
+  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
+
+For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
+slowly and with the least force. Keep your own fingers out.
+
+exit codes:
+   0  measured and written    2  usage             21  gripper fault, or not activated
+  20  gripper link fault     23  port not opened   32  the measurements contradict one another
+  40  stopped by the operator
+"""
+
+
+class Open(Protocol):
+    """Opens a gripper by its port; `drivers.connect.gripper`."""
+
+    def __call__(self, port: str) -> Gripper:
+        """Connect, moving nothing."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = argparse.ArgumentParser(
+        prog="grasp-calibrate",
+        description="Measure what a cell has to know of itself.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    built.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    subcommands = built.add_subparsers(required=True, metavar="width")
+    width = subcommands.add_parser("width", help="the gripper's counts as widths, with gauge blocks")
+    add = width.add_argument
+    add("--port", required=True, help="the gripper, as for grasp-runtime")
+    add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
+    add(
+        "--blocks",
+        default=DEFAULT_BLOCKS,
+        metavar="MM,...",
+        help=f"widths of the blocks (default {DEFAULT_BLOCKS})",
+    )
+    add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default 3)")
+    add("--tips", metavar="LINK,OFFSET", help="the tips' arc in mm, kept in the file for grasp-runtime")
+    add("--current", metavar="LEAST,MOST", help="motor current at rest on a part in mA, kept in the file")
+    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    return built
+
+
+def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] = input) -> int:
+    """Measure and write as the arguments say.
+
+    Args:
+        arguments: parsed.
+        open_gripper: opens the gripper.
+        ask: shows the operator a sentence and waits.
+
+    Returns:
+        0.
+
+    Raises:
+        Exception: any error of ours or of the gripper; each carries its `exit_code`.
+    """
+    widths_mm = _numbers("--blocks", arguments.blocks)
+    if arguments.grips < 1 or any(width < 0.0 for width in widths_mm):
+        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+    with PortLock(arguments.port):
+        gripper = open_gripper(arguments.port)
+        try:
+            if arguments.activate and not gripper.state().activated:
+                ask("The fingers will open and close fully: clear the space between them and press Enter. ")
+                gripper.activate()
+            ready_gripper(gripper)
+            gauges = list(measure(gripper, sorted(widths_mm), arguments.grips, ask))
+        finally:
+            gripper.close()
+    made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
+    made = _with_extras(made, arguments)
+    calibration.save(made, arguments.output)
+    for line in report(made):
+        print(line)
+    print(f"written to {arguments.output}")
+    return 0
+
+
+def measure(
+    gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
+) -> Iterator[Gauge]:
+    """Grip each block so many times.
+
+    Args:
+        gripper: ready.
+        widths_mm: the blocks in rising order; 0 for none.
+        grips: times.
+        ask: shows the operator a sentence and waits.
+
+    Yields:
+        A gauge for each block.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
+    """
+    for width_mm in widths_mm:
+        _stroke(gripper, 0, 255)
+        if width_mm > 0.0:
+            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter. ")
+        else:
+            ask("Take everything out from between the fingers and press Enter. ")
+        counts = []
+        for _ in range(grips):
+            count, flag = _stroke(gripper, CLOSED_COUNTS, strokes.GENTLE_SPEED)
+            if width_mm > 0.0 and flag != CLOSING_CONTACT:
+                raise GripperStateError(
+                    f"the fingers closed without meeting the {width_mm:g} mm block; begin again"
+                )
+            counts.append(count)
+            _stroke(gripper, max(count - 25, 0), 0)
+        yield Gauge(width_mm, tuple(counts))
+    _stroke(gripper, 0, 255)
+
+
+def report(made: GripperCalibration) -> Iterator[str]:
+    """The measurement as a small table: counts, spread, and how far other maps are off."""
+    linear = calibration.against_linear_mm(made, LINEAR)
+    left_out = [None, *calibration.residuals_mm(made)]
+    yield f"gripper {made.gripper}"
+    yield "block mm  counts            spread  without this block  linear map"
+    for gauge, off, line in zip_longest(made.gauges, left_out, linear):
+        alone = "-" if off is None else f"{off:+.3f} mm"
+        counts = " ".join(map(str, gauge.counts))
+        yield f"{gauge.width_mm:8.2f}  {counts:<16}  {gauge.spread:>6}  {alone:>18}  {line:+.3f} mm"
+
+
+def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
+    ready_gripper(gripper)
+    gripper.move(position_counts, speed_counts, strokes.GENTLE_FORCE)
+    settled = gripper.wait()
+    check_fresh(settled, position_counts)
+    return settled.position_counts, settled.object_flag
+
+
+def _with_extras(made: GripperCalibration, arguments: argparse.Namespace) -> GripperCalibration:
+    tips = current = None
+    if arguments.tips is not None:
+        link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
+        tips = (link_mm, offset_mm)
+    if arguments.current is not None:
+        least, most = _numbers("--current", arguments.current, 2)
+        current = (round(least), round(most))
+    return GripperCalibration(made.gripper, made.made, made.gauges, made.widths_um, tips, current)
+
+
+def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas") from None
+    if wanted is not None and len(numbers) != wanted:
+        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
+    return numbers

@@ -1,0 +1,169 @@
+"""The command `grasp-journal`: read, verify, replay and export what runs have written."""
+
+import argparse
+import json
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from runtime import export
+from runtime.errors import CellError, JournalError, UsageError, exit_code_of
+from runtime.journal import records, verify
+from runtime.replay import Entry, Replay
+
+EPILOG = """\
+examples:
+  grasp-journal show squeezetree-journal.jsonl --outcome reject
+  grasp-journal verify squeezetree-journal.jsonl
+  grasp-journal replay squeezetree-journal.jsonl
+  grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
+
+exit codes:
+   0  done, nothing wrong   1  internal error: a bug   2  usage
+  24  the journal cannot be read, does not verify, or claims what its counts do not justify
+"""
+QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", "widths_um"})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    arguments = parser().parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # whoever read us has seen enough
+        sys.stderr.close()
+        return 0
+    except CellError as error:
+        if arguments.debug:
+            traceback.print_exc()
+        print(f"grasp-journal: {error}", file=sys.stderr)
+        return exit_code_of(error)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = argparse.ArgumentParser(
+        prog="grasp-journal",
+        description="Read, verify, replay and export the journals of grasp-runtime.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subcommands = built.add_subparsers(required=True, metavar="show|verify|replay|export")
+    shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
+    shown.add_argument("--part", type=int, metavar="N", help="only this part's")
+    shown.add_argument("--node", type=int, metavar="N", help="only squeezes at this node")
+    shown.add_argument("--outcome", metavar="NAME", help="only parts that ended so: leaf, reject, fault, ...")
+    shown.add_argument("--since", metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00")
+    _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
+    _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
+    exported = _subcommand(subcommands, "export", _export, "one row a squeeze, as CSV or Parquet")
+    exported.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="F", help="file.csv or file.parquet"
+    )
+    return built
+
+
+def _subcommand(
+    subcommands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: object, told: str
+) -> argparse.ArgumentParser:
+    made = subcommands.add_parser(name, help=told, description=f"{told[0].upper()}{told[1:]}.")
+    made.add_argument("journal", type=Path, help="the journal")
+    made.add_argument("--json", action="store_true", help="objects for machines")
+    made.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    made.set_defaults(run=run)
+    return made
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    seen = verify(arguments.journal)
+    if arguments.json:
+        print(
+            json.dumps({"records": seen.records, "runs": seen.runs, "closed": seen.closed, "head": seen.head})
+        )
+    else:
+        end = "ended" if seen.closed else "BROKE OFF"
+        print(f"{arguments.journal}: {seen.records} records in {seen.runs} runs verify; the last run {end}")
+    return 0
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    replay = Replay()
+    findings = list(replay.follow(records(arguments.journal)))
+    for finding in findings:
+        if arguments.json:
+            print(json.dumps(finding._asdict()))
+        else:
+            print(f"record {finding.seq}: {finding.sentence}")
+    if findings:
+        raise JournalError(
+            arguments.journal, f"{len(findings)} records claim what their counts do not justify"
+        )
+    if arguments.json:
+        print(json.dumps({"decisions": replay.decisions, "findings": 0}))
+    else:
+        print(f"{arguments.journal}: {replay.decisions} decisions derived again, all as recorded")
+    return 0
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    wanted = None
+    if arguments.outcome is not None:
+        wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
+    for run, entry in _numbered(records(arguments.journal)):
+        if not _is_wanted(arguments, entry) or (
+            wanted is not None and (run, entry.get("part")) not in wanted
+        ):
+            continue
+        print(json.dumps(entry) if arguments.json else _line(entry), flush=False)
+    return 0
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(arguments.output.suffix)
+    if write is None:
+        raise UsageError(f"--output {arguments.output}: name it .csv or .parquet")
+    rows = write(export.rows(records(arguments.journal)), arguments.output)
+    if arguments.json:
+        print(json.dumps({"rows": rows, "output": str(arguments.output)}))
+    else:
+        print(f"{rows} squeezes written to {arguments.output}")
+    return 0
+
+
+def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[str, object]]]:
+    """Each record with the number of its run: parts count from 1 in every run."""
+    run = 0
+    for entry in entries:
+        run += entry["kind"] == "header"
+        yield run, entry
+
+
+def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, object]]:
+    for run, entry in _numbered(records(path)):
+        if entry["kind"] == "outcome" and entry.get("outcome") == outcome:
+            yield run, entry.get("part")
+
+
+def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
+    if arguments.part is not None and entry.get("part") != arguments.part:
+        return False
+    if arguments.node is not None and entry.get("node") != arguments.node:
+        return False
+    return arguments.since is None or str(entry["time"]) >= arguments.since
+
+
+def _line(entry: Entry) -> str:
+    """Number, time, kind and what is left of a record that fits a line."""
+    told = " ".join(f"{name}={_short(value)}" for name, value in entry.items() if name not in QUIET)
+    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {told}"
+
+
+def _short(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

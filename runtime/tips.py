@@ -1,0 +1,56 @@
+"""The finger tips on their arc: how far they advance as the jaws close, and stages that keep them level.
+
+The finger links of a 2F gripper are parallelograms: the tips move on a circle without turning. With link
+length L and offset c, at an opening w the tips stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF
+models of the 2F-85; Robotiq's own note gives only a straight line). So closing moves them towards the table.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+
+@dataclass(frozen=True, slots=True)
+class TipArc:
+    """The arc of one gripper's tips; custom fingers change the offset, never the link.
+
+    Attributes:
+        link_mm: L, the finger links' length.
+        offset_mm: c, how far inside the opening the pads stand of the link's end.
+        taught_mm: the opening at which the arm's tool frame was taught to the tips.
+        level_mm: how far the tips may be above their height between two stages.
+    """
+
+    link_mm: float = 57.15
+    offset_mm: float = 5.0
+    taught_mm: float = 85.0
+    level_mm: float = 2.0
+
+    def advance_mm(self, width_mm: float) -> float:
+        """How much nearer to the table the tips are than where the tool frame was taught."""
+        return self._reach(width_mm) - self._reach(self.taught_mm)
+
+    def most_mm(self, least_mm: float, widest_mm: float) -> float:
+        """The largest `advance_mm` between two openings; the arc's top lies at twice the offset."""
+        return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
+
+    def stages(self, widest_mm: float, least_mm: float) -> list[float]:
+        """Openings between which the tips advance by no more than `level_mm`.
+
+        Args:
+            widest_mm: where the jaws stand.
+            least_mm: where they end.
+
+        Returns:
+            Openings in falling order, without the first and with the last.
+        """
+        top_mm = max(2.0 * self.offset_mm, least_mm)
+        widths: list[float] = []
+        reach = self._reach(widest_mm) + self.level_mm
+        # Below the arc's top the tips only draw back, by less than anything that matters.
+        while widest_mm > top_mm and reach < self._reach(top_mm):
+            widths.append(2.0 * (self.offset_mm + sqrt(self.link_mm**2 - reach**2)))
+            reach += self.level_mm
+        return [*widths, least_mm]
+
+    def _reach(self, width_mm: float) -> float:
+        return sqrt(self.link_mm**2 - (width_mm / 2.0 - self.offset_mm) ** 2)
