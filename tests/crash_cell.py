@@ -1,0 +1,254 @@
+"""A cell in memory whose controlling process can be killed between any two frames or journal writes.
+
+The gripper is the simulated one behind the real driver, register block by register block; the arm obeys whole
+motions, as its controller does: a motion that was sent is carried out, whoever is left to hear of it. The
+world knows where the part lies, and keeps a list of what must never happen to it.
+"""
+
+import random
+from collections.abc import Mapping
+from math import hypot, remainder, tau
+from pathlib import Path
+
+from drivers.clock import Pace
+from drivers.robotiq.gripper import Gripper
+from drivers.sim.gripper import GripperModel
+from drivers.sim.jaws import Jaws
+from runtime import crash, journal, session
+from runtime.console import Console
+from runtime.executor import Cell, Plan
+from runtime.geometry import placement
+from runtime.journal import Journal
+from runtime.table import Calibration, Node, Table, dumps
+
+REACH_MM = 35.0
+LOOK_S = 0.04
+RESTART_S = 3.0
+NEAR_MM, NEAR_RAD = 0.3, 0.01
+FREE_MM = 1.5
+
+
+class KilledError(BaseException):
+    """The process is gone: nothing it would do on the way out happens."""
+
+
+class Life:
+    """The moments of one process; the one with number `last` is its last."""
+
+    def __init__(self, last: int | None) -> None:
+        self.last, self.moment = last, 0
+
+    def moment_passes(self) -> None:
+        if self.last is not None and self.moment >= self.last:
+            raise KilledError
+        self.moment += 1
+
+
+class Time:
+    """Virtual seconds; a look at a device takes `LOOK_S`."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def now(self) -> float:
+        return self.seconds
+
+    def sleep(self, seconds: float) -> None:
+        self.seconds += max(seconds, 0.0)
+
+    def deadline(self, seconds: float) -> float:
+        return self.seconds + seconds + 30.0
+
+    def stamp(self) -> str:
+        return f"2026-11-21T00:00:{self.seconds:09.3f}+00:00"
+
+
+class World:
+    """Part, gripper and controller: all that outlives a process.
+
+    The part belongs to one path through the table. It gives the path's width where it lies as the path has
+    it, and a width of no outcome anywhere else.
+    """
+
+    def __init__(self, table: Table, path: list[tuple[int, int]]) -> None:
+        self.time = Time()
+        self.calibration = Calibration.linear(table.gripper)
+        self.table = table
+        self.path = path  # (node, branch), from the root to a leaf
+        self.at_mm = (5.0, 5.0, 60.0, 0.1)
+        self.wrongs: list[str] = []
+        self.squeezed: list[int] = []
+        self._lies_mm = self._expected(0)
+        self._grip_mm: float | None = None
+        gripper = table.gripper
+        jaws = Jaws(gripper.opening_um / 1000, gripper.count_open, gripper.count_closed)
+        self.model = GripperModel(random.Random(1), jaws, self)
+        self.model.write_output(0, bytes([1, 0, 0, 0, 0, 0]), 0.0)
+        self.time.seconds = 20.0
+        self.model.advance(self.time.now())  # activated since
+
+    # what the fingers meet
+
+    def closing(self) -> int | None:
+        if self.at_mm[2] > REACH_MM:
+            return None
+        for index, (number, branch) in enumerate(self.path):
+            node = self.table.nodes[number]
+            if self._stands_at(node) and self._lies_at(index):
+                self.squeezed.append(number)
+                return self.calibration.count(node.branches[branch].expected_um)
+        return self.calibration.count(self.table.gripper.opening_um // 2)
+
+    def gripped(self) -> None:
+        self._grip_mm = self.model.opening_mm(self.time.now())
+
+    def released(self) -> None:
+        """The fingers let go; `let_go` looks for itself."""
+
+    def _let_go(self) -> None:
+        if self._grip_mm is not None and self.model.opening_mm(self.time.now()) > self._grip_mm + FREE_MM:
+            self._grip_mm = None
+
+    # the arm
+
+    def move(self, target: tuple[float, float, float, float]) -> None:
+        self._let_go()
+        if self._grip_mm is not None:
+            if target[2] > REACH_MM:
+                self.wrongs.append(f"the part was lifted to {target}")
+            across = (target[0] - self.at_mm[0], target[1] - self.at_mm[1])
+            if hypot(*across) > NEAR_MM:
+                self._lies_mm = (self._lies_mm[0] + across[0], self._lies_mm[1] + across[1])
+        elif (
+            min(target[2], self.at_mm[2]) <= REACH_MM
+            and hypot(target[0] - self.at_mm[0], target[1] - self.at_mm[1]) > NEAR_MM
+        ):
+            self.wrongs.append(f"the hand swept over the table from {self.at_mm} to {target}")
+        if target[2] <= REACH_MM < self.at_mm[2] and self.model.opening_mm(self.time.now()) < 60.0:
+            self.wrongs.append("the hand came down with closed jaws")
+        self.time.sleep(0.2)
+        self.at_mm = target
+
+    def _stands_at(self, node: Node) -> bool:
+        x, y, angle = placement(node.squeeze)
+        near = hypot(x - self.at_mm[0], y - self.at_mm[1]) <= NEAR_MM
+        return near and abs(remainder(angle - self.at_mm[3], tau)) <= NEAR_RAD
+
+    def _lies_at(self, index: int) -> bool:
+        x_mm, y_mm = self._expected(index)
+        return hypot(x_mm - self._lies_mm[0], y_mm - self._lies_mm[1]) <= NEAR_MM
+
+    def _expected(self, index: int) -> tuple[float, float]:
+        """Where the part lies before step `index`: where the drags of the steps before have put it."""
+        place = (0.0, 0.0)
+        for number, _ in self.path[:index]:
+            node = self.table.nodes[number]
+            if node.release is not None:
+                x, y, _ = placement(node.squeeze)
+                place = (place[0] + node.release[0] / 1000 - x, place[1] + node.release[1] / 1000 - y)
+        return place
+
+
+class CountedLink:
+    """The gripper's register blocks; a moment before and one after each frame."""
+
+    endpoint = "memory"
+
+    def __init__(self, world: World, life: Life) -> None:
+        self._world, self._life = world, life
+
+    def read(self) -> bytes:
+        self._life.moment_passes()
+        self._world.time.sleep(LOOK_S)
+        block = self._world.model.read_input(self._world.time.now())[:6]
+        self._life.moment_passes()
+        return block
+
+    def write(self, block: bytes) -> None:
+        self._life.moment_passes()
+        self._world.time.sleep(LOOK_S)
+        self._world.model.write_output(0, block, self._world.time.now())
+        self._life.moment_passes()
+
+    def close(self) -> None:
+        pass
+
+
+class CountedArm:
+    """The arm; a moment before and one after each command."""
+
+    def __init__(self, world: World, life: Life) -> None:
+        self._world, self._life = world, life
+
+    def pose(self) -> tuple[float, float, float, float]:
+        self._life.moment_passes()
+        at = self._world.at_mm
+        self._life.moment_passes()
+        return at
+
+    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        self._life.moment_passes()
+        self._world.move((x_mm, y_mm, z_mm, angle_rad))
+        self._life.moment_passes()
+
+    def close(self) -> None:
+        pass
+
+
+class CountedJournal(Journal):
+    """A journal; a moment before, one in the middle of, and one after each write."""
+
+    def __init__(self, path: Path, world: World, life: Life) -> None:
+        self._life = life
+        super().__init__(path, world.time.stamp)
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        self._life.moment_passes()
+        whole = journal._write_all
+        journal._write_all = self._torn
+        try:
+            super().record(kind, fields)
+        finally:
+            journal._write_all = whole
+        self._life.moment_passes()
+
+    def _torn(self, file: int, data: bytes) -> None:
+        import os
+
+        os.write(file, data[: len(data) // 2])
+        self._life.moment_passes()
+        os.write(file, data[len(data) // 2 :])
+
+
+def process(
+    world: World,
+    path: Path,
+    console: Console,
+    plan: Plan,
+    *,
+    last: int | None = None,
+    after_crash: str = "resume",
+) -> tuple[session.Results, int]:
+    """One life of the controlling process, as `runtime.cli` wires it; what came of it, and its moments.
+
+    Raises:
+        KilledError: it was killed at moment `last`.
+    """
+    life = Life(last)
+    data = dumps(world.table)
+    on_reject, on_unresolved = plan.policy.texts()
+    fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
+    with CountedJournal(path, world, life) as journal:
+        begun = crash.look(journal, data, fields, after_crash, console)
+        gripper = Gripper(CountedLink(world, life), Pace(world.time))
+        crash.begin(journal, begun, data, fields, after_crash)
+        cell = Cell(gripper, CountedArm(world, life), world.time, journal)
+        results = session.run_journalled(
+            world.table, cell, None, console, count=1, activate=False, plan=plan, broken=begun
+        )
+    return results, life.moment
+
+
+def restart_takes_a_while(world: World) -> None:
+    """Between two processes motions go on and end."""
+    world.time.sleep(RESTART_S)

@@ -1,0 +1,182 @@
+"""SIGKILL before, in and after every journal write and device frame: the same leaf, or a declared end."""
+
+import itertools
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from crash_cell import KilledError, World, process, restart_takes_a_while
+from sample_tables import small_table
+
+from runtime.decision import Policy
+from runtime.errors import BrokenRunError
+from runtime.executor import Plan
+from runtime.hand import Handling
+from runtime.journal import records, verify
+from runtime.replay import Replay
+from runtime.results import Outcome
+from runtime.table import Table
+from runtime.tips import TipArc
+
+PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
+PLAIN = Plan(Policy.of("next", "next"), Handling())
+CAREFUL = Plan(
+    Policy.of("resqueeze,restart,next", "restart,next"), Handling(regulated=True, arc=TipArc(level_mm=8.0))
+)
+
+
+class Silent:
+    def note(self, sentence):
+        pass
+
+    def step(self, part, step):
+        pass
+
+    def part(self, result, seen):
+        pass
+
+    def summary(self, results, journal):
+        pass
+
+
+def dragging_table() -> Table:
+    """The small table, whose root drags what it holds to where its second node squeezes."""
+    table = small_table()
+    root = table.nodes[0]._replace(release=(12_000, -7_000))
+    second = table.nodes[1]
+    second = second._replace(squeeze=second.squeeze._replace(x_um=12_000, y_um=-7_000))
+    return replace(table, nodes=(root, second))
+
+
+@pytest.fixture(autouse=True)
+def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a killed process has written stays written; only a power cut asks for the sync."""
+    monkeypatch.setattr(os, "fsync", lambda file: None)
+
+
+def moments_of(table: Table, plan: Plan, path: Path) -> int:
+    world = World(table, PATH)
+    results, moments = process(world, path, Silent(), plan)
+    assert [(result.outcome, result.leaf) for result, _ in results] == [(Outcome.LEAF, 1)]
+    assert world.wrongs == []
+    return moments
+
+
+def survive(table: Table, plan: Plan, path: Path, deaths: tuple[int, ...], after_crash: str) -> tuple:
+    """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
+    world = World(table, PATH)
+    for last in (*deaths, None):
+        try:
+            process(world, path, Silent(), plan, last=last, after_crash=after_crash)
+            break
+        except KilledError:
+            restart_takes_a_while(world)
+            if "end" in [entry["kind"] for entry in _whole_records(path)]:
+                break  # it was killed when all was done
+    assert world.wrongs == []
+    assert verify(path).closed
+    assert list(Replay().follow(records(path))) == []
+    ended = [entry for entry in records(path) if entry["kind"] == "outcome"]
+    assert len(ended) <= 1
+    return (ended[0]["outcome"], ended[0]["leaf"]) if ended else (None, None)
+
+
+@pytest.mark.parametrize(
+    ("table", "plan"),
+    [
+        (small_table(), PLAIN),
+        (small_table(), CAREFUL),
+        (dragging_table(), PLAIN),
+        (dragging_table(), CAREFUL),
+    ],
+    ids=["plain", "regulated, level tips", "dragging", "dragging, regulated, level tips"],
+)
+def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
+    table: Table, plan: Plan, tmp_path: Path
+) -> None:
+    moments = moments_of(table, plan, tmp_path / "whole.jsonl")
+    assert moments > 200
+    for last in range(moments):
+        ended = survive(table, plan, tmp_path / f"{last}.jsonl", (last,), "resume")
+        assert ended == ("leaf", 1), f"killed at moment {last} of {moments}"
+
+
+@pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
+def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None:
+    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
+    for first, second in itertools.product(range(3, moments, 17), range(2, moments, 23)):
+        path = tmp_path / f"{first}-{second}.jsonl"
+        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (first, second)
+
+
+def test_a_part_that_is_started_over_reaches_the_same_leaf(tmp_path: Path) -> None:
+    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
+    for last in range(0, moments, 3):
+        path = tmp_path / f"{last}.jsonl"
+        assert survive(small_table(), PLAIN, path, (last,), "restart") == ("leaf", 1), last
+
+
+def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path) -> None:
+    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
+    for last in range(0, moments, 5):
+        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
+        with pytest.raises(KilledError):
+            process(world, path, Silent(), PLAIN, last=last)
+        restart_takes_a_while(world)
+        stood = (world.at_mm, world.model.read_output())
+        begun = [entry["kind"] for entry in _whole_records(path)]
+        if not begun or "end" in begun:
+            continue
+        if "outcome" in begun:
+            assert records(path)
+            continue
+        with pytest.raises(BrokenRunError, match="nothing was moved"):
+            process(world, path, Silent(), PLAIN, after_crash="abort")
+        assert (world.at_mm, world.model.read_output()) == stood
+        last_kinds = [entry["kind"] for entry in records(path)][-2:]
+        assert last_kinds[-1] == "end"
+        assert ("part" in begun) == (last_kinds[0] == "outcome")
+
+
+def _whole_records(path: Path) -> list[dict]:
+    """The records before a torn line."""
+    data = path.read_bytes() if path.exists() else b""
+    whole = path.with_suffix(".whole")
+    whole.write_bytes(data[: data.rfind(b"\n") + 1])
+    return list(records(whole))
+
+
+def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(tmp_path: Path) -> None:
+    """The part may be between the fingers, and they are not where the journal left them."""
+    ends = set()
+    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
+    for last in range(moments):
+        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
+        with pytest.raises(KilledError):
+            process(world, path, Silent(), PLAIN, last=last)
+        restart_takes_a_while(world)
+        world._grip_mm = None
+        world.at_mm = (40.0, 30.0, 10.0, 0.0)
+        results, _ = process(world, path, Silent(), PLAIN)
+        ends |= {(result.outcome, result.exit_code) for result, _ in results}
+    assert (Outcome.ABORTED, 25) in ends
+    assert ends <= {(Outcome.ABORTED, 25), (Outcome.LEAF, 0), (Outcome.REJECT, 10)}
+
+
+def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(tmp_path: Path) -> None:
+    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
+    codes = set()
+    for last in range(0, moments, 4):
+        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
+        with pytest.raises(KilledError):
+            process(world, path, Silent(), PLAIN, last=last)
+        world.model.write_output(0, bytes(6), world.time.now())
+        stood = world.at_mm
+        try:
+            results, _ = process(world, path, Silent(), PLAIN)
+            codes |= {result.exit_code for result, _ in results}
+        except Exception as error:
+            codes.add(error.exit_code)
+        assert world.at_mm == stood
+    assert codes == {21, 25}
