@@ -1,0 +1,104 @@
+"""`--dry-run`, `--check` and `grasp-doctor` write nothing: proved on the wire, byte by byte."""
+
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+from tapped_devices import POWERED_UP, READS, WRITES, TappedArm, TappedGripper
+
+from drivers import connect
+from drivers.errors import ReadOnlyError
+from runtime.cli import doctor, main
+from runtime.table import dump
+
+PING, READ_POSE, CLOSE = 0, 3, 99
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with TappedGripper() as gripper, TappedArm() as arm:
+        assert main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url, "--dry-run"]) == 0
+        assert gripper.functions
+        assert set(gripper.functions) <= READS
+        # Every byte that left belongs to one of those frames, which have 8 each.
+        assert len(gripper.heard) == 8 * len(gripper.functions)
+        assert set(arm.codes) <= {PING, READ_POSE, CLOSE}
+    told = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("node ") for line in told) == len(small_table().nodes)
+    assert "nothing was written" in told[-1]
+    assert not list(tree.parent.glob("*.jsonl"))
+
+
+def test_the_taps_would_see_a_write(tree: Path) -> None:
+    """The same command without --dry-run, against a gripper that answers no write, is heard writing."""
+    with TappedGripper() as gripper, TappedArm() as arm:
+        assert main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url]) in (20, 21, 22)
+        assert set(gripper.functions) & WRITES
+        assert set(arm.codes) - {PING, READ_POSE, CLOSE}
+
+
+def test_the_transport_itself_refuses(tree: Path) -> None:
+    with TappedGripper() as tapped, TappedArm() as answering:
+        gripper = connect.gripper(tapped.path, read_only=True)
+        arm = connect.arm(answering.url, read_only=True)
+        for command in (lambda: gripper.move(255, 0, 0), gripper.stop):
+            with pytest.raises(ReadOnlyError, match="dry run"):
+                command()
+        tapped.block = POWERED_UP
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            gripper.activate()
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            arm.move_linear(0.0, 0.0, 60.0, 0.0, 100.0)
+        gripper.close()
+        arm.close()
+        assert set(tapped.functions) <= READS
+        assert set(answering.codes) <= {PING, READ_POSE, CLOSE}
+
+
+def test_check_reads_the_gripper_and_touches_no_arm(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with TappedGripper() as gripper:
+        assert main(["--tree", str(tree), "--port", gripper.path, "--check"]) == 0
+        assert set(gripper.functions) <= READS
+    assert main(["--tree", str(tree), "--check"]) == 0
+    out = capsys.readouterr().out
+    assert "the table fits the gripper: 2 nodes" in out
+    assert "count 3, which is 85.00 mm" in out
+
+
+def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with TappedGripper() as gripper, TappedArm() as arm:
+        assert doctor(["--port", gripper.path, "--arm", arm.url, "--tree", str(tree)]) == 0
+        assert set(gripper.functions) <= READS
+        assert set(arm.codes) <= {PING, READ_POSE, CLOSE}
+    out = capsys.readouterr().out
+    assert "BAD" not in out
+    for told in (
+        "The table fits",
+        "exists and may be opened",
+        "active and stands at count 3",
+        "readings",
+        "arm",
+    ):
+        assert told in out
+
+
+def test_the_doctor_finds_a_gripper_with_another_slave_id(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with TappedGripper(unit=4) as gripper:
+        assert doctor(["--port", gripper.path, "--json"]) == 26
+        assert set(gripper.functions) <= READS
+    seen = capsys.readouterr()
+    assert "answers as slave 4 at 115200 baud" in seen.out
+    assert "things to put right" in seen.err

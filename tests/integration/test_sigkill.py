@@ -1,0 +1,126 @@
+"""A real process killed by a real signal, against a cell that outlives it: the next one ends the part."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+
+from runtime.journal import records, verify
+from runtime.replay import Replay
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 90
+CELL_SPEED = "12"
+SEED = "0"  # its first part takes both squeezes
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+class RunningCell:
+    """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it."""
+
+    def __init__(self, tree: Path) -> None:
+        command = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json"]
+        command += ["--world", "runtime.rehearsal:make", "--time-scale", CELL_SPEED, "--seed", SEED]
+        command += ["--until-stdin-closes"]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        assert self.process.stdout is not None
+        self.endpoints = json.loads(self.process.stdout.readline())
+
+    def __enter__(self) -> "RunningCell":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self.process as process:
+            assert process.stdin is not None
+            process.stdin.close()
+            process.wait(WAIT_S)
+
+
+def start(tree: Path, cell: RunningCell, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate", "--tips", "straight"]
+    command += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
+    command += ["--journal", str(tree.with_name("journal.jsonl")), *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def path_of(journal: Path) -> tuple[list[int], str]:
+    *_, outcome = (entry for entry in records(journal) if entry["kind"] == "outcome")
+    return outcome["path"], outcome["outcome"]
+
+
+def wait_for(journal: Path, kind: str, number: int) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while not journal.exists() or journal.read_bytes().count(f'"kind":"{kind}"'.encode()) < number:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
+    journal = tree.with_name("journal.jsonl")
+    with RunningCell(tree) as cell:
+        out, err = start(tree, cell).communicate(timeout=WAIT_S)
+        whole = path_of(journal)
+        assert len(whole[0]) == 2, (out, err)
+    journal.unlink()
+    with RunningCell(tree) as cell:
+        for kind, number, later_s in [
+            ("part", 1, 0.3),
+            ("placed", 1, 0.15),
+            ("squeeze", 1, 0.05),
+            ("placed", 2, 0.0),
+        ]:
+            process = start(tree, cell, "--after-crash", "resume")
+            wait_for(journal, kind, number)
+            time.sleep(later_s)
+            os.kill(process.pid, signal.SIGKILL)
+            process.communicate(timeout=WAIT_S)
+        out, err = start(tree, cell, "--after-crash", "resume").communicate(timeout=WAIT_S)
+    assert path_of(journal) == whole, (out, err)
+    assert "going on with it" in out
+    assert verify(journal).closed
+    assert list(Replay().follow(records(journal))) == []
+
+
+def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tree: Path) -> None:
+    journal = tree.with_name("journal.jsonl")
+    with RunningCell(tree) as cell:
+        process = start(tree, cell)
+        wait_for(journal, "placed", 1)
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate(timeout=WAIT_S)
+        given_up = start(tree, cell)
+        _, err = given_up.communicate(timeout=WAIT_S)
+        assert given_up.returncode == 25
+        assert "given up and nothing was moved" in err
+        anew = start(tree, cell)
+        _, err = anew.communicate(timeout=WAIT_S)
+        assert anew.returncode in (0, 10, 11), err
+    assert verify(journal).runs == 2
+    assert list(Replay().follow(records(journal))) == []
+
+
+def test_two_processes_do_not_share_a_gripper(tree: Path) -> None:
+    with RunningCell(tree) as cell:
+        one = start(tree, cell, "--count", "1000")
+        wait_for(tree.with_name("journal.jsonl"), "part", 1)
+        other = start(tree, cell, "--journal", str(tree.with_name("other.jsonl")))
+        _, err = other.communicate(timeout=WAIT_S)
+        one.send_signal(signal.SIGTERM)
+        one.communicate(timeout=WAIT_S)
+    assert (other.returncode, one.returncode) == (23, 40)
+    assert f"process {one.pid}" in err

@@ -1,0 +1,105 @@
+"""A gripper on a pseudo-terminal and an open_abb server on a port that keep every byte they are sent.
+
+No code of ours: what reaches the wire is judged by the manuals' frames alone.
+"""
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import tty
+
+READS, WRITES = {3, 4}, {5, 6, 15, 16, 22, 23}
+ACTIVE_OPEN = bytes((0xF9, 0, 0, 0, 3, 0))  # active, at the request, gPR 0, gPO 3
+POWERED_UP = bytes((0, 0, 0, 0, 3, 0))
+POSE = "10.00 20.00 60.00 0.000 1.000 0.000 0.000"
+
+
+def crc(data: bytes) -> bytes:
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value.to_bytes(2, "little")
+
+
+class TappedGripper:
+    """Answers reads with one input block, at slave id 9; other slaves and every write meet silence."""
+
+    def __init__(self, block: bytes = ACTIVE_OPEN, unit: int = 9) -> None:
+        self.block, self.unit = block, unit
+        self.heard = bytearray()
+        self.functions: list[int] = []
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.path = os.ttyname(self._slave)
+        self._stop_read, self._stop_write = os.pipe()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def __enter__(self) -> "TappedGripper":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.write(self._stop_write, b"x")
+        self._thread.join()
+        for descriptor in (self._master, self._slave, self._stop_read, self._stop_write):
+            os.close(descriptor)
+
+    def _serve(self) -> None:
+        frame = b""
+        while True:
+            ready = select.select([self._master, self._stop_read], [], [], 0.05)[0]
+            if self._stop_read in ready:
+                return
+            if not ready:
+                frame = b""
+                continue
+            data = os.read(self._master, 256)
+            self.heard += data
+            frame += data
+            if len(frame) >= 8 and frame[-2:] == crc(frame[:-2]):
+                self.functions.append(frame[1])
+                if frame[0] == self.unit and frame[1] in READS:
+                    payload = self.block[: 2 * frame[5]]
+                    body = bytes((self.unit, frame[1], len(payload))) + payload
+                    os.write(self._master, body + crc(body))
+                frame = b""
+
+
+class TappedArm:
+    """Answers every command as done, and the pose; keeps what it was sent."""
+
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def __enter__(self) -> "TappedArm":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.shutdown(socket.SHUT_RDWR)
+        self._server.close()
+        self._thread.join()
+
+    @property
+    def codes(self) -> list[int]:
+        return [int(line.split()[0]) for line in self.heard]
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                client, _ = self._server.accept()
+            except OSError:
+                return
+            with contextlib.suppress(OSError), client:
+                while line := client.recv(256).decode("ascii"):
+                    self.heard.append(line)
+                    code = int(line.split()[0])
+                    if code != 99:
+                        client.sendall(f"{code} 1 {POSE if code == 3 else ''}".encode("ascii"))
