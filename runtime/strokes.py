@@ -78,14 +78,18 @@ def closing(
     ends = [0.0] if arc is None else arc.stages(open_mm, 0.0)
     if 0.0 < near_mm < open_mm:
         ends = sorted({*ends, near_mm}, reverse=True)
-    strokes = []
-    start_mm = open_mm
+    near_counts = calibration.count(round(1000 * near_mm)) if 0.0 < near_mm < open_mm else 0
+    strokes: list[Stroke] = []
+    start_mm, start_counts = open_mm, -1 if near_counts else 0
     for end_mm in ends:
         request = calibration.count(round(1000 * end_mm)) if end_mm > 0.0 else CLOSED_COUNTS
-        speed = GENTLE_SPEED if start_mm <= near_mm else speed_counts(squeeze.speed_um_s)
+        if request == start_counts:  # two ends within one count
+            continue
+        gentle = regulated and start_counts >= near_counts
+        speed = GENTLE_SPEED if gentle else speed_counts(squeeze.speed_um_s)
         advance_mm = 0.0 if arc is None else arc.most_mm(end_mm, start_mm)
         strokes.append(Stroke(request, speed, force, advance_mm))
-        start_mm = end_mm
+        start_mm, start_counts = end_mm, request
     return strokes
 
 

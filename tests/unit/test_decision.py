@@ -1,0 +1,159 @@
+"""What follows a squeeze: the table's branch, then the declared policy, each recovery once, always an end."""
+
+import itertools
+from random import Random
+
+import pytest
+from sample_tables import GRIPPER, random_table, small_table
+
+from runtime.decision import Course, Policy, Response, advance, decide, release_point
+from runtime.errors import GripperStateError, UsageError
+from runtime.results import Outcome
+from runtime.table import REJECT, Calibration, count_map
+
+CALIBRATION = Calibration.linear(GRIPPER)
+CONTACT, ARRIVED = 2, 3
+TABLE = small_table()  # leaf 2 is not resolved
+UNRESOLVED = ~2
+
+
+def walk(targets: list[int | None], policy: Policy) -> list[Course]:
+    courses = [Course()]
+    for target in targets:
+        assert courses[-1].outcome is None, "a part that came to its end is not squeezed again"
+        courses.append(advance(courses[-1], target, TABLE, policy))
+    return courses
+
+
+@pytest.mark.parametrize(
+    ("on_reject", "on_unresolved", "targets", "nodes", "outcome", "leaf"),
+    [
+        ("next", "next", [~0], [], Outcome.LEAF, 0),
+        ("next", "next", [1, ~1], [1], Outcome.LEAF, 1),
+        ("next", "next", [None], [], Outcome.REJECT, None),
+        ("stop", "next", [1, None], [1], Outcome.REJECT, None),
+        ("next", "next", [1, UNRESOLVED], [1], Outcome.UNRESOLVED, 2),
+        ("resqueeze,next", "next", [1, None, None], [1, 1], Outcome.REJECT, None),
+        ("resqueeze,next", "next", [1, None, ~1], [1, 1], Outcome.LEAF, 1),
+        ("restart,next", "next", [1, None, ~0], [1, 0], Outcome.LEAF, 0),
+        ("resqueeze,restart,stop", "next", [1, None, None, None], [1, 1, 0], Outcome.REJECT, None),
+        ("next", "restart,stop", [1, UNRESOLVED, 1, UNRESOLVED], [1, 0, 1], Outcome.UNRESOLVED, 2),
+        ("restart", "restart", [None, 1, UNRESOLVED, ~0], [0, 1, 0], Outcome.LEAF, 0),
+    ],
+)
+def test_the_policy_is_gone_through_once_a_part(
+    on_reject, on_unresolved, targets, nodes, outcome, leaf
+) -> None:
+    courses = walk(targets, Policy.of(on_reject, on_unresolved))
+    assert [course.node for course in courses[1:-1]] == nodes
+    assert (courses[-1].outcome, courses[-1].leaf) == (outcome, leaf)
+    assert courses[-1].rejects == targets.count(None)
+    assert courses[-1].unresolved == targets.count(UNRESOLVED)
+
+
+RECOVERIES = [
+    "next",
+    "stop",
+    "resqueeze,next",
+    "restart,stop",
+    "resqueeze,restart,next",
+    "restart,resqueeze,stop",
+]
+
+
+@pytest.mark.parametrize("on_reject", RECOVERIES)
+@pytest.mark.parametrize("on_unresolved", ["next", "restart,next", "restart,stop"])
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
+    on_reject, on_unresolved, seed
+) -> None:
+    table, random = random_table(seed, 20), Random(seed)
+    policy = Policy.of(on_reject, on_unresolved)
+    most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
+    for _ in range(100):
+        course, steps = Course(), 0
+        while course.outcome is None:
+            branches = table.nodes[course.node].branches
+            target = random.choice([None, *(branch.target for branch in branches)])
+            course = advance(course, target, table, policy)
+            steps += 1
+            assert steps <= most
+        assert (course.leaf is None) == (course.outcome is Outcome.REJECT)
+
+
+@pytest.mark.parametrize(
+    ("policy", "ends"), [("next", set()), ("stop", {Outcome.REJECT, Outcome.UNRESOLVED})]
+)
+def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
+    always = {Outcome.FAULT, Outcome.STOPPED, Outcome.ABORTED}
+    made = Policy.of(policy, policy)
+    assert {outcome for outcome in Outcome if made.ends_run(outcome)} == ends | always
+    assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
+    assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
+    assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
+
+
+def test_a_policy_survives_being_written_down() -> None:
+    for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
+        policy = Policy.of(on_reject, on_unresolved)
+        assert Policy.of(*policy.texts()) == policy
+    assert Policy.of(" resqueeze , restart ", "restart") == Policy(
+        (Response.RESQUEEZE, Response.RESTART, Response.NEXT), (Response.RESTART, Response.NEXT)
+    )
+    assert Policy() == Policy.of("next", "next")
+
+
+@pytest.mark.parametrize(
+    ("on_reject", "on_unresolved", "told"),
+    [
+        ("again", "next", "--on-reject 'again': name resqueeze, restart, next, stop"),
+        ("", "next", "name resqueeze"),
+        ("next,stop", "next", "next or stop last"),
+        ("restart,restart,next", "next", "at most once"),
+        ("next", "resqueeze,next", "no squeeze to repeat"),
+        ("next", "never", "--on-unresolved 'never'"),
+    ],
+)
+def test_a_policy_that_makes_no_sense_is_refused(on_reject: str, on_unresolved: str, told: str) -> None:
+    with pytest.raises(UsageError, match=told) as refused:
+        Policy.of(on_reject, on_unresolved)
+    assert refused.value.exit_code == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
+    for node in random_table(seed, 20).nodes:
+        outcomes = count_map(node, CALIBRATION)
+        for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
+            decision = decide(node, outcomes, count, flag)
+            assert decision.branch == outcomes[count]
+            assert (decision.reason is None) == (decision.branch != REJECT)
+            if decision.reason is not None:
+                assert ("closed on nothing" in decision.reason) == (flag == ARRIVED)
+                assert ("planned:" in decision.reason) == (flag == CONTACT)
+        for flag in (0, 1, 4):
+            with pytest.raises(GripperStateError, match=f"flag {flag} after a closing motion"):
+                decide(node, outcomes, 100, flag)
+
+
+def test_a_reject_names_the_widths_that_were_planned() -> None:
+    node = TABLE.nodes[0]
+    decision = decide(node, count_map(node, CALIBRATION), 100, CONTACT)
+    assert (
+        decision.reason
+        == "no outcome of this squeeze has this width (planned: 20.00..22.00, 29.00..31.00 mm)"
+    )
+
+
+def test_only_what_is_held_and_known_is_dragged() -> None:
+    node = TABLE.nodes[0]._replace(release=(3_000, 4_000))
+    thin = node._replace(
+        branches=(node.branches[0]._replace(low_um=0, expected_um=1_999), *node.branches[1:])
+    )
+    just = node._replace(
+        branches=(node.branches[0]._replace(low_um=0, expected_um=2_000), *node.branches[1:])
+    )
+    assert release_point(node, 0) == release_point(node, 1) == release_point(just, 0) == (3_000, 4_000)
+    assert release_point(node, REJECT) is None
+    assert release_point(thin, 0) is None
+    assert release_point(TABLE.nodes[0], 0) is None

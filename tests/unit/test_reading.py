@@ -1,0 +1,119 @@
+"""Readings that are acted upon: fresh, possible, flag, width and current of one mind."""
+
+import itertools
+
+import pytest
+from fake_cell import Settled
+from sample_tables import GRIPPER
+
+from runtime.errors import GripperStateError
+from runtime.reading import (
+    UNDETECTED_UM,
+    CurrentBand,
+    check_closed,
+    check_fresh,
+    check_opened,
+    check_passed,
+    reading_fields,
+)
+from runtime.table import Calibration
+
+CALIBRATION = Calibration.linear(GRIPPER)
+BAND = CurrentBand()
+
+
+def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255) -> Settled:
+    return Settled(count, flag, current, echo, 0.51)
+
+
+@pytest.mark.parametrize("echo", [0, 254])
+def test_a_reading_of_another_request_is_stale(echo: int) -> None:
+    with pytest.raises(GripperStateError, match=f"answers request {echo}, asked was 255"):
+        check_fresh(settled(echo=echo), 255)
+
+
+@pytest.mark.parametrize("count", [-1, 256])
+def test_a_position_outside_the_encoder_is_none(count: int) -> None:
+    with pytest.raises(GripperStateError, match="no encoder count"):
+        check_fresh(settled(count), 255)
+    for edge in (0, 255):
+        check_fresh(settled(edge), 255)
+
+
+@pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True), (4, False)])
+def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
+    if fresh:
+        check_fresh(settled(flag=flag), 255)
+        return
+    with pytest.raises(GripperStateError, match="finished and as going on"):
+        check_fresh(settled(flag=flag), 255)
+
+
+def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> None:
+    for count, flag in itertools.product(range(256), (1, 2, 3)):
+        width_um = CALIBRATION.width_um(count)
+        believed = flag == 2 or (flag == 3 and width_um <= UNDETECTED_UM)
+        if believed:
+            check_closed(settled(count, flag), CALIBRATION, BAND)
+            continue
+        with pytest.raises(
+            GripperStateError, match="while opening" if flag == 1 else "one of the two is wrong"
+        ):
+            check_closed(settled(count, flag), CALIBRATION, BAND)
+
+
+@pytest.mark.parametrize(
+    ("band", "flag", "current", "believed"),
+    [
+        (BAND, 2, 0, True),  # the manual's own example of a held object
+        (BAND, 2, 1000, True),
+        (BAND, 2, 1010, False),
+        (BAND, 3, 2550, False),
+        (CurrentBand(50, 800), 2, 40, False),
+        (CurrentBand(50, 800), 2, 50, True),
+        (CurrentBand(50, 800), 2, 800, True),
+        (CurrentBand(50, 800), 2, 810, False),
+        (CurrentBand(50, 800), 3, 0, True),  # nothing between the fingers draws nothing
+    ],
+)
+def test_currents_outside_the_band_are_not_believed(band, flag, current, believed) -> None:
+    count = 170 if flag == 2 else 229
+    if believed:
+        check_closed(settled(count, flag, current), CALIBRATION, band)
+        return
+    with pytest.raises(GripperStateError, match=f"draws {current} mA at rest"):
+        check_closed(settled(count, flag, current), CALIBRATION, band)
+
+
+def test_jaws_that_opened_too_little_are_blocked() -> None:
+    for request in range(200):
+        check_opened(settled(request, 3, 0, request), request, CALIBRATION)
+        check_opened(settled(min(request + 2, 255), 3, 0, request), request, CALIBRATION)
+    with pytest.raises(GripperStateError, match=r"stopped at 48.30 mm while opening to 49.43 mm; remove"):
+        check_opened(settled(101, 1, 0, 98), 98, CALIBRATION)
+    with pytest.raises(GripperStateError, match="stale"):
+        check_opened(settled(98, 3, 0, 97), 98, CALIBRATION)
+
+
+@pytest.mark.parametrize(
+    ("count", "flag", "passed"),
+    [(100, 3, True), (102, 3, True), (98, 3, True), (103, 3, None), (80, 2, False), (100, 1, None)],
+)
+def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(count, flag, passed) -> None:
+    reading = settled(count, flag, 0, 100)
+    if passed is not None:
+        assert check_passed(reading, 100, CALIBRATION) is passed
+        return
+    with pytest.raises(GripperStateError, match="the two do not fit"):
+        check_passed(reading, 100, CALIBRATION)
+    with pytest.raises(GripperStateError, match="stale"):
+        check_passed(reading, 99, CALIBRATION)
+
+
+def test_a_journalled_reading_has_all_of_it() -> None:
+    assert reading_fields(settled()) == {
+        "object_flag": 2,
+        "echo_counts": 255,
+        "current_ma": 300,
+        "settle_s": 0.51,
+    }

@@ -1,0 +1,108 @@
+"""The strokes of a squeeze: gentle until contact, never stronger or faster than the node, and level."""
+
+import pytest
+from sample_tables import GRIPPER, random_table, small_table
+
+from runtime import strokes
+from runtime.table import Calibration, Node
+from runtime.tips import TipArc
+
+CALIBRATION = Calibration.linear(GRIPPER)
+NODES = [node for seed in range(3) for node in random_table(seed, 8).nodes]
+
+
+def with_force(node: Node, force_mn: int) -> Node:
+    return node._replace(squeeze=node.squeeze._replace(force_mn=force_mn))
+
+
+def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> list[strokes.Stroke]:
+    return strokes.closing(node, CALIBRATION, arc, 85.0, regulated=regulated)
+
+
+@pytest.mark.parametrize("node", NODES[:6])
+def test_a_direct_squeeze_is_one_stroke_with_the_nodes_own_settings(node: Node) -> None:
+    (only,) = plan(node, regulated=False)
+    assert only == (
+        255,
+        strokes.speed_counts(node.squeeze.speed_um_s),
+        strokes.force_counts(node.squeeze.force_mn),
+        0.0,
+    )
+
+
+@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("arc", [None, TipArc(), TipArc(level_mm=0.7)])
+def test_a_regulated_squeeze_is_weak_all_the_way_and_slow_where_the_part_may_jam(node: Node, arc) -> None:
+    made = plan(node, arc)
+    widest_um = max(branch.high_um for branch in node.branches)
+    assert {stroke.force_counts for stroke in made} == {strokes.GENTLE_FORCE}
+    assert made[-1].request_counts == 255
+    requests = [stroke.request_counts for stroke in made]
+    assert requests == sorted(set(requests))
+    start_um = CALIBRATION.widths_um[0]
+    for stroke in made:
+        slow = stroke.speed_counts == strokes.GENTLE_SPEED
+        assert slow or stroke.speed_counts == strokes.speed_counts(node.squeeze.speed_um_s)
+        # A fast stroke ends before the widest outcome could be met.
+        assert slow or CALIBRATION.width_um(stroke.request_counts) > widest_um
+        assert not slow or start_um <= widest_um + strokes.NEAR_UM + 400
+        start_um = CALIBRATION.width_um(stroke.request_counts)
+
+
+def test_without_room_for_a_fast_stroke_all_is_slow() -> None:
+    node = small_table().nodes[0]
+    (only,) = strokes.closing(node, CALIBRATION, None, 33.0, regulated=True)
+    assert (only.request_counts, only.speed_counts) == (255, strokes.GENTLE_SPEED)
+
+
+@pytest.mark.parametrize(
+    ("force_mn", "forces"),
+    [
+        (20_500, [0]),
+        (40_000, [23]),
+        (60_000, [47]),
+        (74_000, [64]),
+        (75_000, [64, 65]),
+        (235_000, [64, 128, 192, 255]),
+    ],
+)
+def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[int]) -> None:
+    assert strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze) == forces
+
+
+@pytest.mark.parametrize(
+    ("force_mn", "regulated"), [(20_000, False), (20_800, False), (21_000, True), (60_000, True)]
+)
+def test_regulation_is_off_where_the_force_is_the_least_already(force_mn: int, *, regulated: bool) -> None:
+    squeeze = with_force(small_table().nodes[0], force_mn).squeeze
+    assert strokes.is_regulated(squeeze, wanted=True) == regulated
+    assert not strokes.is_regulated(squeeze, wanted=False)
+
+
+@pytest.mark.parametrize("arc", [TipArc(), TipArc(level_mm=5.0)])
+def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> None:
+    made = plan(small_table().nodes[0], arc)
+    assert len(made) > 2
+    start_mm = 85.0
+    for stroke in made:
+        end_mm = CALIBRATION.width_um(stroke.request_counts) / 1000
+        lowest = max(arc.advance_mm(start_mm + (end_mm - start_mm) * k / 20) for k in range(21))
+        assert stroke.advance_mm >= lowest - 0.06  # a count is 0.37 mm of width, 0.16 mm of height at most
+        start_mm = end_mm
+
+
+def test_speeds_and_forces_are_never_more_than_asked() -> None:
+    for speed in range(20_000, 150_001, 997):
+        assert 20_000 + strokes.speed_counts(speed) * 130_000 / 255 <= speed
+    for force in range(20_000, 235_001, 997):
+        assert 20_000 + strokes.force_counts(force) * 215_000 / 255 <= force
+    assert [strokes.speed_counts(value) for value in (0, 20_000, 150_000, 10**9)] == [0, 0, 255, 255]
+    assert [strokes.force_counts(value) for value in (0, 20_000, 235_000, 10**9)] == [0, 0, 255, 255]
+
+
+def test_an_opening_is_at_least_as_wide_as_asked() -> None:
+    for opening_um in range(1, 85_001, 333):
+        request = strokes.opening_counts(opening_um, CALIBRATION)
+        assert CALIBRATION.width_um(request) >= opening_um
+        assert request == 0 or CALIBRATION.width_um(request + 1) < opening_um
+    assert strokes.opening_counts(99_000, CALIBRATION) == 0

@@ -1,0 +1,61 @@
+"""The tips' arc: the published geometry, and stages that keep the tips where they are to be."""
+
+from math import sqrt
+
+import pytest
+
+from runtime.tips import TipArc
+
+ARC = TipArc()
+# Tip height over opening relative to closed fingers, from the link geometry of the published URDF models.
+PUBLISHED = {
+    5: 0.16,
+    10: 0.22,
+    20: 0.0,
+    30: -0.66,
+    40: -1.78,
+    50: -3.39,
+    60: -5.54,
+    70: -8.29,
+    80: -11.75,
+    85: -13.8,
+}
+
+
+@pytest.mark.parametrize(("width_mm", "height_mm"), PUBLISHED.items())
+def test_heights_are_those_of_the_parallelogram(width_mm: int, height_mm: float) -> None:
+    assert ARC.advance_mm(width_mm) - ARC.advance_mm(0.0) == pytest.approx(height_mm, abs=0.006)
+
+
+def test_the_tool_frame_is_where_it_was_taught() -> None:
+    assert ARC.advance_mm(85.0) == 0.0
+    assert TipArc(taught_mm=50.0).advance_mm(50.0) == 0.0
+    assert ARC.advance_mm(10.0) == max(ARC.advance_mm(width / 10) for width in range(851))
+
+
+@pytest.mark.parametrize("widest_mm", [85.0, 60.0, 33.0, 12.0, 8.0])
+@pytest.mark.parametrize("least_mm", [0.0, 5.0, 21.0])
+@pytest.mark.parametrize("level_mm", [0.5, 2.0, 8.0])
+def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_mm, level_mm) -> None:
+    arc = TipArc(level_mm=level_mm)
+    if least_mm >= widest_mm:
+        return
+    start_mm = widest_mm
+    stages = arc.stages(widest_mm, least_mm)
+    assert stages[-1] == least_mm
+    for end_mm in stages:
+        assert end_mm < start_mm
+        raised_mm = arc.most_mm(end_mm, start_mm)  # where the arm stands during the stage
+        heights = [
+            raised_mm - arc.advance_mm(end_mm + (start_mm - end_mm) * k / 50) for k in range(51)
+        ]  # of the tips above where they are to be
+        assert min(heights) >= -1e-9
+        # Below the arc's top the tips draw back by a quarter of a millimetre, in one go.
+        assert max(heights) <= max(level_mm, 0.25) + 1e-9
+        start_mm = end_mm
+
+
+def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
+    assert TipArc(level_mm=20.0).stages(85.0, 0.0) == [0.0]
+    assert len(TipArc(level_mm=1.0).stages(85.0, 0.0)) == 15
+    assert sqrt(57.15**2 - 37.5**2) == pytest.approx(ARC._reach(85.0))
