@@ -74,13 +74,14 @@ def closing(
     """
     squeeze = node.squeeze
     force = GENTLE_FORCE if regulated else force_counts(squeeze.force_mn)
-    near_mm = (max(branch.high_um for branch in node.branches) + NEAR_UM) / 1000 if regulated else 0.0
     ends = [0.0] if arc is None else arc.stages(open_mm, 0.0)
-    if 0.0 < near_mm < open_mm:
+    near_counts = 0
+    near_mm = (max(branch.high_um for branch in node.branches) + NEAR_UM) / 1000
+    if regulated and near_mm < open_mm:
         ends = sorted({*ends, near_mm}, reverse=True)
-    near_counts = calibration.count(round(1000 * near_mm)) if 0.0 < near_mm < open_mm else 0
+        near_counts = calibration.count(round(1000 * near_mm))
     strokes: list[Stroke] = []
-    start_mm, start_counts = open_mm, -1 if near_counts else 0
+    start_mm, start_counts = open_mm, calibration.count(round(1000 * open_mm))
     for end_mm in ends:
         request = calibration.count(round(1000 * end_mm)) if end_mm > 0.0 else CLOSED_COUNTS
         if request == start_counts:  # two ends within one count

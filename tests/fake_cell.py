@@ -60,6 +60,8 @@ class FakeGripper:
     def __init__(self, log: Log, counts: Iterator[tuple[int, int]]) -> None:
         self.log, self.counts = log, counts
         self.now = State()
+        self.gripping = False  # closing on what is held already finds it where it was
+        self.current_ma = 300
         self.opened_to = 0  # extra counts by which an opening falls short
         self.echo_off = 0  # by how much the settled echo differs from the request
 
@@ -73,16 +75,24 @@ class FakeGripper:
 
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
         self.log.call("gripper", "move", position_counts, speed_counts, force_counts)
-        if position_counts == 255:
+        count, flag = max(position_counts, 3) + self.opened_to, 3
+        if position_counts == 255 and not self.gripping:
             count, flag = next(self.counts)
+            self.gripping = True
+        elif position_counts == 255:
+            count, flag = self.now.position_counts, self.now.object_flag
         else:
-            count, flag = max(position_counts, 3) + self.opened_to, 3
+            self.gripping = False
         self.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
 
     def wait(self) -> Settled:
         self.log.call("gripper", "wait")
         return Settled(
-            self.now.position_counts, self.now.object_flag, 300, self.now.echo_counts + self.echo_off, 0.5
+            self.now.position_counts,
+            self.now.object_flag,
+            self.current_ma,
+            self.now.echo_counts + self.echo_off,
+            0.5,
         )
 
     def stop(self) -> None:

@@ -1,0 +1,78 @@
+"""The auditor's process: one line asked, one answered; late, broken or gone, it never stops the cell."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime.audit import AuditProcess, verdict_of
+from runtime.clock import SystemClock
+from runtime.errors import UsageError
+
+POSE = (1.0, 2.0, 0.5)
+ANSWERS = {
+    "pass": """
+for line in sys.stdin:
+    asked = json.loads(line)
+    assert asked == {"part": asked["part"], "x_mm": 1.0, "y_mm": 2.0, "theta_rad": 0.5}
+    print(json.dumps({"verdict": "pass" if asked["part"] % 2 else "fail"}), flush=True)
+""",
+    "nonsense": 'sys.stdin.readline(); print("nonsense", flush=True); sys.stdin.readline()',
+    "list": 'sys.stdin.readline(); print("[1]", flush=True); sys.stdin.readline()',
+    "gone": "",
+    "silent": "sys.stdin.readline(); sys.stdin.readline()",
+    "endless": 'sys.stdin.readline(); print("x" * 200_000, end="", flush=True); sys.stdin.readline()',
+    "deaf": "import time; time.sleep(60)",
+    "late": """
+for line in sys.stdin:
+    if json.loads(line)["part"] == 1:
+        import time; time.sleep(0.6)
+    print(json.dumps({"verdict": "fail" if json.loads(line)["part"] == 1 else "pass"}), flush=True)
+""",
+}
+
+
+@pytest.fixture
+def auditor(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[AuditProcess]:
+    program = tmp_path / "auditor.py"
+    program.write_text(f"import json, sys\n{ANSWERS[request.param]}\n")
+    with AuditProcess(f"{sys.executable} {program}", SystemClock(), answer_s=5.0) as made:
+        yield made
+
+
+@pytest.mark.parametrize("auditor", ["pass"], indirect=True)
+def test_verdicts_come_back_part_by_part(auditor: AuditProcess) -> None:
+    assert [verdict_of(auditor, part, POSE) for part in (1, 2, 3)] == ["pass", "fail", "pass"]
+
+
+@pytest.mark.parametrize("auditor", ["nonsense", "list", "gone", "endless"], indirect=True)
+def test_whatever_else_it_says_is_unknown(auditor: AuditProcess) -> None:
+    assert verdict_of(auditor, 1, POSE) == "unknown"
+
+
+@pytest.mark.parametrize("auditor", ["silent"], indirect=True)
+def test_silence_ends_at_the_deadline(auditor: AuditProcess) -> None:
+    auditor._answer_s = 0.05
+    assert verdict_of(auditor, 1, POSE) == "unknown"
+
+
+@pytest.mark.parametrize("auditor", ["late"], indirect=True)
+def test_a_late_answer_is_not_taken_for_the_next_ones(auditor: AuditProcess) -> None:
+    auditor._answer_s = 0.2
+    assert verdict_of(auditor, 1, POSE) == "unknown"
+    auditor._answer_s = 10.0
+    assert verdict_of(auditor, 2, POSE) == "pass"
+
+
+@pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
+def test_a_deaf_one_is_killed(auditor: AuditProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.audit.END_S", 0.05)
+    auditor.close()
+    assert auditor._process.returncode == -9
+
+
+@pytest.mark.parametrize("command", ["/no/such/program", "", "'unclosed"])
+def test_a_program_that_cannot_be_started_is_usage(command: str) -> None:
+    with pytest.raises(UsageError, match="cannot be started"):
+        AuditProcess(command, SystemClock())

@@ -1,0 +1,235 @@
+"""Calibrations: through every block, never rising, better than the linear map, and refused when touched."""
+
+import json
+from math import acos, sin
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from sample_tables import GRIPPER, small_table
+
+from runtime import calibrate_command, calibration
+from runtime.calibrate_command import parser, report, run
+from runtime.calibration import Gauge, fit, load, residuals_mm, save
+from runtime.errors import CalibrationError, GripperStateError, UsageError
+from runtime.fitness import check
+from runtime.table import Calibration
+
+BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
+LINK_MM, OFFSET_MM = 57.15, 5.0
+
+
+def count_of(width_mm: float) -> float:
+    """A gripper whose counts are linear in the link's angle: an arc, 2.9 mm off the linear map at worst."""
+
+    def angle(width: float) -> float:
+        return acos((width / 2 - OFFSET_MM) / LINK_MM)
+
+    return 3 + 227 * (angle(width_mm) - angle(85.0)) / (angle(0.0) - angle(85.0))
+
+
+def gauges(widths: tuple[float, ...] = BLOCKS) -> list[Gauge]:
+    return [Gauge(width, (round(count_of(width)),) * 3) for width in widths]
+
+
+def test_the_table_passes_through_the_blocks_and_never_rises() -> None:
+    made = fit(gauges(), "S/N 1", "today")
+    assert len(made.widths_um) == 256
+    assert list(made.widths_um) == sorted(made.widths_um, reverse=True)
+    for gauge in made.gauges:
+        assert abs(made.widths_um[round(gauge.mean)] - 1000 * gauge.width_mm) <= 1
+    assert made.widths_um[255] == 0
+    assert Calibration(made.widths_um) == made.table
+
+
+def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> None:
+    made, linear = fit(gauges(), "S/N 1", "today"), Calibration.linear(GRIPPER)
+    widths = [w / 4 for w in range(4, 330)]
+    own = max(abs(made.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
+    line = max(abs(linear.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
+    assert own < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
+    assert line > 2.5
+    assert max(map(abs, residuals_mm(made))) < 1.0
+    off = calibration.against_linear_mm(made, GRIPPER)
+    assert len(off) == len(BLOCKS)
+    assert max(map(abs, off)) > 2.0
+
+
+def test_a_straight_gripper_has_no_residuals() -> None:
+    straight = [Gauge(w, (round(230 - w * 227 / 85),)) for w in (0.0, 85 * 50 / 227, 85 * 100 / 227, 85.0)]
+    made = fit(straight, "S/N 1", "today")
+    assert max(map(abs, residuals_mm(made))) < 1e-9
+    linear = Calibration.linear(GRIPPER)
+    assert max(abs(a - b) for a, b in zip(made.widths_um[3:], linear.widths_um[3:], strict=True)) <= 1
+
+
+@pytest.mark.parametrize(
+    ("measured", "told"),
+    [
+        (gauges((0.0, 5.0)), "2 gauge blocks"),
+        ([*gauges(), Gauge(20.0, (170,))], "of different widths"),
+        ([*gauges((0.0, 5.0)), Gauge(20.0, (218,))], "a wider one reads less"),
+    ],
+)
+def test_measurements_that_contradict_one_another_are_refused(measured: list[Gauge], told: str) -> None:
+    with pytest.raises(CalibrationError, match=told):
+        fit(measured, "S/N 1", "today")
+
+
+def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: Path) -> None:
+    path = tmp_path / "g.json"
+    made = calibration.GripperCalibration("S/N 1", "today", tuple(gauges()), fit(gauges(), "", "").widths_um)
+    for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
+        made = calibration.GripperCalibration("S/N 1", "today", made.gauges, made.widths_um, tips, current)
+        save(made, path)
+        assert load(path) == made
+    told = json.loads(path.read_text())
+    told["widths_um"][100] += 1
+    path.write_text(json.dumps(told))
+    with pytest.raises(CalibrationError, match="changed after it was measured"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"{", "is not JSON"),
+        (b"[]", "no calibration of format 1"),
+        (b'{"format": 2}', "format 1"),
+        (b"\xff", "JSON"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, told: str) -> None:
+    path = tmp_path / "g.json"
+    path.write_bytes(content)
+    with pytest.raises(CalibrationError, match=told) as refused:
+        load(path)
+    assert refused.value.exit_code == 32
+    with pytest.raises(CalibrationError, match="No such file"):
+        load(tmp_path / "none.json")
+    with pytest.raises(CalibrationError, match="name another file"):
+        save(fit(gauges(), "S/N 1", "today"), tmp_path / "none" / "g.json")
+
+
+def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> None:
+    path = tmp_path / "g.json"
+    save(fit(gauges(), "S/N 1", "today"), path)
+    told = json.loads(path.read_text())
+    del told["sha256"]
+    told["widths_um"] = told["widths_um"][::-1]
+    told["sha256"] = calibration._digest(told)
+    path.write_text(json.dumps(told))
+    with pytest.raises(CalibrationError, match="must not rise with the count"):
+        load(path)
+
+
+# -- does a table fit -----------------------------------------------------------------------------
+
+
+def test_a_table_fits_its_own_gripper_and_not_every_other() -> None:
+    table, linear = small_table(), Calibration.linear(GRIPPER)
+    check(table, linear)
+    narrow = Calibration(tuple(min(width, 60_000) for width in linear.widths_um))
+    with pytest.raises(CalibrationError, match=r"node 0 opens to 85.00 mm, this gripper to 60.00 mm"):
+        check(table, narrow)
+    coarse = Calibration(tuple(85_000 if count < 200 else 0 for count in range(256)))
+    with pytest.raises(
+        CalibrationError, match=r"node 0, branch 0: no count of this gripper means 20.00..22.00"
+    ):
+        check(table, coarse)
+
+
+# -- grasp-calibrate ------------------------------------------------------------------------------
+
+
+class ArcGripper:
+    """Closes on the block that is held between its fingers."""
+
+    def __init__(self) -> None:
+        self.block_mm, self.asked, self.forces = 0.0, [], []
+        self.now = SimpleNamespace(activated=False, moving=False, fault=0)
+        self.closed = False
+
+    def state(self):
+        return self.now
+
+    def activate(self) -> None:
+        self.now.activated = True
+
+    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+        self.asked.append((position_counts, speed_counts))
+        self.forces.append(force_counts)
+
+    def wait(self):
+        request, _ = self.asked[-1]
+        stop = round(count_of(self.block_mm))
+        met = request > stop and self.block_mm > 0.0
+        count = stop if met else min(max(request, 3), 230)
+        return SimpleNamespace(position_counts=count, object_flag=2 if met else 3, echo_counts=request)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def hold(self, sentence: str) -> None:
+        words = sentence.split()
+        if words[0] == "Hold":
+            self.block_mm = float(words[2])
+        elif words[0] == "Take":
+            self.block_mm = 0.0
+
+
+def arguments(tmp_path: Path, *more: str):
+    words = ["width", "--port", f"tcp://calibrate{tmp_path.name}:1", "--gripper", "S/N 7"]
+    return parser().parse_args([*words, "-o", str(tmp_path / "g.json"), *more])
+
+
+def test_the_command_grips_each_block_gently_and_writes_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    gripper = ArcGripper()
+    given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
+    assert run(given, lambda port: gripper, gripper.hold) == 0
+    made = load(tmp_path / "g.json")
+    assert [gauge.width_mm for gauge in made.gauges] == list(BLOCKS)
+    assert made.gauges == tuple(gauges())
+    assert (made.tips, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
+    assert set(gripper.forces) == {0}
+    assert {speed for position, speed in gripper.asked if position == 255} == {0}
+    assert gripper.closed
+    out = capsys.readouterr().out
+    assert "linear map" in out
+    assert len(list(report(made))) == 2 + len(BLOCKS)
+
+
+def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    gripper = ArcGripper()
+    with pytest.raises(GripperStateError, match="not activated"):
+        run(arguments(tmp_path), lambda port: gripper, gripper.hold)
+    gripper.activate()
+    with pytest.raises(GripperStateError, match="without meeting the 5 mm block"):
+        run(arguments(tmp_path), lambda port: gripper, lambda sentence: None)
+    assert not (tmp_path / "g.json").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--blocks", "1,two"), ("--blocks=-1,2",), ("--grips", "0"), ("--tips", "1,2,3")]
+)
+def test_wrong_arguments_are_usage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: tuple[str, ...]
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    gripper = ArcGripper()
+    gripper.activate()
+    with pytest.raises(UsageError, match=wrong[0].partition("=")[0]):
+        run(arguments(tmp_path, *wrong), lambda port: gripper, gripper.hold)
+
+
+def test_the_arc_is_the_one_meant() -> None:
+    assert sin(acos(0.5)) == pytest.approx(0.866, abs=1e-3)
+    assert count_of(85.0) == pytest.approx(3.0)
+    assert count_of(0.0) == pytest.approx(230.0)
+    assert calibrate_command.LINEAR.opening_um == GRIPPER.opening_um

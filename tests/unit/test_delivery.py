@@ -1,0 +1,74 @@
+"""Where a part goes: read from text, file or job, or refused with the key that is wrong."""
+
+from math import inf, pi
+from pathlib import Path
+
+import pytest
+
+from runtime.delivery import Delivery, from_file, from_job, from_keys, from_text
+from runtime.errors import UsageError
+
+FULL = """
+drop_mm = [50.0, -10]
+drop_angle_deg = 90
+grasp_mm = [1, 2]
+grasp_angle_deg = -90
+width_mm = 21.0
+width_tolerance_mm = 0.5
+area_mm = [-60, -60, 90, 60]
+"""
+
+
+def test_three_numbers_are_a_drop_off() -> None:
+    assert from_text("50,-10,90") == Delivery(drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf))
+
+
+@pytest.mark.parametrize("header", ["", "[delivery]\n"])
+def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "d.toml"
+    path.write_text(header + FULL)
+    made = from_file(path)
+    assert made.drop == (50.0, -10.0, pytest.approx(pi / 2))
+    assert made.grasp == (1.0, 2.0, pytest.approx(-pi / 2))
+    assert made.width_mm == (20.5, 21.5)
+    assert made.area_um == (-60_000, -60_000, 90_000, 60_000)
+
+
+def test_a_job_without_the_section_delivers_nothing() -> None:
+    assert from_job(None) is None
+    assert from_job('{"seed": 1}') is None
+    assert from_job("[]") is None
+    assert from_job('{"delivery": {"drop_mm": [1, 2]}}') == Delivery(drop=(1.0, 2.0, 0.0))
+    assert from_keys({"drop_mm": [0, 0], "width_mm": 10}, "x").width_mm == (8.5, 11.5)
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({}, "drop_mm is missing"),
+        ({"drop_mm": [1, 2], "drop": 3}, "unknown key drop; known are drop_mm"),
+        ({"drop_mm": [1, 2, 3]}, "drop_mm takes 2 numbers"),
+        ({"drop_mm": 1}, "drop_mm takes 2 numbers"),
+        ({"drop_mm": [1, 2], "width_mm": [3]}, "width_mm takes one number"),
+        ({"drop_mm": [1, "2"]}, "holds '2', which is no number"),
+        ({"drop_mm": [1, True]}, "which is no number"),
+        ({"drop_mm": [1, inf]}, "which is no number"),
+    ],
+)
+def test_what_is_wrong_is_named(keys: dict, told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        from_keys(keys, "delivery")
+
+
+@pytest.mark.parametrize("text", ["1,2", "1,2,x", "1,2,3,4"])
+def test_text_that_is_no_three_numbers(text: str) -> None:
+    with pytest.raises(UsageError, match="x,y,angle"):
+        from_text(text)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"none\.toml"):
+        from_file(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("drop_mm = [")
+    with pytest.raises(UsageError, match=r"bad\.toml"):
+        from_file(tmp_path / "bad.toml")

@@ -1,0 +1,201 @@
+"""`grasp-doctor`: each thing that can be wrong is found, said in a sentence, with what to do."""
+
+import json
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from fake_cell import FakeClock, State, fake_cell
+from sample_tables import GRIPPER, small_table
+
+from runtime import doctor
+from runtime.doctor import Finding, System, Verdict
+from runtime.doctor_command import findings, parser, run
+from runtime.errors import CellCheckError
+from runtime.table import Calibration, dump
+
+CALIBRATION = Calibration.linear(GRIPPER)
+
+
+def verdicts(found) -> list[Verdict]:
+    return [finding.verdict for finding in found]
+
+
+def only(found) -> Finding:
+    (finding,) = found
+    return finding
+
+
+def test_a_port_that_is_missing_names_those_that_are_there(tmp_path: Path) -> None:
+    for name in ("ttyUSB3", "ttyACM0", "ttyS0"):
+        (tmp_path / name).touch()
+    found = only(doctor.check_port(str(tmp_path / "ttyUSB0"), System(dev=tmp_path)))
+    assert found.verdict is Verdict.BAD
+    assert "ttyACM0" in found.sentence
+    assert "ttyUSB3" in found.sentence
+    assert "ttyS0" not in found.sentence
+
+
+def test_a_file_is_no_port(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert "no serial port" in only(doctor.check_port(str(tmp_path / "file"), System())).sentence
+
+
+def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    found = only(doctor.check_port("/dev/null", System()))
+    assert "may not open" in found.sentence
+    assert f"usermod -aG {Path('/dev/null').group()} $USER" in found.remedy
+    monkeypatch.setattr(Path, "group", lambda path: (_ for _ in ()).throw(KeyError(7)))
+    assert "dialout" in only(doctor.check_port("/dev/null", System())).remedy
+
+
+def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
+    assert verdicts(doctor.check_port("/dev/null", System(proc=tmp_path))) == [Verdict.GOOD] * 2
+    for pid, target in (("4711", "/dev/null"), ("4712", "/dev/zero"), (str(os.getpid()), "/dev/null")):
+        (tmp_path / pid / "fd").mkdir(parents=True)
+        (tmp_path / pid / "fd" / "3").symlink_to(target)
+        (tmp_path / pid / "fd" / "4").symlink_to("/gone")
+        (tmp_path / pid / "comm").write_text("urcap_daemon\n")
+    (tmp_path / "4713").mkdir()
+    good, bad = doctor.check_port("/dev/null", System(proc=tmp_path))
+    assert (good.verdict, bad.verdict) == (Verdict.GOOD, Verdict.BAD)
+    assert "held by urcap_daemon (process 4711)." in bad.sentence
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict", "told"),
+    [
+        ("16\n", Verdict.WARNING, "16 ms"),
+        ("1\n", Verdict.GOOD, "1 ms"),
+        ("?", Verdict.GOOD, "no latency"),
+        (None, Verdict.GOOD, "no latency"),
+    ],
+)
+def test_the_latency_timer(tmp_path: Path, value: str | None, verdict: Verdict, told: str) -> None:
+    timer = tmp_path / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
+    timer.parent.mkdir(parents=True)
+    if value is not None:
+        timer.write_text(value)
+    found = only(doctor.check_latency("/dev/ttyUSB0", System(sys=tmp_path)))
+    assert found.verdict is verdict
+    assert told in found.sentence
+    assert bool(found.remedy) == (verdict is not Verdict.GOOD)
+
+
+@pytest.mark.parametrize(
+    ("heard", "verdict", "told"),
+    [
+        ([], Verdict.BAD, "No slave id"),
+        ([(4, 19200), (9, 115200)], Verdict.BAD, "as slave 4 at 19200 baud"),
+        ([(9, 115200)], Verdict.WARNING, "answers now"),
+    ],
+)
+def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, told: str) -> None:
+    found = only(doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard)))
+    assert found.verdict is verdict
+    assert told in found.sentence
+    assert found.remedy
+
+
+@pytest.mark.parametrize(
+    ("state", "verdict"),
+    [
+        (State(), Verdict.GOOD),
+        (State(fault=0x09), Verdict.GOOD),
+        (State(activated=False), Verdict.WARNING),
+        (State(fault=0x0E), Verdict.BAD),
+    ],
+)
+def test_the_grippers_own_state(state: State, verdict: Verdict) -> None:
+    made = fake_cell([])
+    made.gripper.now = state
+    assert only(doctor.check_gripper(made.gripper)).verdict is verdict
+    assert {call.name for call in made.log.calls} == {"state"}
+
+
+@pytest.mark.parametrize(
+    ("step_s", "verdict"), [(0.004, Verdict.GOOD), (0.016, Verdict.WARNING), (0.0, Verdict.GOOD)]
+)
+def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
+    found = only(doctor.check_rate(fake_cell([]).gripper, FakeClock(step_s)))
+    assert found.verdict is verdict
+    assert f"{1000 * step_s:.1f} ms each" in found.sentence
+
+
+def test_an_arm_far_from_its_work_is_told() -> None:
+    made, area = fake_cell([]), (-60.0, -60.0, 60.0, 60.0)
+    assert verdicts(doctor.check_arm(made.arm, area)) == [Verdict.GOOD]
+    assert verdicts(doctor.check_arm(made.arm, None)) == [Verdict.GOOD]
+    made.arm.at = (600.0, 0.0, 100.0, 0.0)
+    assert verdicts(doctor.check_arm(made.arm, area)) == [Verdict.GOOD, Verdict.WARNING]
+
+
+def test_a_table_that_does_not_fit_is_told() -> None:
+    assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
+    narrow = Calibration(tuple(min(width, 60_000) for width in CALIBRATION.widths_um))
+    assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
+
+
+class Drivers:
+    """Hands out fakes, or fails."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self.made, self.error = fake_cell([]), error
+
+    def gripper(self, port: str, *, read_only: bool):
+        assert read_only
+        if self.error is not None:
+            raise self.error
+        return self.made.gripper
+
+    def arm(self, url: str, *, read_only: bool):
+        assert read_only
+        if self.error is not None:
+            raise self.error
+        return self.made.arm
+
+    def scan(self, port: str):
+        return iter(())
+
+
+def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
+    drivers = Drivers()
+    found = list(
+        findings("tcp://doctor:1", "tcp://h:2", small_table(), CALIBRATION, drivers, System(proc=tmp_path))
+    )
+    assert set(verdicts(found)) == {Verdict.GOOD}
+    assert len(found) == 4
+    assert {call.name for call in drivers.made.log.calls} == {"state", "pose", "close"}
+    assert len(list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))) == 5
+
+
+def test_devices_that_do_not_answer_are_findings(tmp_path: Path) -> None:
+    drivers = Drivers(ConnectionError("no route"))
+    found = list(findings("tcp://doctor:1", "tcp://h:2", None, None, drivers, System(proc=tmp_path)))
+    assert verdicts(found) == [Verdict.BAD, Verdict.BAD]
+    found = list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))
+    assert verdicts(found) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]
+    assert "The gripper does not answer: no route." in found[3].sentence
+    assert verdicts(findings("/dev/ttyNONE", None, None, None, drivers, System())) == [Verdict.BAD]
+
+
+def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = tmp_path / "t.msgpack"
+    dump(small_table(), tree)
+    given = parser().parse_args(["--port", "tcp://doctor:1", "--tree", str(tree)])
+    assert run(given, Drivers()) == 0
+    assert all(line.startswith("ok  ") for line in capsys.readouterr().out.splitlines())
+    given = parser().parse_args(["--port", "tcp://doctor:1", "--json"])
+    with pytest.raises(CellCheckError, match="1 thing to put right"):
+        run(given, Drivers(TimeoutError("silence")))
+    told = json.loads(capsys.readouterr().out)
+    assert told["verdict"] == "bad"
+    assert told["remedy"]
+    given = parser().parse_args(["--port", "tcp://doctor:1"])
+    with pytest.raises(CellCheckError):
+        run(given, Drivers(TimeoutError("silence")))
+    assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out

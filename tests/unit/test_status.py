@@ -1,0 +1,170 @@
+"""The status socket, the watchdog's datagrams, and the lock of a port."""
+
+import contextlib
+import json
+import os
+import re
+import socket
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+from written_journals import Quiet
+
+from runtime import watchdog
+from runtime.errors import PortBusyError, UsageError
+from runtime.lock import PortLock
+from runtime.monitor import Monitor
+from runtime.phases import Phase
+from runtime.results import Outcome, PartResult, Step
+from runtime.status import Status, StatusServer
+from runtime.table import digest
+
+STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
+
+
+def fed() -> Status:
+    status = Status("small.msgpack", "ab" * 32, 958_000)
+    status.phase(1, Phase.SQUEEZE, 0)
+    status.step(STEP)
+    status.part(PartResult.of(1, Outcome.LEAF, [STEP], None).audited("pass"))
+    status.part(PartResult.of(2, Outcome.REJECT, [], "nothing"))
+    status.phase(3, Phase.PLACE, None)
+    return status
+
+
+def asked(path: Path, words: bytes) -> bytes:
+    with socket.socket(socket.AF_UNIX) as client:
+        client.settimeout(5)
+        client.connect(str(path))
+        client.sendall(words)
+        client.shutdown(socket.SHUT_WR)
+        told = b""
+        while piece := client.recv(4096):
+            told += piece
+        return told
+
+
+def test_who_says_nothing_gets_the_object(tmp_path: Path) -> None:
+    with StatusServer(tmp_path / "s", fed()):
+        seen = json.loads(asked(tmp_path / "s", b""))
+    assert (seen["phase"], seen["part"], seen["node"], seen["squeezes"]) == ("place", 3, None, 1)
+    assert seen["outcomes"] == {**{o.value: 0 for o in Outcome}, "leaf": 1, "reject": 1}
+    assert (seen["last_width_mm"], seen["audits"], seen["last_part"]["part"]) == (20.969, {"pass": 1}, 2)
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"), [(b"/", b"application/json"), (b"/metrics", b"text/plain; version=0.0.4")]
+)
+def test_http_gets_a_head_and_the_length_of_the_body(tmp_path: Path, path: bytes, kind: bytes) -> None:
+    with StatusServer(tmp_path / "s", fed()):
+        told = asked(tmp_path / "s", b"GET " + path + b" HTTP/1.1\r\nHost: cell\r\n\r\n")
+    head, _, body = told.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.0 200 OK\r\nContent-Type: " + kind)
+    assert int(re.search(rb"Content-Length: (\d+)", head)[1]) == len(body)
+
+
+SAMPLE = re.compile(r'squeezetree_[a-z_]+(\{[a-z]+="[^"]*"\})? [0-9.e+]+')
+
+
+def test_metrics_are_prometheus_text() -> None:
+    text = fed().as_metrics()
+    samples, kinds = [], {}
+    for line in text.splitlines():
+        if line.startswith("# TYPE "):
+            _, _, name, kind = line.split()
+            kinds[name] = kind
+        elif not line.startswith("# HELP "):
+            assert SAMPLE.fullmatch(line), line
+            samples.append(line)
+    assert text.endswith("\n")
+    assert 'squeezetree_parts_total{outcome="leaf"} 1' in samples
+    assert 'squeezetree_phase{phase="place"} 1' in samples
+    assert 'squeezetree_leaves_total{leaf="0"} 1' in samples
+    assert 'squeezetree_audits_total{verdict="pass"} 1' in samples
+    assert {re.split("[{ ]", line)[0] for line in samples} == kinds.keys()
+    assert all(name.endswith("_total") == (kind == "counter") for name, kind in kinds.items())
+
+
+def test_clients_that_misbehave_do_not_end_it(tmp_path: Path) -> None:
+    with StatusServer(tmp_path / "s", fed()):
+        for words in (b"\xff" * 9000, b"GET", b"\r\n\r\n"):
+            with contextlib.suppress(OSError):
+                asked(tmp_path / "s", words)
+        with socket.socket(socket.AF_UNIX) as silent:
+            silent.connect(str(tmp_path / "s"))
+            assert silent.recv(1) == b"{"  # said nothing, and did not hang up
+        assert json.loads(asked(tmp_path / "s", b""))
+
+
+def test_a_socket_left_behind_is_replaced_one_in_use_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "s"
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    with StatusServer(path, fed()):
+        with pytest.raises(UsageError, match="name another path"):
+            StatusServer(path, fed())
+        assert json.loads(asked(path, b""))
+    path.write_text("a file")
+    with pytest.raises(UsageError, match="Address already in use"):
+        StatusServer(path, fed())
+    assert path.read_text() == "a file"
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_the_service_manager_hears_ready_alive_and_stopping(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, abstract: bool
+) -> None:
+    name = f"@squeezetree-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind("\0" + name[1:] if abstract else name)
+        monkeypatch.setenv("NOTIFY_SOCKET", name)
+        with Monitor(Quiet(), small_table(), Path("small"), tmp_path / "status") as monitor:
+            monitor.phase(3, Phase.SQUEEZE, 1)
+            monitor.phase(3, Phase.DONE, None)
+            monitor.step(3, STEP)
+            monitor.part(PartResult.of(3, Outcome.LEAF, [STEP], None), None)
+            monitor.note("x")
+            monitor.summary([], Path("j"))
+            seen = json.loads(asked(tmp_path / "status", b""))
+        told = [manager.recv(1000).decode() for _ in range(4)]
+    assert told == [
+        "READY=1",
+        "WATCHDOG=1\nSTATUS=part 3: squeeze, node 1",
+        "WATCHDOG=1\nSTATUS=part 3: done",
+        "STOPPING=1",
+    ]
+    assert seen["table_sha256"] == digest(small_table()).hex()
+
+
+def test_without_a_service_manager_nothing_is_told() -> None:
+    assert not watchdog.notify("READY=1", environment={})
+    assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
+    assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})
+
+
+def test_a_port_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
+    device, link = tmp_path / "ttyUSB0", tmp_path / "by-id"
+    device.touch()
+    link.symlink_to(device)
+    with PortLock(str(device), tmp_path):
+        with pytest.raises(PortBusyError, match=f"process {os.getpid()}") as refused:
+            PortLock(str(link), tmp_path)
+        assert refused.value.exit_code == 23
+        with PortLock("tcp://h:1", tmp_path), PortLock("tcp://h:2", tmp_path):
+            pass
+    with PortLock(str(link), tmp_path) as again:
+        again.close()
+
+
+def test_a_lock_that_cannot_be_made_is_a_busy_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(PortBusyError, match="cannot be opened"):
+        PortLock("tcp://h:1", tmp_path / "no folder")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with PortLock("tcp://h:1") as lock:
+        assert lock.path.parent == tmp_path
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "none"))
+    with PortLock(f"tcp://h:{os.getpid()}") as lock:
+        assert lock.path.parent != tmp_path
+    lock.path.unlink()

@@ -1,0 +1,45 @@
+"""Journals as runs really write them, for what reads journals."""
+
+from pathlib import Path
+
+from fake_cell import fake_cell
+from sample_tables import GRIPPER, small_table
+
+from runtime import session
+from runtime.clock import SystemClock
+from runtime.console import Objects
+from runtime.decision import Policy
+from runtime.executor import Cell, Plan
+from runtime.journal import Journal
+from runtime.table import Calibration, dumps
+
+CALIBRATION = Calibration.linear(GRIPPER)
+AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+ENDS = ["leaf", "leaf", "unresolved", "reject"]
+
+
+def write_run(path: Path, policy: Policy | None = None, calibration: Calibration | None = None) -> Path:
+    """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
+    made = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
+    policy = policy or Policy()
+    on_reject, on_unresolved = policy.texts()
+    table = small_table()
+    with Journal(path, SystemClock().stamp) as journal:
+        fields: dict[str, object] = {"port": "memory", "on_reject": on_reject, "on_unresolved": on_unresolved}
+        if calibration is not None:
+            fields["widths_um"] = list(calibration.widths_um)
+        journal.header(dumps(table), fields)
+        cell = Cell(made.gripper, made.arm, made.cell.clock, journal)
+        plan = Plan(policy)
+        session.run_journalled(table, cell, None, Quiet(), count=4, activate=False, plan=plan)
+    return path
+
+
+class Quiet(Objects):
+    """A console that says nothing."""
+
+    def __init__(self) -> None:
+        super().__init__(small_table(), Path())
+
+    def part(self, result: object, seen: object) -> None:
+        """Nothing."""
