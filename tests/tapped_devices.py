@@ -48,6 +48,10 @@ class TappedGripper:
         for descriptor in (self._master, self._slave, self._stop_read, self._stop_write):
             os.close(descriptor)
 
+    def hear(self, data: bytes) -> None:
+        """Bytes off the wire, as they come."""
+        self.heard += data
+
     def _serve(self) -> None:
         frame = b""
         while True:
@@ -58,7 +62,7 @@ class TappedGripper:
                 frame = b""
                 continue
             data = os.read(self._master, 256)
-            self.heard += data
+            self.hear(data)
             frame += data
             if len(frame) >= 8 and frame[-2:] == crc(frame[:-2]):
                 self.functions.append(frame[1])

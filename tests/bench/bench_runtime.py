@@ -1,0 +1,149 @@
+"""What a run costs the cell controller: memory, seconds to the first frame, a decision; not part of the gate.
+
+    python tests/bench/bench_runtime.py [--tree trees/rectangle/rectangle.msgpack] [--starts 10]
+
+Prints the figures beside their limits and writes `results/runtime.json`. The gripper is on a pseudo-terminal
+behind the serial driver, the arm on a socket; both in processes of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from tapped_devices import TappedArm, TappedGripper  # noqa: E402
+
+from runtime.decision import Course, Policy, advance, decide  # noqa: E402
+from runtime.table import REJECT, Calibration, count_map, load  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "runtime.json"
+LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}
+DECISIONS = 1_000_000
+CELL_SPEED = "20"
+
+
+class TimedGripper(TappedGripper):
+    """Notes when its first frame arrives."""
+
+    first_s = 0.0
+
+    def hear(self, data: bytes) -> None:
+        self.first_s = self.first_s or time.perf_counter()
+        super().hear(data)
+
+
+def first_frame_s(tree: Path, folder: Path) -> float:
+    """From the start of the process to the first frame at the gripper."""
+    with TimedGripper() as gripper, TappedArm() as arm:
+        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", gripper.path]
+        command += ["--arm", arm.url, "--dry-run", "--journal", str(folder / "none.jsonl")]
+        start = time.perf_counter()
+        subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+        return gripper.first_s - start
+
+
+def resident_mib(tree: Path, folder: Path) -> dict[str, float]:
+    """Peak and last resident memory of a process that squeezes parts with the serial driver."""
+    cell = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json", "--until-stdin-closes"]
+    cell += ["--world", "runtime.rehearsal:make", "--time-scale", CELL_SPEED]
+    with subprocess.Popen(
+        cell, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as simulated:
+        assert simulated.stdout is not None
+        assert simulated.stdin is not None
+        ends = json.loads(simulated.stdout.readline())
+        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--count", "6", "--activate"]
+        command += ["--port", ends["gripper"], "--arm", ends["arm"], "--tips", "straight"]
+        command += ["--status", str(folder / "status"), "--journal", str(folder / "bench.jsonl")]
+        run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
+        seen: dict[str, float] = {}
+        while run.poll() is None:
+            seen = memory_of(run.pid) or seen
+            time.sleep(0.02)
+        simulated.stdin.close()
+    return seen
+
+
+def memory_of(pid: int) -> dict[str, float]:
+    """VmHWM and VmRSS of a process in MiB, empty once it is gone."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return {}
+    told = {line.split(":")[0]: line.split() for line in lines}
+    if "VmHWM" not in told:
+        return {}
+    return {"peak_mib": int(told["VmHWM"][1]) / 1024, "last_mib": int(told["VmRSS"][1]) / 1024}
+
+
+def decision_us(tree: Path) -> dict[str, float]:
+    """Width in, child out: a count's branch, its target, and what follows, over all nodes and counts."""
+    table = load(tree)
+    calibration = Calibration.linear(table.gripper)
+    maps = [count_map(node, calibration) for node in table.nodes]
+    policy = Policy()
+    spent = []
+    gc.collect()
+    for number in range(DECISIONS):
+        index, count = number % len(maps), number % 256
+        start = time.perf_counter_ns()
+        node = table.nodes[index]
+        decision = decide(node, maps[index], count, 2)
+        target = None if decision.branch == REJECT else node.branches[decision.branch].target
+        advance(Course(index), target, table, policy)
+        spent.append(time.perf_counter_ns() - start)
+    spent.sort()
+    at = {name: spent[int(share * len(spent))] / 1e3 for name, share in PERCENTILES.items()}
+    return {**at, "max_us": spent[-1] / 1e3}
+
+
+PERCENTILES = {"p50_us": 0.5, "p99_us": 0.99, "p9999_us": 0.9999}
+
+
+def main() -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--tree", type=Path, default=ROOT / "trees" / "rectangle" / "rectangle.msgpack")
+    parser.add_argument("--starts", type=int, default=10)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        os.environ["XDG_RUNTIME_DIR"] = name
+        starts = [first_frame_s(arguments.tree, folder) for _ in range(arguments.starts)]
+        memory = resident_mib(arguments.tree, folder)
+    decision = decision_us(arguments.tree)
+    found: dict[str, Any] = {
+        "first_frame_s": {"median": statistics.median(starts), "max": max(starts)},
+        "memory": memory,
+        "decision": {**decision, "decisions": DECISIONS},
+        "limits": LIMITS,
+        "python": platform.python_version(),
+        "cores": os.cpu_count(),
+    }
+    told = (
+        ("first frame", max(starts), LIMITS["first_frame_s"], f"s at worst of {len(starts)} starts"),
+        ("memory", memory["peak_mib"], LIMITS["rss_mib"], "MiB at most"),
+        ("decision", decision["p9999_us"], LIMITS["decision_p9999_us"], "us p99.99"),
+    )
+    for name, value, limit, unit in told:
+        print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")
+    RESULTS.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
