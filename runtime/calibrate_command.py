@@ -29,7 +29,7 @@ slowly and with the least force. Keep your own fingers out.
 
 exit codes:
    0  measured and written    2  usage             21  gripper fault, or not activated
-  20  gripper link fault     23  port not opened   32  the measurements contradict one another
+  20  gripper link fault     23  port not opened   33  the measurements contradict one another
   40  stopped by the operator
 """
 

@@ -14,7 +14,7 @@ CellError
 ├── BrokenRunError        25   the last run broke off and is not to be resumed, or cannot be
 ├── CellCheckError        26   grasp-doctor found something that has to be put right first
 ├── TableError            30   the table's content is refused
-├── CalibrationError      32   the gripper's calibration is refused, or does not fit the table
+├── CalibrationError      33   the gripper's calibration is refused, or does not fit the table
 ├── CellStartError        31   the simulated cell did not start
 └── StoppedError          40   the operator stopped the run
 ```
@@ -100,7 +100,7 @@ class CellCheckError(CellError):
 class CalibrationError(CellError):
     """A calibration file is refused: not readable, not monotone, of another gripper, or unfit for a table."""
 
-    exit_code = 32
+    exit_code = 33
 
 
 class GripperStateError(CellError):

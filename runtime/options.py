@@ -28,7 +28,7 @@ exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
    1  internal error: a bug            25  the last run broke off and was given up
    2  usage                            30  table invalid
    3  table file missing or unreadable 31  simulated cell failed to start
-  10  a part was rejected              32  calibration refused, or unfit for the table
+  10  a part was rejected              33  calibration refused, or unfit for the table
   11  a part stayed unresolved         40  stopped by the operator
   12  a part could not be delivered
   20  gripper link fault               22  arm fault, or a motion refused

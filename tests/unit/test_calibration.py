@@ -104,7 +104,7 @@ def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, told:
     path.write_bytes(content)
     with pytest.raises(CalibrationError, match=told) as refused:
         load(path)
-    assert refused.value.exit_code == 32
+    assert refused.value.exit_code == 33
     with pytest.raises(CalibrationError, match="No such file"):
         load(tmp_path / "none.json")
     with pytest.raises(CalibrationError, match="name another file"):

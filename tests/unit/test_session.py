@@ -126,7 +126,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--port", "sim", "--tips", "bent"], 2, "LINK,OFFSET"),
         (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
         (["--port", "sim", "--deliver", "nowhere.toml"], 2, "nowhere.toml"),
-        (["--port", "sim", "--calibration", "nowhere.json"], 32, "nowhere.json"),
+        (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
         (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
         (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),
         (
