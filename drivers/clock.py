@@ -4,6 +4,7 @@ import time
 from typing import Protocol
 
 LINK_TIMEOUT_S = 0.5  # one transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms)
+POLL_S = 0.005  # between two looks at a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
 
 
 class Clock(Protocol):
@@ -17,6 +18,15 @@ class Clock(Protocol):
         """Pause for so many seconds."""
         ...
 
+    def idle(self, seconds: float, until: float) -> None:
+        """Pause between two looks at a device.
+
+        Args:
+            seconds: the pause. A clock that knows when something will next change may pause until then.
+            until: the moment by which the next look is due, whatever happens.
+        """
+        ...
+
 
 class WallClock:
     """The machine's monotonic clock."""
@@ -28,6 +38,10 @@ class WallClock:
     def sleep(self, seconds: float) -> None:
         """Pause for so many seconds."""
         time.sleep(max(seconds, 0.0))
+
+    def idle(self, seconds: float, until: float) -> None:
+        """Pause for so many seconds, or less if `until` comes first."""
+        self.sleep(min(seconds, until - self.now()))
 
 
 class Pace:
@@ -51,6 +65,10 @@ class Pace:
     def pause(self, seconds: float) -> None:
         """Sleep for so many device seconds."""
         self.clock.sleep(seconds / self.time_scale)
+
+    def idle(self, until: float) -> None:
+        """Pause between two looks at a busy device, at most until the wall time `until`."""
+        self.clock.idle(POLL_S / self.time_scale, until)
 
     def deadline(self, seconds: float) -> float:
         """The wall time at which a device budget is spent.

@@ -56,6 +56,9 @@ class Time:
     def sleep(self, seconds: float) -> None:
         self.seconds += max(seconds, 0.0)
 
+    def idle(self, seconds: float, until: float) -> None:
+        self.sleep(min(seconds, until - self.seconds))
+
     def deadline(self, seconds: float) -> float:
         return self.seconds + seconds + 30.0
 

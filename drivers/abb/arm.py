@@ -6,14 +6,15 @@ silence makes the arm's state unknown, and this object refuses everything from t
 
 import contextlib
 import math
-import select
-import socket
+from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.abb import codec
-from drivers.abb.codec import IDENTITY, Pose, ProtocolError, Reply
-from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import ArmError, PortError, ReadOnlyError
+from drivers.abb.codec import Pose, ProtocolError, Reply
+from drivers.abb.reach import Setup, obstacle
+from drivers.clock import Pace
+from drivers.errors import ArmError, ReadOnlyError
+from drivers.stream import Stream, open_tcp
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # and a stale acknowledgement follows at once
@@ -37,36 +38,29 @@ class ArmPose(NamedTuple):
     z_mm: float
     angle_rad: float
 
+    @property
+    def frame(self) -> Pose:
+        """The same as the pose of a hand that points down."""
+        return Pose(self.x_mm, self.y_mm, self.z_mm, codec.hand_rotation(self.angle_rad))
+
 
 class Arm:
     """An arm on an open connection; `connect` opens one.
 
     Args:
-        connection: a connected TCP socket; owned from now on.
-        endpoint: the address as the user named it.
+        stream: the connection; owned from now on.
         pace: deadlines in the arm's own seconds.
-        tool: tool frame (TCP midway between the finger tips).
-        work_object: work object frame (the table).
-        read_only: send no setting and refuse every command; poses are then in the frames the server has.
+        setup: frames, sent on every connection, and limits, checked before every move.
 
     Raises:
         ArmError: it does not answer as an open_abb server.
     """
 
-    def __init__(
-        self,
-        connection: socket.socket,
-        endpoint: str,
-        pace: Pace,
-        tool: Pose,
-        work_object: Pose,
-        *,
-        read_only: bool = False,
-    ) -> None:
-        self.endpoint = endpoint
-        self._socket = connection
+    def __init__(self, stream: Stream, pace: Pace, setup: Setup) -> None:
+        self.endpoint = stream.endpoint
+        self._stream = stream
         self._pace = pace
-        self._read_only = read_only
+        self._setup = setup
         self._unknown = ""  # why the state is unknown
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
@@ -74,13 +68,13 @@ class Arm:
         self._at: ArmPose | None = None
         self._drain()
         self._ask(codec.PING, (), ANSWER_S)
-        if not read_only:
-            self._send_settings(tool, work_object)
+        if not setup.read_only:
+            self._send_settings(setup)
 
-    def _send_settings(self, tool: Pose, work_object: Pose) -> None:
+    def _send_settings(self, setup: Setup) -> None:
         # All settings outlive a client: the server still has those of whoever was here before.
-        self._ask(codec.SET_TOOL, codec.pose_numbers(tool), ANSWER_S)
-        self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(work_object), ANSWER_S)
+        self._ask(codec.SET_TOOL, codec.pose_numbers(setup.tool), ANSWER_S)
+        self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(setup.work_object), ANSWER_S)
         self._set_speed(100.0)
         self._ask(codec.SET_ZONE, ("1", "0", "0", "0"), ANSWER_S)  # fine: acknowledged when it stands
 
@@ -109,16 +103,18 @@ class Arm:
             speed_mm_s: speed along the path.
 
         Raises:
-            ArmError: a number cannot be sent, the arm refuses it, or does not arrive in time; then its state
-            is
-                unknown and every further call is refused.
+            ArmError: the target cannot be sent or reached (nothing is sent then), the arm refuses it, or
+                does not arrive in time; then its state is unknown and every further call is refused.
         """
         target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
         try:
-            numbers = codec.pose_numbers(Pose(x_mm, y_mm, z_mm, codec.hand_rotation(angle_rad)))
+            numbers = codec.pose_numbers(target.frame)
         except (ProtocolError, ValueError) as error:
             raise ArmError(f"arm not moved: {error}", str(codec.MOVE_LINEAR)) from error
         start = self._at or self.pose()
+        if reason := obstacle(start.frame, target.frame, self._setup):
+            told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
+            raise ArmError(f"arm not moved: the way to {told} is {reason}", str(codec.MOVE_LINEAR))
         self._set_speed(speed_mm_s)
         self._at = None
         self._ask(codec.MOVE_LINEAR, numbers, travel_s(start, target, speed_mm_s) * 1.5 + MOVE_MARGIN_S)
@@ -128,9 +124,9 @@ class Arm:
         """Hang up; the arm does not move. A silent one is left without a word."""
         if not self._unknown:
             with contextlib.suppress(OSError):
-                self._socket.sendall(codec.command(codec.CLOSE))
+                self._stream.send(codec.command(codec.CLOSE))
         self._unknown = self._unknown or "it was closed"
-        self._socket.close()
+        self._stream.close()
 
     def _set_speed(self, speed_mm_s: float) -> None:
         if speed_mm_s == self._speed:
@@ -141,6 +137,7 @@ class Arm:
             numbers = (codec.number(speed_mm_s, 3), codec.number(TURN_SPEED_DEG_S, 3))
         except ProtocolError as error:
             raise ArmError(f"arm speed: {error}", str(codec.SET_SPEED)) from error
+        self._speed = math.nan  # until it is acknowledged
         self._ask(codec.SET_SPEED, numbers, ANSWER_S)
         self._speed = speed_mm_s
 
@@ -149,8 +146,7 @@ class Arm:
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
             try:
-                if self._readable(left) and not self._receive():
-                    raise ConnectionResetError("closed by the arm")
+                self._stream.receive(left)
             except OSError as error:
                 raise self._lose("the connection broke", b"", _CutOffError) from error
 
@@ -162,7 +158,7 @@ class Arm:
                 "look at the arm, then connect again"
             )
         line = codec.command(code, *numbers)
-        if self._read_only and code not in codec.HARMLESS:
+        if self._setup.read_only and code not in codec.HARMLESS:
             raise ReadOnlyError(
                 f"a dry run was about to send {line.decode()!r} to the arm at {self.endpoint}"
             )
@@ -171,7 +167,7 @@ class Arm:
             reply = self._await_reply(*self._owed) if self._owed else NOTHING_OWED
             if reply is not None:
                 self._owed = (code, self._pace.deadline(budget_s))
-                self._socket.sendall(line)
+                self._stream.send(line)
                 reply = self._await_reply(*self._owed)
         except OSError as error:
             raise self._lose("the connection broke", line, _CutOffError) from error
@@ -189,25 +185,22 @@ class Arm:
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
         while (left := deadline - self._pace.now()) > 0.0:
             reply = codec.parse_reply(self._text, code) if self._text else None
-            if reply is not None and not (reply.fields and self._readable(QUIET_S)):
+            if reply is not None and not (reply.fields and self._more(QUIET_S, code)):
                 self._text = ""
                 return reply
-            if self._readable(left):
-                piece = self._receive()
-                if not piece:
-                    raise ConnectionResetError("closed by the arm")
-                self._text = codec.drop_stale(self._text + piece, code)
+            if reply is None:
+                self._more(left, code)
         return None
 
-    def _readable(self, seconds: float) -> bool:
-        return bool(select.select([self._socket], [], [], max(seconds, 0.0))[0])
-
-    def _receive(self) -> str:
-        return self._socket.recv(256).decode("latin-1")
+    def _more(self, seconds: float, code: int) -> bool:
+        """Whether more of the reply to `code` came within so many seconds."""
+        piece = self._stream.receive(seconds).decode("latin-1")
+        self._text = codec.drop_stale(self._text + piece, code)
+        return bool(piece)
 
     def _lose(self, reason: str, line: bytes, kind: type[ArmError] = ArmError) -> ArmError:
         self._unknown = reason
-        self._socket.close()
+        self._stream.close()
         return kind(
             f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the arm and its program",
             line.decode("ascii"),
@@ -221,45 +214,34 @@ def travel_s(start: ArmPose, target: ArmPose, speed_mm_s: float) -> float:
     return max(path_mm / speed_mm_s, turn_deg / TURN_SPEED_DEG_S)
 
 
-def connect(
-    host: str,
-    port: int,
-    pace: Pace,
-    tool: Pose = IDENTITY,
-    work_object: Pose = IDENTITY,
-    *,
-    read_only: bool = False,
-) -> Arm:
-    """Connect to an open_abb server, drain it and send all settings (unless `read_only`); nothing moves.
-
-    The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
-    again.
+def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+    """Connect to an open_abb server, drain it and send all settings; nothing moves.
 
     Raises:
         PortError: nobody accepts the connection.
         ArmError: whoever answers is no open_abb server, or serves another client.
     """
+    endpoint = f"tcp://{host}:{port}"
+    hint = "start SERVER.mod and check its ipController"
+    return over(lambda: open_tcp(host, port, endpoint, hint), pace, setup)
+
+
+def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
+    """The same over connections of any kind.
+
+    The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
+    again.
+    """
     for _ in range(CONNECT_TRIES - 1):
         with contextlib.suppress(_CutOffError):
-            return _connect_once(host, port, pace, tool, work_object, read_only=read_only)
+            return _once(open_stream(), pace, setup)
         pace.pause(ACCEPT_S)
-    return _connect_once(host, port, pace, tool, work_object, read_only=read_only)
+    return _once(open_stream(), pace, setup)
 
 
-def _connect_once(host: str, port: int, pace: Pace, tool: Pose, work_object: Pose, *, read_only: bool) -> Arm:
-    endpoint = f"tcp://{host}:{port}"
+def _once(stream: Stream, pace: Pace, setup: Setup) -> Arm:
     try:
-        connection = socket.create_connection((host, port), timeout=5.0)
-    except OSError as error:
-        raise PortError(
-            f"nobody accepts a connection at {endpoint} ({error.strerror or error}); "
-            "start SERVER.mod and check its ipController",
-            endpoint,
-        ) from error
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.settimeout(LINK_TIMEOUT_S)
-    try:
-        return Arm(connection, endpoint, pace, tool, work_object, read_only=read_only)
+        return Arm(stream, pace, setup)
     except BaseException:
-        connection.close()
+        stream.close()
         raise

@@ -5,10 +5,13 @@ p54-62) and the order of Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.clock import Pace
-from drivers.errors import MAJOR, PRIORITY, GripperFault, LinkTimeout, fault_text
+from drivers.errors import MAJOR, GripperFault, LinkTimeout, fault_text
+from drivers.robotiq.checks import accept_any, agrees, refuse_major, require_ready, sketch
+from drivers.robotiq.link import Link, LinkCounters, Report, no_report
+from drivers.robotiq.readonly import ReadOnlyLink
 from drivers.robotiq.registers import COUNT_CLOSED, COUNT_OPEN, OPENING_MM, OUTPUT_FIELDS, pack, speed_mm_s
 from drivers.robotiq.state import GripperState, decode
 
@@ -17,25 +20,8 @@ ECHO_S = 1.0  # gPR must echo rPR within this ([SDK] gripper.cpp)
 STALE_FLAG_S = 0.2  # how long gOBJ may still tell of the previous move ([SDK] gripper.cpp)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
 EQUAL_COUNTS = 3  # readings in a row with one count before a width is believed
+SETTLE_S = 0.02  # between them: at 20 mm/s the count changes once in as long
 COMM_SILENCE = 0x09
-
-
-class Link(Protocol):
-    """The two register blocks, on whatever bus."""
-
-    endpoint: str
-
-    def read(self) -> bytes:
-        """The input block, 6 bytes; may repeat itself."""
-        ...
-
-    def write(self, block: bytes) -> None:
-        """Write the output block, 6 bytes, exactly once."""
-        ...
-
-    def close(self) -> None:
-        """Give the link up without moving anything."""
-        ...
 
 
 class Settled(NamedTuple):
@@ -49,9 +35,10 @@ class Settled(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """A move on its way: what was asked, when, and the device seconds it may take."""
+    """A move on its way: what was asked, from where, when, and the device seconds it may take."""
 
     position_counts: int
+    start_counts: int
     written_at: float
     budget_s: float
 
@@ -62,14 +49,16 @@ class Gripper:
     Args:
         link: the register blocks.
         pace: deadlines in the gripper's own seconds.
+        report: told of every write whose answer was lost, as ("link", {"incident": ..., ...}).
 
     Raises:
         LinkError: it cannot be read.
     """
 
-    def __init__(self, link: Link, pace: Pace) -> None:
+    def __init__(self, link: Link, pace: Pace, report: Report = no_report) -> None:
         self._link = link
         self._pace = pace
+        self._report = report
         self._move: _Move | None = None
         # Seeded from what the gripper does now, so that the first write cannot move a holding gripper.
         seen = self.state()
@@ -79,6 +68,11 @@ class Gripper:
     def endpoint(self) -> str:
         """The port as it was named."""
         return self._link.endpoint
+
+    @property
+    def counters(self) -> LinkCounters:
+        """What the link has been through so far."""
+        return self._link.counters
 
     def state(self) -> GripperState:
         """Read the gripper now.
@@ -114,9 +108,9 @@ class Gripper:
         deadline = self._pace.deadline(ACTIVATION_S)
         if latched or not seen.activating:
             self._send({})
-            self._until(lambda now: not now.enabled, deadline, "resetting", _accept_any)
+            self._until(lambda now: not now.enabled, deadline, "resetting", accept_any)
             self._send({"rACT": 1})
-        self._until(lambda now: now.activated, deadline, "activating", _refuse_major)
+        self._until(lambda now: now.activated, deadline, "activating", refuse_major)
 
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
         """Ask for a position; `wait` tells how it ended.
@@ -132,10 +126,11 @@ class Gripper:
         """
         self._move = None
         seen = self.state()
-        _require_ready(seen, "asked to move")
+        require_ready(seen, "asked to move")
         request = {"rACT": 1, "rGTO": 1, "rPR": position_counts, "rSP": speed_counts, "rFR": force_counts}
         stroke_mm = abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
-        move = _Move(position_counts, self._pace.now(), stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S)
+        budget_s = stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S
+        move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s)
         self._send(request)
         self._move = move
 
@@ -143,7 +138,8 @@ class Gripper:
         """Wait until the last move has ended and the count stands still.
 
         In the SDK's order: gPR echoes the request; gOBJ had its chance to drop to 0 (it can lag the echo,
-        and a short move may never show it); gOBJ is no longer 0; three readings in a row give one count.
+        and a short move may never show it); gOBJ is no longer 0; three readings in a row give one count that
+        gOBJ does not contradict.
 
         Raises:
             GripperFault: no move was asked for, the request is not echoed, or the move does not end in time.
@@ -157,15 +153,16 @@ class Gripper:
             lambda now: now.echo_counts == move.position_counts,
             deadline,
             "taking the request",
-            _require_ready,
+            require_ready,
         )
         stale_until = move.written_at + STALE_FLAG_S / self._pace.time_scale
         deadline = self._pace.deadline(move.budget_s)
         seen = self._checked("moving")
         while not seen.moving and self._pace.now() < stale_until:
+            self._pace.idle(stale_until)
             seen = self._checked("moving")
-        seen = self._until(lambda now: now.going and not now.moving, deadline, "moving", _require_ready)
-        seen = self._steady(seen, deadline)
+        seen = self._until(lambda now: now.going and not now.moving, deadline, "moving", require_ready)
+        seen = self._steady(seen, move, deadline)
         if seen.echo_counts != move.position_counts:
             raise GripperFault("the gripper's request changed during the move; is another program using it?")
         return Settled(
@@ -194,20 +191,22 @@ class Gripper:
         try:
             self._link.write(block)
         except LinkTimeout:
-            if not self._arrived(image):
+            arrived = self._arrived(image)
+            self._report("link", {"incident": "write unanswered", "arrived": arrived})
+            if not arrived:
                 self._link.write(block)
         self._image = image
 
     def _arrived(self, image: dict[str, int]) -> bool:
         seen = self.state()
         if image.get("rGTO", 0) == 1:
-            _require_ready(seen, "repeating a write whose answer was lost")
+            require_ready(seen, "repeating a write whose answer was lost")
         wanted = (image.get("rACT", 0) == 1, image.get("rGTO", 0) == 1, image.get("rPR", 0))
         return (seen.enabled, seen.going, seen.echo_counts) == wanted
 
     def _checked(self, doing: str) -> GripperState:
         seen = self.state()
-        _require_ready(seen, doing)
+        require_ready(seen, doing)
         return seen
 
     def _until(
@@ -225,39 +224,38 @@ class Gripper:
                 return seen
             check(seen, doing)
             if late:
-                raise GripperFault(f"gripper not done {doing} in time; last seen {_sketch(seen)}", seen.fault)
+                raise GripperFault(f"gripper not done {doing} in time; last seen {sketch(seen)}", seen.fault)
+            self._pace.idle(deadline)
 
-    def _steady(self, seen: GripperState, deadline: float) -> GripperState:
-        """Read until the count has been the same three times in a row."""
+    def _steady(self, seen: GripperState, move: _Move, deadline: float) -> GripperState:
+        """Read until the count has been the same three times in a row, and agrees with gOBJ."""
         equal = 1
-        while equal < EQUAL_COUNTS:
+        while equal < EQUAL_COUNTS or not agrees(seen, move.position_counts, move.start_counts):
+            if self._pace.now() > deadline:
+                raise GripperFault(f"gripper count does not settle; last seen {sketch(seen)}", seen.fault)
+            if equal < EQUAL_COUNTS:
+                self._pace.pause(SETTLE_S)
+            else:
+                self._pace.idle(deadline)
             last, seen = seen, self._checked("settling")
             equal = equal + 1 if seen.position_counts == last.position_counts and not seen.moving else 1
-            if equal < EQUAL_COUNTS and self._pace.now() > deadline:
-                raise GripperFault(f"gripper count does not settle; last seen {_sketch(seen)}", seen.fault)
         return seen
 
 
-def _accept_any(seen: GripperState, doing: str) -> None:
-    """A reset clears whatever fault there is."""
+def over(link: Link, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
+    """A gripper on a link that was opened for it, and that is closed again if nobody answers there.
 
+    Args:
+        link: the register blocks; owned from now on.
+        pace: deadlines.
+        report: told of every retry and failure.
+        read_only: put a link that cannot write in between.
 
-def _refuse_major(seen: GripperState, doing: str) -> None:
-    if seen.fault and fault_text(seen.fault).severity == MAJOR:
-        raise GripperFault.from_code(seen.fault, doing)
-
-
-def _require_ready(seen: GripperState, doing: str) -> None:
-    if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:
-        raise GripperFault.from_code(seen.fault, doing)
-    if not seen.activated:
-        raise GripperFault(
-            f"gripper not active while {doing}; clear the jaws and activate it (--activate)", 0x07
-        )
-
-
-def _sketch(seen: GripperState) -> str:
-    return (
-        f"gOBJ {seen.object_flag}, request {seen.echo_counts}, position {seen.position_counts}, "
-        f"fault 0x{seen.fault:02X}"
-    )
+    Raises:
+        LinkError: it cannot be read.
+    """
+    try:
+        return Gripper(ReadOnlyLink(link) if read_only else link, pace, report)
+    except BaseException:
+        link.close()
+        raise

@@ -11,7 +11,8 @@ import serial
 from pymodbus.framer import FramerRTU
 
 from drivers.errors import PortError
-from drivers.robotiq.modbus import BAUD, RTU
+from drivers.robotiq.frames import RTU
+from drivers.robotiq.modbus import BAUD
 
 BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
 UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))

@@ -1,7 +1,7 @@
 """A link that cannot write: what a dry run is given, so that no flag further up has to be believed."""
 
 from drivers.errors import ReadOnlyError
-from drivers.robotiq.gripper import Link
+from drivers.robotiq.link import Link
 
 
 class ReadOnlyLink:
@@ -12,7 +12,7 @@ class ReadOnlyLink:
     """
 
     def __init__(self, link: Link) -> None:
-        self.endpoint = link.endpoint
+        self.endpoint, self.counters = link.endpoint, link.counters
         self._link = link
 
     def read(self) -> bytes:

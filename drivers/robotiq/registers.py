@@ -83,12 +83,12 @@ def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int
 
 def to_registers(block: bytes) -> tuple[int, ...]:
     """Pair bytes into 16-bit registers, high byte first."""
-    return tuple(block[i] << 8 | block[i + 1] for i in range(0, len(block), 2))
+    return tuple([block[i] << 8 | block[i + 1] for i in range(0, len(block), 2)])
 
 
 def to_bytes(registers: tuple[int, ...]) -> bytes:
     """Split 16-bit registers into bytes, high byte first."""
-    return b"".join(register.to_bytes(2, "big") for register in registers)
+    return b"".join([register.to_bytes(2, "big") for register in registers])
 
 
 def speed_mm_s(speed_counts: int) -> float:

@@ -1,5 +1,6 @@
 """One reading of the gripper, decoded."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from drivers.robotiq.registers import (
@@ -33,6 +34,7 @@ class GripperState(NamedTuple):
     current_ma: int
 
 
+@lru_cache(1024)  # a gripper at rest says the same over and over
 def decode(block: bytes) -> GripperState:
     """What an input block says."""
     fields = unpack(INPUT_FIELDS, block)

@@ -1,4 +1,4 @@
-"""What every arm must do, run against the open_abb driver and its simulator; and whom the driver refuses."""
+"""What every arm must do (drivers/ports.py), run against each make; and what open_abb asks for besides."""
 
 import contextlib
 import math
@@ -7,19 +7,24 @@ import socket
 import threading
 import time
 
+import other_make
 import pytest
 
-from drivers import connect
-from drivers.abb.codec import Pose
-from drivers.errors import ArmError, PortError
-from drivers.sim.arm import ArmModel
+from drivers import connect, ports
+from drivers.abb.codec import Pose, hand_angle
+from drivers.errors import ArmError, PortError, ReadOnlyError
+from drivers.sim.arm import Answer, ArmModel
 from drivers.sim.arm_server import ArmServer
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
-class Rig:
+class Abb:
+    """The open_abb driver and its simulated server."""
+
+    far_mm = 900.0
+
     def __init__(self):
         self.stopped = threading.Event()
         start = time.monotonic()
@@ -30,30 +35,101 @@ class Rig:
         )
         self.server.start()
 
+    @property
+    def url(self):
+        return self.server.url
+
+    @property
+    def moves(self):
+        return self.model.moves
+
+    def truth(self):
+        x, y, z, rotation = self.model.pose_at(self.now())
+        return (x, y, z, hand_angle(rotation))
+
+    def silence(self):
+        self.model.execute = lambda text, now: Answer(None, math.inf)
+
     def open(self, **options):
-        return contextlib.closing(connect.arm(self.server.url, time_scale=SCALE, **options))
+        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
 
     def close(self):
         self.stopped.set()
         self.server.close()
 
 
-@pytest.fixture
-def rig():
-    made = Rig()
+class Other:
+    """An arm of another make."""
+
+    far_mm = 900.0
+
+    def __init__(self):
+        self.device = other_make.ArmDevice(SCALE)
+        self.server = other_make.Server(self.device.answer)
+        self.url = f"other://127.0.0.1:{self.server.port}"
+
+    @property
+    def moves(self):
+        return self.device.moves
+
+    def truth(self):
+        return self.device.place
+
+    def silence(self):
+        self.device.mute = True
+
+    def open(self, **options):
+        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
+
+    def close(self):
+        self.server.close()
+
+
+# A new make is one more class above, and one more entry here.
+MAKES = {"abb": Abb, "other": Other}
+
+
+@pytest.fixture(autouse=True)
+def _other_make(monkeypatch):
+    monkeypatch.setitem(connect.ARMS, "other", "other_make:arm")
+
+
+@pytest.fixture(params=MAKES)
+def any_arm(request):
+    made = MAKES[request.param]()
     yield made
     made.close()
 
 
-def test_connecting_moves_nothing(rig):
-    with rig.open() as arm:
-        assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
-    assert rig.model.moves == 0
+@pytest.fixture
+def rig():
+    made = Abb()
+    yield made
+    made.close()
 
 
-def test_a_move_ends_where_it_was_sent(rig):
+# -- every make -----------------------------------------------------------------------------------
+
+
+def test_connecting_moves_nothing(any_arm):
+    with any_arm.open() as arm:
+        assert isinstance(arm, ports.Arm)
+        assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
+    assert any_arm.moves == 0
+
+
+def test_one_opened_for_reading_cannot_be_commanded(any_arm):
+    with any_arm.open(read_only=True) as arm:
+        assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            arm.move_linear(10.0, 0.0, 90.0, 0.1, 200.0)
+        arm.pose()
+    assert any_arm.moves == 0
+
+
+def test_a_move_ends_where_it_was_sent(any_arm):
     rng = random.Random(1)
-    with rig.open() as arm:
+    with any_arm.open() as arm:
         for _ in range(10):
             x, y, z, a = (
                 rng.uniform(-100, 100),
@@ -62,17 +138,56 @@ def test_a_move_ends_where_it_was_sent(rig):
                 rng.uniform(-7, 7),
             )
             arm.move_linear(x, y, z, a, 500.0)
-            assert rig.model.pose_at(rig.now())[:3] == pytest.approx((x, y, z), abs=0.001)
+            assert any_arm.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
             seen = arm.pose()
             assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
-            assert math.remainder(seen.angle_rad - a, math.tau) == pytest.approx(0.0, abs=0.003)
+            assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
 
 
-def test_a_move_is_over_when_the_call_returns(rig):
-    with rig.open() as arm:
+def test_a_move_is_over_when_the_call_returns(any_arm):
+    with any_arm.open() as arm:
         arm.move_linear(50.0, 0.0, 50.0, 1.0, 100.0)
-        now = rig.now()
-        assert rig.model.pose_at(now) == rig.model.pose_at(now + 100.0)
+        here = any_arm.truth()
+        time.sleep(0.05)
+        assert any_arm.truth() == here
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e6])
+def test_numbers_that_cannot_be_sent_are_refused_and_the_arm_stays_usable(any_arm, bad):
+    with any_arm.open() as arm:
+        for target in ((bad, 0.0, 50.0, 0.0), (0.0, 0.0, bad, 0.0)):
+            with pytest.raises(ArmError, match="not moved") as raised:
+                arm.move_linear(*target, 100.0)
+            assert raised.value.exit_code == 22
+        for speed in (0.0, -5.0, math.nan):
+            with pytest.raises(ArmError):
+                arm.move_linear(0.0, 0.0, 50.0, 0.0, speed)
+        assert any_arm.moves == 0
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+        assert any_arm.moves == 1
+
+
+def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(any_arm):
+    with any_arm.open(base=BASE) as arm:
+        with pytest.raises(ArmError, match=r"not moved.*reach"):
+            arm.move_linear(any_arm.far_mm, 0.0, 50.0, 0.0, 5000.0)
+        assert any_arm.moves == 0
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+
+
+def test_after_a_silence_everything_is_refused(any_arm):
+    with any_arm.open() as arm:
+        any_arm.silence()
+        with pytest.raises(ArmError) as raised:
+            arm.pose()
+        assert raised.value.exit_code == 22
+        for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+            with pytest.raises(ArmError, match="state unknown since"):
+                call()
+    assert any_arm.moves == 0
+
+
+# -- the open_abb driver --------------------------------------------------------------------------
 
 
 def test_settings_of_the_last_client_do_not_matter(rig):
@@ -89,20 +204,6 @@ def test_work_object_is_the_frame_of_poses(rig):
     assert rig.model.pose_at(1e9)[:3] == pytest.approx((0.0, 0.0, 50.0))
     with rig.open() as arm:
         assert arm.pose()[:3] == pytest.approx((20.0, 0.0, 60.0))
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e6])
-def test_numbers_that_cannot_be_sent_are_refused_and_the_arm_stays_usable(rig, bad):
-    with rig.open() as arm:
-        for target in ((bad, 0.0, 50.0, 0.0), (0.0, 0.0, bad, 0.0)):
-            with pytest.raises(ArmError, match="not moved") as raised:
-                arm.move_linear(*target, 100.0)
-            assert raised.value.exit_code == 22
-        for speed in (0.0, -5.0, bad):
-            with pytest.raises(ArmError):
-                arm.move_linear(0.0, 0.0, 50.0, 0.0, speed)
-        assert rig.model.moves == 0
-        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
 
 
 def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
@@ -140,22 +241,48 @@ def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
 
     with rig.open() as arm:
         arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
-        receive = arm._readable
+        receive = arm._stream.receive
 
         def interrupt(seconds):
-            arm._readable = receive
+            arm._stream.receive = receive
             raise Interrupted
 
-        arm._readable = interrupt
+        arm._stream.receive = interrupt
         with pytest.raises(Interrupted):
             arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
         assert arm.pose().x_mm == pytest.approx(100.0)
 
 
-@pytest.mark.parametrize("url", ["tcp://127.0.0.1:1", "tcp://127.0.0.1", "rtu+tcp://127.0.0.1:5000", "x"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        *("tcp://127.0.0.1:1", "tcp://127.0.0.1", "rtu+tcp://127.0.0.1:5000", "x"),
+        *("tcp://127.0.0.1:5000?base=1,2", "tcp://127.0.0.1:5000?area=1,2,3", "tcp://127.0.0.1:5000?tool=x"),
+    ],
+)
 def test_nobody_there(url):
     with pytest.raises(PortError):
         connect.arm(url)
+
+
+def test_frames_and_limits_may_stand_in_the_address(rig):
+    query = "?tool=0,0,120&work_object=20,0,10,1,0,0,0&base=-300,0,0&area=-50,-50,-500,50,50,90"
+    with contextlib.closing(connect.arm(rig.url + query, time_scale=SCALE)) as arm:
+        assert arm.pose()[:3] == pytest.approx((-20.0, 0.0, -30.0))
+        arm.move_linear(0.0, 0.0, 0.0, 0.0, 500.0)
+        with pytest.raises(ArmError, match="outside the work area"):
+            arm.move_linear(0.0, 51.0, 0.0, 0.0, 500.0)
+        assert rig.moves == 1
+        assert rig.model.pose_at(1e9)[2] == pytest.approx(0.0)
+
+
+def test_the_way_is_looked_at_and_not_only_its_end(rig):
+    """Both ends are in reach, the way between them leads through the arm's own foot."""
+    with rig.open(base=BASE, work_object=BASE) as arm:
+        arm.move_linear(250.0, 250.0, 100.0, 0.0, 1000.0)
+        with pytest.raises(ArmError, match="out of the arm's reach"):
+            arm.move_linear(-250.0, -250.0, 100.0, 0.0, 1000.0)
+        arm.move_linear(250.0, -250.0, 100.0, 0.0, 1000.0)
 
 
 class Impostor:

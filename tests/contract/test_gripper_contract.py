@@ -1,69 +1,49 @@
-"""What every gripper must do, run against each transport of the driver and the simulator behind it.
+"""What every gripper must do (drivers/ports.py), run against each make and bus of `tests/gripper_rigs.py`.
 
-A new make of gripper is one more entry in `RIGS`; the real one, with nothing between its jaws, passes too.
+A new make is one more entry there; the real one, with nothing between its jaws, passes too.
 """
 
-import contextlib
-import random
 import threading
-import time
 
 import pytest
+from gripper_rigs import RIGS, Robotiq
 
-from drivers import connect
-from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError
-from drivers.sim.gripper import GripperModel
-from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
-from drivers.sim.jaws import Jaws
-from drivers.sim.modbus import GripperRegisters
-from drivers.sim.rtu import PtyPort, RtuSlave
-
-SCALE = 20.0
+from drivers import connect, ports
+from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, ReadOnlyError
 
 
-class Rig:
-    """A simulated gripper on some port, and something between its fingers."""
-
-    def __init__(self, kind):
-        start = time.monotonic()
-        self.now = lambda: (time.monotonic() - start) * SCALE
-        self.contact = None
-        lock = threading.RLock()
-        self.model = GripperModel(random.Random(1), Jaws(), self)
-        if kind == "pty":
-            slave = RtuSlave(GripperRegisters(self.model, self.now))
-            self.port = PtyPort(slave, lock, lambda s: time.sleep(s / SCALE))
-            self.name = self.port.path
-        elif kind == "rtu+tcp":
-            self.port = TcpPort(rtu_over_tcp(self.model, self.now), lock, lambda: None)
-            self.name = f"rtu+tcp://{self.port.address}"
-        else:
-            hung_up = lambda: stop_jaws(self.model, self.now)  # noqa: E731
-            self.port = TcpPort(modbus_tcp(self.model, self.now), lock, hung_up)
-            self.name = f"tcp://{self.port.address}"
-        self.port.start()
-
-    def closing(self):
-        return self.contact
-
-    def gripped(self):
-        pass
-
-    def open(self):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE))
+@pytest.fixture(autouse=True)
+def _other_make(monkeypatch):
+    """The one line by which another make becomes known."""
+    monkeypatch.setitem(connect.GRIPPERS, "other", "other_make:gripper")
 
 
-@pytest.fixture(params=["pty", "rtu+tcp", "tcp"])
+@pytest.fixture(params=RIGS)
 def rig(request):
-    made = Rig(request.param)
+    made = RIGS[request.param]()
     yield made
-    made.port.close()
+    made.close()
 
 
 def test_connecting_reads_and_does_not_write(rig):
     with rig.open() as gripper:
+        assert isinstance(gripper, ports.Gripper)
         assert not gripper.state().activated
-    assert rig.model.read_output() == bytes(16)
+    assert not rig.commanded()
+
+
+def test_one_opened_for_reading_cannot_be_commanded(rig):
+    with rig.open() as gripper:
+        gripper.activate()
+    before = rig.commands()
+    with rig.open(read_only=True) as gripper:
+        assert gripper.state().activated
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            gripper.move(255, 255, 10)
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            gripper.stop()
+        assert gripper.state().activated
+    assert rig.commands() == before
 
 
 def test_activate_move_wait(rig):
@@ -72,37 +52,60 @@ def test_activate_move_wait(rig):
         assert gripper.state().activated
         gripper.move(255, 255, 10)
         settled = gripper.wait()
-        assert (settled.position_counts, settled.object_flag, settled.echo_counts) == (230, 3, 255)
+        assert (settled.position_counts, settled.object_flag, settled.echo_counts) == (
+            rig.closed_counts,
+            3,
+            255,
+        )
         gripper.move(100, 255, 10)
-        assert gripper.wait().position_counts == 100
+        settled = gripper.wait()
+        assert (settled.position_counts, settled.echo_counts) == (100, 100)
+        assert settled.seconds > 0.0
 
 
 def test_a_part_stops_the_jaws(rig):
     with rig.open() as gripper:
         gripper.activate()
-        rig.contact = 174
+        rig.put_part()
         gripper.move(255, 100, 10)
         settled = gripper.wait()
-        assert (settled.position_counts, settled.object_flag) == (174, 2)
-        assert settled.current_ma > 0
+        assert (settled.position_counts, settled.object_flag) == (rig.contact_counts, 2)
 
 
 def test_a_holding_gripper_survives_a_reconnection(rig):
     with rig.open() as gripper:
         gripper.activate()
-        rig.contact = 174
+        rig.put_part()
         gripper.move(255, 100, 10)
         gripper.wait()
     with rig.open() as gripper:
         seen = gripper.state()
-        assert (seen.activated, seen.position_counts, seen.echo_counts) == (True, 174, 255)
+        assert (seen.activated, seen.position_counts, seen.echo_counts) == (True, rig.contact_counts, 255)
         gripper.activate()
-        assert gripper.state().position_counts == 174
+        assert gripper.state().position_counts == rig.contact_counts
 
 
 def test_moves_need_activation(rig):
     with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
         gripper.move(255, 255, 0)
+    assert not rig.commanded()
+
+
+def test_stopping_halfway_leaves_the_jaws_there(rig):
+    with rig.open() as gripper:
+        gripper.activate()
+        gripper.move(255, 0, 0)
+        gripper.stop()
+        here = gripper.state().position_counts
+        threading.Event().wait(0.1)
+        assert gripper.state().position_counts == here < rig.closed_counts
+
+
+def test_waiting_for_nothing_is_refused(rig):
+    with rig.open() as gripper:
+        gripper.activate()
+        with pytest.raises(GripperFault, match="no move"):
+            gripper.wait()
 
 
 def test_a_closed_link_stays_closed(rig):
@@ -112,24 +115,25 @@ def test_a_closed_link_stays_closed(rig):
             gripper.state()
 
 
-def test_closing_a_modbus_tcp_link_stops_the_jaws_and_closing_rtu_does_not(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        gripper.move(255, 0, 0)
-    time.sleep(0.15)
-    going = rig.model.read_output()[0] & 0x08
-    assert bool(going) == (not rig.name.startswith("tcp"))
-
-
 def test_a_dead_device_is_a_timeout(rig):
     with rig.open() as gripper:
-        rig.port.close()
+        rig.silence()
         with pytest.raises(LinkError) as raised:
             gripper.state()
         assert raised.value.exit_code == 20
         if isinstance(raised.value, LinkTimeout):
             assert isinstance(raised.value, TimeoutError)
-    rig.port.close = lambda: None
+
+
+def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
+    for bus in ("pty", "rtu+tcp", "tcp", "can"):
+        rig = Robotiq(bus)
+        with rig.open() as gripper:
+            gripper.activate()
+            gripper.move(255, 0, 0)
+        threading.Event().wait(0.15)
+        assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
+        rig.close()
 
 
 def test_a_port_that_does_not_exist():
@@ -140,7 +144,10 @@ def test_a_port_that_does_not_exist():
 
 @pytest.mark.parametrize(
     "port",
-    ["tcp://127.0.0.1:1", "rtu+tcp://127.0.0.1:1", "tcp://127.0.0.1", "udp://x:1", "tcp://:x", "can:can0"],
+    [
+        *("tcp://127.0.0.1:1", "rtu+tcp://127.0.0.1:1", "tcp://127.0.0.1", "udp://x:1", "tcp://:x"),
+        *("tcp://127.0.0.1:99999", "tcp://[::1", "tcp://127.0.0.1:502/path", "tcp://127.0.0.1:502?unit=2"),
+    ],
 )
 def test_ports_nobody_serves(port):
     with pytest.raises(PortError) as raised:
@@ -154,34 +161,44 @@ def test_a_file_is_no_port(tmp_path):
         connect.gripper(str(tmp_path / "file"))
 
 
+def test_a_character_device_may_be_no_serial_port_either():
+    with pytest.raises(PortError, match="cannot be opened as a serial port"):
+        connect.gripper("/dev/null")
+
+
 def test_a_port_has_one_owner():
-    made = Rig("pty")
+    made = Robotiq("pty")
     try:
         with made.open(), pytest.raises(PortError, match="in use"):
             connect.gripper(made.name)
     finally:
-        made.port.close()
+        made.close()
 
 
 def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
     """The slave is deaf for a moment; afterwards driver and device are in step again."""
-    made = Rig("pty")
-    slave = made.port._slave
+    made = Robotiq("pty")
     try:
         with made.open() as gripper:
             gripper.activate()
-            feed, slave.feed = slave.feed, lambda data: []
+            feed, made.slave.feed = made.slave.feed, lambda data: []
             with pytest.raises(LinkTimeout):
                 gripper.state()
-            slave.feed = feed
+            made.slave.feed = feed
             gripper.move(77, 255, 0)
             assert gripper.wait().position_counts == 77
+            assert (gripper.counters.timeouts, gripper.counters.retries) == (3, 2)
     finally:
-        made.port.close()
+        made.close()
 
 
-def test_the_pty_path_disappears_with_the_cell():
-    made = Rig("pty")
-    made.port.close()
+def test_an_unplugged_adapter_is_not_reopened():
+    made = Robotiq("pty")
+    with made.open() as gripper:
+        made.close()
+        with pytest.raises(LinkError, match="broke"):
+            gripper.state()
+        with pytest.raises(LinkError, match="closed"):
+            gripper.state()
     with pytest.raises(PortError):
         connect.gripper(made.name)

@@ -6,12 +6,10 @@ From the 2F-85 manuals as `[M16]` p61-67 and `[M18]` p54, 62 give them; CRCs are
 import random
 
 import pytest
-from pymodbus import FramerType
-from pymodbus.client import ModbusSerialClient
 
 from drivers.clock import Pace, WallClock
-from drivers.robotiq.modbus import RTU, ModbusLink
-from drivers.robotiq.registers import to_bytes, to_registers
+from drivers.robotiq.modbus import rtu_link
+from drivers.robotiq.registers import to_bytes
 from drivers.sim.gripper import GripperModel
 from drivers.sim.modbus import GripperRegisters
 from drivers.sim.rtu import RtuSlave
@@ -36,7 +34,7 @@ class Canned:
         return address == 0x07D0 and 2 * count <= len(self.block)
 
     def read(self, address, count):
-        return to_registers(self.block[: 2 * count])
+        return self.block[: 2 * count]
 
     def write(self, function, address, data):
         self.written.append((function, address, data))
@@ -44,8 +42,8 @@ class Canned:
 
 
 def exchange(slave, request):
-    (reply,) = slave.feed(bytes.fromhex(request))
-    return reply
+    (piece,) = slave.feed(bytes.fromhex(request))
+    return piece.data
 
 
 @pytest.mark.parametrize(
@@ -91,35 +89,28 @@ def test_the_read_write_frame_writes_first_and_tells_of_the_silence_before_it():
 class Wire:
     """Stands for a serial port: records what is sent, answers from a script."""
 
+    endpoint = "nowhere"
+
     def __init__(self, replies):
         self.replies = [bytes.fromhex(reply) for reply in replies]
         self.sent = []
         self.buffer = b""
 
-    @property
-    def in_waiting(self):
-        return len(self.buffer)
-
-    def write(self, data):
+    def send(self, data):
         self.sent.append(data)
         self.buffer = self.replies.pop(0)
-        return len(data)
 
-    def read(self, size):
-        data, self.buffer = self.buffer[:size], self.buffer[size:]
+    def receive(self, seconds):
+        data, self.buffer = self.buffer, b""
         return data
-
-    def reset_input_buffer(self):
-        self.buffer = b""
 
     def close(self):
         pass
 
 
 def link(replies):
-    client = ModbusSerialClient("nowhere", framer=FramerType.RTU, baudrate=115200, timeout=0.2, retries=0)
-    client.socket = wire = Wire(replies)
-    return ModbusLink(client, RTU, "nowhere", Pace(WallClock())), wire
+    wire = Wire(replies)
+    return rtu_link(wire, Pace(WallClock())), wire
 
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])

@@ -7,6 +7,7 @@ import pytest
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkError, LinkTimeout
 from drivers.robotiq.gripper import Gripper
+from drivers.robotiq.link import LinkCounters
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 from drivers.sim.gripper import GripperModel
 from drivers.sim.jaws import Jaws
@@ -24,6 +25,9 @@ class VirtualClock:
     def sleep(self, seconds):
         self.time += seconds
 
+    def idle(self, seconds, until):
+        self.time += max(min(seconds, until - self.time), 0.0)
+
 
 class DirectLink:
     """A model without wires; each transaction takes 6 ms. `on_write` may interfere."""
@@ -32,6 +36,7 @@ class DirectLink:
 
     def __init__(self, seed=1, contact=None):
         self.clock = VirtualClock()
+        self.counters = LinkCounters()
         self.contact = contact
         self.asked = 0
         self.writes = []
@@ -44,6 +49,9 @@ class DirectLink:
         return self.contact
 
     def gripped(self):
+        pass
+
+    def released(self):
         pass
 
     def read(self):

@@ -5,9 +5,9 @@ import random
 
 import pytest
 
+from drivers.abb import kinematics
 from drivers.abb.codec import Pose
-from drivers.sim import kinematics
-from drivers.sim.kinematics import compose, forward, inverse, invert
+from drivers.abb.kinematics import compose, forward, inverse, invert
 
 
 def apart(a, b):

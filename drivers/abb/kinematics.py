@@ -34,15 +34,17 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """Turn a vector."""
-    _, x, y, z = multiply(multiply(q, (0.0, *v)), conjugate(q))
-    return (x, y, z)
+    """Turn a vector: v + 2 w (u x v) + 2 u x (u x v) for q = (w, u)."""
+    w, i, j, k = q
+    x, y, z = v
+    a, b, c = 2.0 * (j * z - k * y), 2.0 * (k * x - i * z), 2.0 * (i * y - j * x)
+    return (x + w * a + j * c - k * b, y + w * b + k * a - i * c, z + w * c + i * b - j * a)
 
 
 def compose(a: Pose, b: Pose) -> Pose:
     """Pose b, given in the frame a."""
-    x, y, z = rotate(a.rotation, b[:3])
-    return Pose(a.x_mm + x, a.y_mm + y, a.z_mm + z, multiply(a.rotation, b.rotation))
+    x, y, z = rotate(a[3], b[:3])
+    return Pose(a[0] + x, a[1] + y, a[2] + z, multiply(a[3], b[3]))
 
 
 def invert(a: Pose) -> Pose:

@@ -1,0 +1,145 @@
+"""What a gripper and an arm of any make have to offer; a new make is one new file and one line in `connect`.
+
+A driver satisfies these Protocols without inheriting from them. `tests/contract/` runs the same tests against
+every make that is listed there; a new one adds itself.
+
+Rules that a type cannot express:
+
+- Connecting reads and never moves anything, and never resets a device that may hold a part.
+- Every call ends by a deadline of its own, and a call that fails says so by an error of `drivers.errors`.
+- A motion is asked for once. If it is not known whether the request arrived, the state is read before it is
+  repeated; after a silence that leaves the state unknown, every further motion is refused.
+- `wait` returns a reading that belongs to the last `move` and to no earlier one, or raises.
+- `close` moves nothing.
+- A device opened with `read_only` sends nothing that could command it: what would is refused in the lowest
+  layer that knows a question from a command, by `drivers.errors.ReadOnlyError`.
+"""
+
+from typing import Protocol, runtime_checkable
+
+PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
+
+
+class GripperState(Protocol):
+    """One reading. Positions are counts of 0 (open) to 255 (closed), whatever the device counts in."""
+
+    @property
+    def activated(self) -> bool:
+        """Whether it may be moved."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the fingers are on their way."""
+
+    @property
+    def fault(self) -> int:
+        """0, or the fault's code (`drivers.errors.FAULTS`)."""
+
+    @property
+    def object_flag(self) -> int:
+        """0 moving, 1 contact while opening, 2 contact while closing, 3 at the requested position."""
+
+    @property
+    def echo_counts(self) -> int:
+        """The requested position as the device repeats it."""
+
+    @property
+    def position_counts(self) -> int:
+        """Where the fingers are."""
+
+    @property
+    def current_ma(self) -> int:
+        """Motor current; 0 where the device does not tell."""
+
+
+class Settled(Protocol):
+    """How a move ended: all of it from readings after the fingers came to rest."""
+
+    @property
+    def position_counts(self) -> int:
+        """Where the fingers rest."""
+
+    @property
+    def object_flag(self) -> int:
+        """1 contact while opening, 2 contact while closing, 3 at the requested position."""
+
+    @property
+    def current_ma(self) -> int:
+        """Motor current."""
+
+    @property
+    def echo_counts(self) -> int:
+        """The request this reading belongs to."""
+
+    @property
+    def seconds(self) -> float:
+        """Device seconds since the move was asked for."""
+
+
+@runtime_checkable
+class Gripper(Protocol):
+    """A parallel-jaw gripper."""
+
+    def state(self) -> GripperState:
+        """Read it now.
+
+        Raises:
+            LinkError: it cannot be reached.
+        """
+
+    def activate(self) -> None:
+        """Make it ready to move; the fingers may sweep. Nothing if it is ready already.
+
+        Raises:
+            GripperFault: it cannot be made ready.
+        """
+
+    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+        """Ask for a position, each setting 0 to 255, and return at once.
+
+        Raises:
+            GripperFault: it is not ready, or reports a fault.
+        """
+
+    def wait(self) -> Settled:
+        """Wait until the last move has settled.
+
+        Raises:
+            GripperFault: it does not settle in time, or the reading cannot be trusted.
+        """
+
+    def stop(self) -> None:
+        """Stop the fingers where they are; what they hold stays held."""
+
+    def close(self) -> None:
+        """Give the link up."""
+
+
+@runtime_checkable
+class Arm(Protocol):
+    """An arm that places the point midway between the finger tips, hand pointing down."""
+
+    def pose(self) -> PoseOfHand:
+        """Read where it is.
+
+        Raises:
+            ArmError: it is silent, or its hand does not point down.
+        """
+
+    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        """Move in a straight line and return when it stands there.
+
+        Raises:
+            ArmError: refused before anything was sent, or its state is unknown from now on.
+        """
+
+    def close(self) -> None:
+        """Give the link up."""
+
+
+class ArmSetup(Protocol):
+    """What an arm is opened with; a make that has frames takes more (`drivers.abb.reach`)."""
+
+    @property
+    def read_only(self) -> bool:
+        """Send no setting and no motion."""

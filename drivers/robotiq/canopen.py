@@ -1,0 +1,228 @@
+"""The gripper over CANopen: the two register blocks as bytes of two objects, one expedited SDO a byte.
+
+UNVERIFIED. Robotiq publishes no object dictionary, PDO map or bitrate for a 2F gripper. The map here is
+inferred from the one public client of the same family, for the 3-Finger gripper (ros-industrial/robotiq,
+`robotiq_3f_gripper_can_client.cpp`): node 11, object 0x2200 takes the output bytes and 0x2000 gives the input
+bytes, sub-index = byte + 1, no PDOs. Every number of it is a setting of the port:
+
+    can:can0?node=11&output=0x2200&input=0x2000&bitrate=500000&interface=socketcan
+
+Needs the extra `can` (python-can, canopen).
+"""
+
+import contextlib
+import logging
+import struct
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import parse_qsl
+
+from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.robotiq.gripper import Gripper, over
+from drivers.robotiq.link import LinkCounters, Report, no_report
+from drivers.robotiq.registers import BLOCK_BYTES
+
+if TYPE_CHECKING:
+    import canopen
+
+READ_TRIES = 3
+HEAR_S = 0.1  # how long the thread that listens sleeps at most; closing waits for it
+ACTION, GOES = 0, 0x08  # byte 0 of the output block, and its bit rGTO
+# Speed and force stand before the position they are for; what starts a motion comes last.
+WRITE_ORDER = (5, 4, 2, 1, 3, ACTION)
+STOP_ORDER = (ACTION, 5, 4, 2, 1, 3)
+
+# SDO command specifiers: the known client's write of one byte, the standard's read, and what answers them
+# (0x4F or the like, with the data in byte 4). The known client reads with 0x4F, which no standard has.
+WRITE_ONE, READ = 0x2F, 0x40
+ANSWER_MASK = 0xE2
+ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
+
+
+class CanMap(NamedTuple):
+    """Where the bytes are; see the module's warning."""
+
+    channel: str
+    interface: str = "socketcan"
+    bitrate: int = 0  # 0: as the operating system set it
+    node: int = 11
+    output: int = 0x2200
+    input: int = 0x2000
+
+
+class CanLink:
+    """A gripper's two register blocks on a CANopen node.
+
+    Only bytes that change are written: the known client does so too, since the device dislikes many writes.
+
+    Args:
+        network: a connected network, owned from now on.
+        where: the map.
+        endpoint: the port as the user named it.
+        report: told of every retry and failure.
+    """
+
+    def __init__(
+        self, network: "canopen.Network", where: CanMap, endpoint: str, report: Report = no_report
+    ) -> None:
+        import canopen
+
+        self.endpoint = endpoint
+        self.counters = LinkCounters()
+        self._network = network
+        self._where = where
+        self._report = report
+        self._written: list[int | None] = [None] * BLOCK_BYTES
+        node = canopen.RemoteNode(where.node, dictionary(where))
+        network.add_node(node)
+        self._sdo = node.sdo
+        self._sdo.RESPONSE_TIMEOUT = LINK_TIMEOUT_S
+        self._lost = ""
+
+    def read(self) -> bytes:
+        """The input block; each byte tried up to 3 times.
+
+        Raises:
+            LinkTimeout: no valid answer. LinkError: the bus is gone, or the node refuses.
+        """
+        return bytes(self._read_byte(index) for index in range(BLOCK_BYTES))
+
+    def write(self, block: bytes) -> None:
+        """Write what differs from the last write, each byte once.
+
+        Raises:
+            LinkTimeout: whether it arrived is unknown. LinkError: the bus is gone, or the node refuses.
+        """
+        for index in WRITE_ORDER if block[ACTION] & GOES else STOP_ORDER:
+            if block[index] != self._written[index]:
+                self._written[index] = None  # until it is acknowledged
+                self._transact(self._where.output, index, block[index])
+                self._written[index] = block[index]
+
+    def close(self) -> None:
+        """Leave the bus; nothing moves."""
+        self._lost = self._lost or "it was closed"
+        self._network.disconnect()
+
+    def _read_byte(self, index: int) -> int:
+        for attempt in range(1, READ_TRIES):
+            try:
+                return self._transact(self._where.input, index)
+            except LinkTimeout:
+                self.counters.retries += 1
+                self._tell("read repeated", attempt=attempt)
+        return self._transact(self._where.input, index)
+
+    def _transact(self, index: int, byte: int, data: int | None = None) -> int:
+        """One expedited transfer: read a byte, or write `data` to it (CiA 301, 7.2.4)."""
+        if self._lost:
+            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}", self.endpoint)
+        command = READ if data is None else WRITE_ONE
+        self.counters.transactions += 1
+        reply = self._ask(struct.pack("<BHBI", command, index, byte + 1, data or 0), index, byte)
+        answered, *place, _ = struct.unpack("<BHBI", reply)
+        if place != [index, byte + 1] or answered & ANSWER_MASK != ANSWERS[command]:
+            self.counters.stray_bytes += len(reply)
+            raise self._silent(index, byte)
+        return reply[4]
+
+    def _ask(self, request: bytes, index: int, byte: int) -> bytes:
+        import can
+        import canopen
+
+        try:
+            reply: bytes = self._sdo.request_response(request)
+        except canopen.SdoAbortedError as error:
+            raise LinkError(
+                f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({error}); the map is "
+                "not verified, set output and input in the port's name",
+                self.endpoint,
+            ) from error
+        except canopen.SdoCommunicationError as error:
+            raise self._silent(index, byte) from error
+        except (can.CanError, OSError) as error:
+            self._lost = "the bus broke"
+            raise LinkError(
+                f"gripper link {self.endpoint} broke ({error}); check the bus", self.endpoint
+            ) from error
+        return reply
+
+    def _silent(self, index: int, byte: int) -> LinkTimeout:
+        self.counters.timeouts += 1
+        self._tell("no answer", object=f"0x{index:04X}:{byte + 1}")
+        return LinkTimeout(
+            f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check power, bitrate "
+            f"and node {self._where.node}",
+            self.endpoint,
+        )
+
+    def _tell(self, incident: str, **details: object) -> None:
+        self._report("link", {"incident": incident, "transaction": self.counters.transactions, **details})
+
+
+def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
+    """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
+
+    Raises:
+        PortError: the extra is not installed, a setting is not understood, or there is no such bus.
+        LinkError: no such node answers.
+    """
+    where = parse(port)
+    link = CanLink(_network(port, where, read_only=read_only), where, port, report)
+    return over(link, pace, report, read_only=read_only)
+
+
+def parse(port: str) -> CanMap:
+    """The map that a port's name states.
+
+    Raises:
+        PortError: a setting is not understood.
+    """
+    name, _, query = port.removeprefix("can:").partition("?")
+    settings: dict[str, Any] = {}
+    for key, text in parse_qsl(query, keep_blank_values=True):
+        with contextlib.suppress(ValueError):
+            if key in CanMap._fields and key != "channel":
+                settings[key] = text if key == "interface" else int(text, 0)
+        if key not in settings:
+            known = ", ".join(CanMap._fields[1:])
+            raise PortError(f"port {port}: {key}={text} is not understood; there are {known}", port)
+    if not name or not 0 < settings.get("node", CanMap("").node) < 128:
+        raise PortError(f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11", port)
+    return CanMap(name, **settings)
+
+
+def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
+    try:
+        import can
+        import canopen
+    except ImportError as error:
+        raise PortError(f"port {port}: {error}; install squeezetree[can]", port) from error
+    logging.getLogger("canopen").setLevel(logging.CRITICAL + 1)  # its failures reach the caller as ours
+    network = canopen.Network()
+    network.NOTIFIER_CYCLE = HEAR_S
+    options = {"bitrate": where.bitrate} if where.bitrate else {}
+    try:
+        network.connect(interface=where.interface, channel=where.channel, **options)
+    except (can.CanError, OSError, ValueError) as error:
+        raise PortError(f"port {port} cannot be opened ({error}); check `ip link`", port) from error
+    if not read_only:  # the one thing sent before any request; it makes no node move
+        network.send_message(0, bytes((1, where.node)))
+    return network
+
+
+def dictionary(where: CanMap) -> "canopen.ObjectDictionary":
+    """The two objects of the map, each byte an unsigned 8."""
+    import canopen
+    from canopen import objectdictionary
+
+    made = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+    for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
+        record = objectdictionary.ODRecord(name, index)
+        for sub in range(1, BLOCK_BYTES + 1):
+            variable = objectdictionary.ODVariable(f"byte {sub - 1}", index, sub)
+            variable.data_type = objectdictionary.UNSIGNED8
+            variable.access_type = access
+            record.add_member(variable)
+        made.add_object(record)
+    return made

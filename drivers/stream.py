@@ -1,0 +1,175 @@
+"""Bytes to and from one device: a serial port, a TCP connection, or a simulated cell's line.
+
+What is above a stream does not know which one it has; that is how the same drivers run in a simulated cell on
+a virtual clock.
+"""
+
+import contextlib
+import errno
+import fcntl
+import os
+import select
+import socket
+import stat
+from typing import Protocol
+
+import serial
+
+from drivers.errors import PortError
+
+CONNECT_S = 5.0
+CHUNK = 4096
+
+
+class Stream(Protocol):
+    """An open connection. Both directions fail with an OSError once it is gone."""
+
+    endpoint: str
+
+    def send(self, data: bytes) -> None:
+        """Send in one piece.
+
+        Raises:
+            OSError: the connection is gone.
+        """
+        ...
+
+    def receive(self, seconds: float) -> bytes:
+        """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came.
+
+        Raises:
+            OSError: the connection is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Give the connection up; closing twice is harmless."""
+        ...
+
+
+class TcpStream:
+    """A TCP connection that sends at once.
+
+    Args:
+        connection: a connected socket, owned from now on.
+        endpoint: the port as the user named it.
+    """
+
+    def __init__(self, connection: socket.socket, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self._socket = connection
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.settimeout(CONNECT_S)
+
+    def send(self, data: bytes) -> None:
+        """Send in one piece."""
+        self._socket.sendall(data)
+
+    def receive(self, seconds: float) -> bytes:
+        """What has come by then."""
+        if not select.select([self._socket], [], [], max(seconds, 0.0))[0]:
+            return b""
+        if data := self._socket.recv(CHUNK):
+            return data
+        raise ConnectionResetError(errno.ECONNRESET, "closed by the device")
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+
+class SerialStream:
+    """A serial port, 8N1, held exclusively.
+
+    Args:
+        path: the tty.
+        baud: its speed.
+
+    Raises:
+        PortError: no such device, no permission, not a serial port, or in use.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        self.endpoint = path
+        _probe_tty(path)
+        try:
+            self._port = serial.Serial(path, baud, timeout=0, exclusive=True)
+        except OSError as error:
+            raise PortError(
+                f"port {path} cannot be opened as a serial port ({error}); check that it is one", path
+            ) from error
+        # An FTDI adapter keeps what it received for 16 ms otherwise; other ports do not know the request.
+        with contextlib.suppress(ValueError, OSError):
+            self._port.set_low_latency_mode(True)
+
+    def send(self, data: bytes) -> None:
+        """Send in one piece."""
+        self._port.write(data)
+
+    def receive(self, seconds: float) -> bytes:
+        """What has come by then."""
+        try:
+            file = self._port.fileno()
+        except serial.PortNotOpenError as error:
+            raise OSError(errno.EBADF, "the port was closed") from error
+        if not select.select([file], [], [], max(seconds, 0.0))[0]:
+            return b""
+        if data := os.read(file, CHUNK):
+            return data
+        raise OSError(errno.EIO, "the port is gone")
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+
+def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
+    """Connect.
+
+    Args:
+        host: name or address.
+        port: TCP port.
+        endpoint: the port as the user named it, for messages.
+        hint: what to check if nobody accepts.
+
+    Raises:
+        PortError: nobody accepts the connection.
+    """
+    try:
+        connection = socket.create_connection((host, port), timeout=CONNECT_S)
+    except OSError as error:
+        raise PortError(
+            f"nobody accepts a connection at {endpoint} ({error.strerror or error}); {hint}", endpoint
+        ) from error
+    return TcpStream(connection, endpoint)
+
+
+def port_error(path: str, error: OSError) -> PortError:
+    """Why a port cannot be opened, as a sentence."""
+    if isinstance(error, FileNotFoundError):
+        told = f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"
+    elif isinstance(error, PermissionError):
+        told = (
+            f"no permission to open port {path}; add this user to its group (often dialout) and log in again"
+        )
+    elif error.errno in (errno.EBUSY, errno.EAGAIN):
+        told = f"port {path} is in use by another program; stop that program first"
+    else:
+        told = f"port {path} cannot be opened ({error.strerror}); check that it is the right one"
+    return PortError(told, path)
+
+
+def _probe_tty(path: str) -> None:
+    """Find out why a port cannot be opened, which pyserial does not tell."""
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        raise port_error(path, error) from error
+    try:
+        if not stat.S_ISCHR(os.fstat(descriptor).st_mode):
+            raise PortError(f"{path} is not a serial port; name a device such as /dev/ttyUSB0", path)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise port_error(path, error) from error
+    finally:
+        os.close(descriptor)

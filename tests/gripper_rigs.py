@@ -1,0 +1,124 @@
+"""Grippers of every make and on every bus, simulated, and something between their fingers.
+
+A new make is one more class here with `open`, `contact`, `commands` and `silence`, and one more name in
+`RIGS`.
+"""
+
+import contextlib
+import random
+import threading
+
+import other_make
+
+from drivers import connect
+from drivers.robotiq.canopen import CanMap
+from drivers.sim.can_node import CanNode
+from drivers.sim.gripper import GripperModel
+from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.jaws import Jaws
+from drivers.sim.modbus import GripperRegisters
+from drivers.sim.rtu import PtyPort, RtuSlave
+from drivers.sim.timing import SimulatedTime
+
+SCALE = 20.0
+
+
+class Robotiq:
+    """A simulated 2F gripper on some port."""
+
+    closed_counts, contact_counts = 230, 174
+
+    def __init__(self, bus: str, channel: str = "contract") -> None:
+        self.time = SimulatedTime(SCALE, threading.Event())
+        self.now = self.time.now
+        self.holds = False
+        self.lock = threading.RLock()
+        self.model = GripperModel(random.Random(1), Jaws(), self)
+        self.port, self.name = self._port(bus, channel)
+        self.port.start()
+        self.heard, self.deaf = True, False
+
+    def _port(self, bus: str, channel: str):
+        if bus == "pty":
+            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
+            port = PtyPort(self.slave, self.lock, self.time)
+            return port, port.path
+        if bus == "can":
+            node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
+            return node, f"can:{channel}?interface=virtual"
+        if bus == "rtu+tcp":
+            self.slave = rtu_over_tcp(self.model, self.now)
+            port = TcpPort(self.slave, self.lock, self.time)
+        else:
+            self.slave = modbus_tcp(self.model, self.now)
+            port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
+        return port, f"{bus}://{port.address}"
+
+    # what the fingers meet: drivers.sim.jaws.Surroundings
+    def closing(self):
+        return self.contact_counts if self.holds else None
+
+    def gripped(self):
+        pass
+
+    def released(self):
+        pass
+
+    def open(self, *, read_only=False):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+
+    def put_part(self):
+        self.holds = True
+
+    def commanded(self):
+        """Whether anything was ever written to it."""
+        return self.commands() != bytes(16)
+
+    def commands(self):
+        """What differs after a command."""
+        return bytes(self.model.read_output())
+
+    def silence(self):
+        """From now on nothing is answered."""
+        if hasattr(self, "slave"):
+            self.slave.feed = lambda data: []
+        else:
+            self.port.close()
+
+    def close(self):
+        self.port.close()
+
+
+class Other:
+    """A gripper of another make."""
+
+    closed_counts, contact_counts = 255, 153
+
+    def __init__(self) -> None:
+        self.device = other_make.GripperDevice(SCALE)
+        self.port = other_make.Server(self.device.answer)
+        self.name = f"other://127.0.0.1:{self.port.port}"
+
+    def open(self, *, read_only=False):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+
+    def put_part(self):
+        self.device.contact_mm = 24.0
+
+    def commanded(self):
+        return self.commands() > 0
+
+    def commands(self):
+        return self.device.commands
+
+    def silence(self):
+        self.device.mute = True
+
+    def close(self):
+        self.port.close()
+
+
+RIGS = {
+    **{bus: lambda bus=bus: Robotiq(bus) for bus in ("pty", "rtu+tcp", "tcp", "can")},
+    "other": Other,
+}

@@ -1,0 +1,178 @@
+"""Clients written by others for the real devices, against the simulated cell: they must notice no difference.
+
+pymodbus and minimalmodbus as masters, and open_abb's own message formats (`abb.py`) over a plain socket.
+"""
+
+import random
+import socket
+import time
+
+import minimalmodbus
+import pytest
+from fake_scene import setting
+from pymodbus import FramerType, ModbusException
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+
+from drivers.sim.cell import Cell
+
+SCALE = 20.0
+ACTIVATE, CLOSE, OPEN = [0x0100, 0, 0], [0x0900, 0x00FF, 0xFFFF], [0x0900, 0x0000, 0xFFFF]
+
+
+@pytest.fixture
+def cell():
+    with Cell(setting(), 3, SCALE) as made:
+        yield made
+
+
+def address(url):
+    host, port = url.split("://")[1].split(":")
+    return host, int(port)
+
+
+def master(cell, kind):
+    """A pymodbus client, and where the blocks are for it."""
+    if kind == "pty":
+        client = ModbusSerialClient(cell.endpoints["gripper"], baudrate=115200, timeout=0.3, retries=0)
+        return client, 9, 1000, 2000
+    host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
+    if kind == "tcp":
+        return ModbusTcpClient(host, port=port, timeout=0.3, retries=0), 2, 0, 0
+    return ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.3, retries=0), 9, 1000, 2000
+
+
+def until(read, done, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not done(registers := read()):
+        assert time.monotonic() < end, registers
+    return registers
+
+
+@pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
+def test_a_pymodbus_master_activates_closes_and_opens(cell, kind):
+    client, unit, output, inputs = master(cell, kind)
+    assert client.connect()
+    read = lambda: client.read_input_registers(inputs, count=3, device_id=unit).registers  # noqa: E731
+    assert read()[0] >> 8 & 0x31 == 0
+    assert not client.write_registers(output, ACTIVATE, device_id=unit).isError()
+    assert read()[0] >> 8 == 0x11
+    until(read, lambda seen: seen[0] >> 8 & 0x31 == 0x31)
+    client.write_registers(output, CLOSE, device_id=unit)
+    seen = until(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 > 200)
+    assert (seen[1], seen[2] >> 8) == (0x00FF, 230)
+    client.write_registers(output, OPEN, device_id=unit)
+    seen = until(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 < 20)
+    assert (seen[1], seen[2] >> 8) == (0, 3)
+    client.close()
+
+
+@pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
+def test_what_the_gripper_does_not_serve_meets_silence(cell, kind):
+    client, unit, _, inputs = master(cell, kind)
+    assert client.connect()
+    for ask in (
+        lambda: client.read_input_registers(inputs, count=3, device_id=unit + 1),
+        lambda: client.read_input_registers(inputs + 100, count=3, device_id=unit),
+        lambda: client.read_input_registers(inputs, count=9, device_id=unit),
+        lambda: client.read_coils(inputs, count=3, device_id=unit),
+        lambda: client.write_registers(5000, [1], device_id=unit),
+    ):
+        with pytest.raises(ModbusException):
+            ask()
+        assert not client.read_input_registers(inputs, count=3, device_id=unit).isError()
+    client.close()
+
+
+def test_function_23_writes_and_then_reads(cell):
+    client, unit, output, inputs = master(cell, "pty")
+    client.write_registers(output, ACTIVATE, device_id=unit)
+    until(
+        lambda: client.read_holding_registers(inputs, count=3, device_id=unit).registers,
+        lambda seen: seen[0] >> 8 & 0x31 == 0x31,
+    )
+    reply = client.readwrite_registers(
+        read_address=inputs, read_count=3, write_address=output, values=[0x0900, 100, 0xFF00], device_id=unit
+    )
+    assert reply.registers[1] & 0xFF == 100
+    client.close()
+
+
+def test_a_minimalmodbus_master_over_the_serial_port(cell):
+    device = minimalmodbus.Instrument(cell.endpoints["gripper"], 9)
+    device.serial.baudrate, device.serial.timeout = 115200, 0.3
+    device.write_registers(1000, ACTIVATE)
+    for function in (3, 4):
+        until(
+            lambda function=function: device.read_registers(2000, 3, functioncode=function),
+            lambda seen: seen[0] >> 8 & 0x31 == 0x31,
+        )
+    device.write_registers(1001, [50, 0xFF00])  # rPR first, as some drivers do
+    device.write_register(1000, 0x0900, functioncode=6)
+    seen = until(lambda: device.read_registers(2000, 3), lambda seen: seen[2] >> 8 == 50)
+    assert seen[1] == 50
+    device.address = 8
+    with pytest.raises(minimalmodbus.NoResponseError):
+        device.read_registers(2000, 3)
+    device.serial.close()
+
+
+class AbbPy:
+    """open_abb's message formats, as its own client writes them."""
+
+    def __init__(self, url):
+        self.socket = socket.create_connection(address(url), timeout=5.0)
+
+    def ask(self, code, *numbers):
+        self.socket.send(" ".join((code, *numbers, "#")).encode())
+        return self.socket.recv(4096).decode()
+
+    @staticmethod
+    def pose(x, y, z, *q):
+        return (*(f"{v:+08.1f}" for v in (x, y, z)), *(f"{v:+08.5f}" for v in q))
+
+
+def test_open_abbs_own_formats(cell):
+    robot = AbbPy(cell.endpoints["arm"])
+    assert robot.ask("06", *robot.pose(0, 0, 0, 1, 0, 0, 0)) == "6 1 "
+    assert robot.ask("07", *robot.pose(0, 0, 0, 1, 0, 0, 0)) == "7 1 "
+    assert robot.ask("08", "+00100.0", "+0050.00", "+00050.0", "+0050.00") == "8 1 "
+    assert robot.ask("09", "0", "+05.0000", "+08.0000", "+00.8000") == "9 1 "
+    assert robot.ask("01", *robot.pose(20.04, -10, 90, 0, 1, 0, 0)) == "1 1 "
+    pose = [float(text) for text in robot.ask("03").split(" ")]
+    assert pose[2:5] == pytest.approx([20.0, -10.0, 90.0], abs=5.0)  # a fly-by point may be under way
+    joints = [float(text) for text in robot.ask("04").split(" ")][2:8]
+    assert len(joints) == 6
+    assert robot.ask("02", *(f"{angle:+08.2f}" for angle in joints)) == "2 1 "
+    assert robot.ask("98")[5:].split("*")[1].startswith("ROBOTWARE")
+    assert robot.ask("31") == "31 1 "
+    for k in range(3):
+        assert robot.ask("30", *robot.pose(10 * k, 0, 80, 0, 1, 0, 0)) == "30 1 "
+    assert float(robot.ask("32").split(" ")[2]) == 3
+    assert robot.ask("33") == "33 1 "
+    robot.socket.close()
+
+
+def test_the_logger_streams_poses_and_joints_without_terminators(cell):
+    with socket.create_connection(address(cell.endpoints["arm_logger"]), timeout=5.0) as stream:
+        text = ""
+        while text.count("#") < 6:
+            text += stream.recv(64).decode()
+    records = [record.split() for record in text.split("#")[1:-1]]
+    assert [record[0] for record in records] == ["0", "1", "0", "1", "0"][: len(records)]
+    assert [len(record) for record in records] == [11, 10, 11, 10, 11][: len(records)]
+    assert [float(v) for v in records[0][4:7]] == [0.0, 0.0, 100.0]
+    times = [float(record[3]) for record in records]
+    assert times == sorted(times)
+
+
+def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
+    client, unit, output, inputs = master(cell, "pty")
+    assert client.connect()
+    rng = random.Random(4)
+    for _ in range(20):
+        client.socket.write(rng.randbytes(rng.randrange(1, 40)))
+        time.sleep(0.03)
+        client.socket.reset_input_buffer()
+        assert client.read_holding_registers(inputs, count=3, device_id=unit).registers[0] == 0
+    assert client.read_holding_registers(output, count=3, device_id=unit).registers == [0, 0, 0]
+    client.close()

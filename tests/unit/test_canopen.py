@@ -1,0 +1,228 @@
+"""The CANopen link on a virtual bus: order of the bytes, what is refused, silence, names of ports.
+
+The object map is inferred (see drivers/robotiq/canopen.py); these tests hold the driver to that map and to
+CiA 301, not to a device.
+"""
+
+import builtins
+import random
+import struct
+import threading
+
+import can
+import canopen
+import pytest
+
+from drivers import connect
+from drivers.clock import Pace, WallClock
+from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.robotiq import canopen as driver
+from drivers.robotiq.canopen import CanLink, CanMap, parse
+from drivers.sim.can_node import CanNode
+from drivers.sim.gripper import GripperModel
+
+CHANNEL = "unit"
+WHERE = CanMap(CHANNEL, "virtual")
+
+
+class Recorder:
+    """A gripper that remembers which bytes were written, in order."""
+
+    def __init__(self):
+        self.model = GripperModel(random.Random(1))
+        self.written = []
+
+    def read_input(self, now_s):
+        return self.model.read_input(now_s)
+
+    def read_output(self):
+        return self.model.read_output()
+
+    def write_output(self, offset, data, now_s):
+        self.written.append((offset, data[0]))
+        self.model.write_output(offset, data, now_s)
+
+
+@pytest.fixture
+def device():
+    made = Recorder()
+    node = CanNode(made, threading.RLock(), lambda: 1.0, WHERE)
+    node.start()
+    yield made
+    node.close()
+
+
+@pytest.fixture
+def link():
+    made = []
+
+    def build(where=WHERE):
+        network = canopen.Network()
+        network.connect(interface=where.interface, channel=where.channel)
+        made.append(CanLink(network, where, "can:unit"))
+        return made[-1]
+
+    yield build
+    for each in made:
+        each.close()
+
+
+def test_the_block_is_read_byte_by_byte(device, link):
+    assert link().read() == device.model.read_input(1.0)[:6]
+
+
+def test_settings_are_written_before_what_they_are_for(device, link):
+    made = link()
+    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    assert device.written == [(5, 50), (4, 100), (2, 0), (1, 0), (3, 200), (0, 0x09)]
+
+
+def test_only_what_changed_is_written(device, link):
+    made = link()
+    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    device.written.clear()
+    made.write(bytes((0x09, 0, 0, 100, 100, 50)))
+    assert device.written == [(3, 100)]
+
+
+def test_what_stops_comes_first(device, link):
+    made = link()
+    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    device.written.clear()
+    made.write(bytes(6))
+    assert device.written[0] == (0, 0)
+
+
+def test_an_absent_node_is_a_timeout(link):
+    made = link()
+    told = []
+    made._report = lambda kind, fields: told.append(fields["incident"])
+    with pytest.raises(LinkTimeout, match="node 11"):
+        made.read()
+    assert (made.counters.transactions, made.counters.timeouts, made.counters.retries) == (3, 3, 2)
+    assert told[0] == "no answer"
+    assert told[1] == "read repeated"
+
+
+def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(device, link):
+    made = link()
+    made.write(bytes((0x01, 0, 0, 0, 0, 0)))
+    device.written.clear()
+    ask, made._ask = made._ask, lambda *_: (_ for _ in ()).throw(LinkTimeout("lost"))
+    with pytest.raises(LinkTimeout):
+        made.write(bytes((0x09, 0, 0, 0, 0, 0)))
+    made._ask = ask
+    made.write(bytes((0x09, 0, 0, 0, 0, 0)))
+    assert device.written == [(0, 0x09)]
+
+
+def test_an_object_that_is_not_there_is_a_refusal(device, link):
+    with pytest.raises(LinkError, match=r"refused object 0x3000:1.*not verified") as raised:
+        link(WHERE._replace(input=0x3000)).read()
+    assert not isinstance(raised.value, LinkTimeout)
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        struct.pack("<BHBI", 0x4F, 0x2000, 2, 7),  # of another byte
+        struct.pack("<BHBI", 0x4F, 0x2200, 1, 7),  # of another object
+        struct.pack("<BHBI", 0x60, 0x2000, 1, 7),  # to another request
+    ],
+)
+def test_an_answer_to_something_else_is_none(device, link, reply):
+    made = link()
+    made._sdo.request_response = lambda request: reply
+    with pytest.raises(LinkTimeout):
+        made.read()
+    assert made.counters.stray_bytes == 24
+
+
+def test_the_request_of_a_byte_is_the_standards():
+    asked = []
+
+    class Sdo:
+        def request_response(self, request):
+            asked.append(request)
+            return bytes((0x4F, 0, 0x20, request[3], request[3] * 10, 0, 0, 0))
+
+    made = CanLink(canopen.Network(), WHERE, "can:unit")
+    made._sdo = Sdo()
+    assert made.read() == bytes((10, 20, 30, 40, 50, 60))
+    assert [request.hex() for request in asked[:2]] == ["4000200100000000", "4000200200000000"]
+
+
+@pytest.mark.parametrize("error", [can.CanOperationError("down"), OSError(100, "network is down")])
+def test_a_bus_that_breaks_stays_broken(device, link, error):
+    made = link()
+
+    def broken(request):
+        raise error
+
+    made._sdo.request_response = broken
+    for says in ("broke", "closed"):
+        with pytest.raises(LinkError, match=says):
+            made.read()
+
+
+def test_the_known_clients_own_read_is_answered(device):
+    """The 3-Finger client reads with 0x4F, which no standard has; a canopen node answers it as a read."""
+    with can.Bus(interface="virtual", channel=CHANNEL) as bus:
+        bus.send(can.Message(arbitration_id=0x60B, data=[0x4F, 0, 0x20, 4, 0, 0, 0, 0], is_extended_id=False))
+        reply = bus.recv(1.0)
+    assert (reply.arbitration_id, reply.data[0], reply.data[3]) == (0x58B, 0x4F, 4)
+
+
+# -- names of ports -------------------------------------------------------------------------------
+
+
+def test_a_ports_name_states_the_map():
+    assert parse("can:can0") == CanMap("can0")
+    assert parse("can:vcan1?node=0x21&output=0x2300&input=8192&bitrate=250000&interface=virtual") == CanMap(
+        "vcan1", "virtual", 250000, 0x21, 0x2300, 0x2000
+    )
+
+
+@pytest.mark.parametrize(
+    "port",
+    [
+        "can:",
+        "can:can0?node=0",
+        "can:can0?node=128",
+        "can:can0?node=x",
+        "can:can0?colour=red",
+        "can:c?channel=d",
+    ],
+)
+def test_names_that_are_not_understood(port):
+    with pytest.raises(PortError) as raised:
+        connect.gripper(port)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "port", ["can:nobus7", "can:x?interface=nonsense", "can:x?bitrate=5&interface=slcan"]
+)
+def test_a_bus_that_is_not_there(port):
+    with pytest.raises(PortError, match="cannot be opened"):
+        connect.gripper(port)
+
+
+def test_without_the_extra_the_port_says_what_to_install(monkeypatch):
+    real = builtins.__import__
+
+    def refuse(name, *arguments, **options):
+        if name in ("can", "canopen"):
+            raise ImportError(f"No module named {name!r}")
+        return real(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", refuse)
+    with pytest.raises(PortError, match=r"squeezetree\[can\]"):
+        driver.gripper("can:can0", Pace(WallClock()), lambda kind, fields: None, read_only=False)
+
+
+def test_opening_a_port_where_nobody_answers_leaves_no_bus_behind():
+    before = threading.active_count()
+    with pytest.raises(LinkTimeout):
+        connect.gripper("can:empty?interface=virtual")
+    assert threading.active_count() == before

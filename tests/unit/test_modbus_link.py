@@ -1,0 +1,254 @@
+"""The Modbus link on a virtual clock: late, foreign and damaged answers, babbling lines, lost ports."""
+
+import random
+
+import pytest
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU, ExceptionResponse
+
+from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.errors import LinkError, LinkTimeout
+from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request
+from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link
+from drivers.sim.modbus import crc16
+from drivers.sim.virtual_clock import VirtualClock
+
+STATUS = bytes.fromhex("B900 00FF BD00")
+
+
+def frame(text):
+    body = bytes.fromhex(text)
+    return body + crc16(body)
+
+
+def answer(count=3, status=STATUS):
+    block = (status + bytes(10))[: 2 * count]
+    return frame(f"09 03 {2 * count:02X} {block.hex()}")
+
+
+class Line:
+    """A stream that answers as a script says: (delay, bytes) a request, or an error."""
+
+    endpoint = "a line"
+
+    def __init__(self, *script):
+        self.clock = VirtualClock()
+        self.script = list(script)
+        self.coming = []
+        self.sent = []
+        self.closed = False
+
+    def send(self, data):
+        self.sent.append((self.clock.now(), data))
+        for step in self.script.pop(0) if self.script else ():
+            if isinstance(step, Exception):
+                raise step
+            self.coming.append((self.clock.now() + step[0], step[1]))
+        self.coming.sort()
+
+    def receive(self, seconds):
+        if self.coming and self.coming[0][0] <= self.clock.now() + seconds:
+            moment, data = self.coming.pop(0)
+            self.clock.advance(max(moment, self.clock.now()))
+            return data
+        self.clock.sleep(seconds)
+        return b""
+
+    def close(self):
+        self.closed = True
+
+
+def link(*script, report=None):
+    line = Line(*script)
+    told = []
+    made = rtu_link(line, Pace(line.clock), lambda kind, fields: told.append((kind, fields)))
+    return made, line, told
+
+
+def test_a_whole_answer_is_believed():
+    made, line, told = link([(0.004, answer())])
+    assert made.read() == STATUS
+    assert line.sent[0][1] == bytes.fromhex("090307D00003040E")
+    assert (made.counters.transactions, made.counters.timeouts, told) == (1, 0, [])
+
+
+def test_an_answer_may_come_in_pieces():
+    whole = answer()
+    made, _, _ = link([(0.001 * k, whole[k : k + 1]) for k in range(len(whole))])
+    assert made.read() == STATUS
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        bytes.fromhex("090307D00003040E"),  # an echo of the request
+        b"\x00",
+        b"\xff\x09\x03",
+        b"\x09\x03\x06",
+        frame("08 03 06 0000 0000 0000"),  # another slave's answer
+        answer(4),  # an answer to another question
+        answer()[:-1] + b"\0",  # a damaged one
+    ],
+)
+def test_what_stands_before_the_answer_is_skipped(before):
+    made, _, _ = link([(0.001, before + answer())])
+    assert made.read() == STATUS
+    assert made.counters.stray_bytes == len(before)
+
+
+def test_random_noise_is_never_taken_for_an_answer():
+    rng = random.Random(2)
+    made, _, _ = link(*([(0.001, rng.randbytes(rng.randrange(1, 60)))] for _ in range(600)))
+    for _ in range(200):
+        with pytest.raises(LinkTimeout):
+            made.read()
+
+
+def test_a_silence_is_reported_and_a_read_is_tried_three_times():
+    made, line, told = link()
+    with pytest.raises(LinkTimeout, match="did not answer within"):
+        made.read()
+    assert len(line.sent) == 3
+    assert (made.counters.timeouts, made.counters.retries) == (3, 2)
+    assert [fields["incident"] for _, fields in told] == [
+        *("no answer", "read repeated", "no answer", "read repeated", "no answer")
+    ]
+    assert line.clock.now() < 3 * (LINK_TIMEOUT_S + 0.05)
+
+
+def test_a_write_is_never_repeated():
+    made, line, _ = link()
+    with pytest.raises(LinkTimeout):
+        made.write(bytes(6))
+    assert len(line.sent) == 1
+
+
+@pytest.mark.parametrize("late_s", [0.51, 0.6, 0.9, 1.2, 1.4])
+def test_a_late_answer_is_never_taken_for_the_answer_to_a_later_request(late_s):
+    """Nothing in an RTU answer tells which request it belongs to but the number of registers."""
+    old = bytes.fromhex("F900 0000 0300")
+    made, _, _ = link([(late_s, answer(3, old))], [(0.004, answer(4))], [(0.004, answer(5))])
+    assert made.read() == STATUS
+
+
+def test_the_number_of_registers_stays_within_the_block():
+    made, line, _ = link()
+    for _ in range(4):
+        with pytest.raises(LinkTimeout):
+            made.read()
+    assert [int.from_bytes(data[4:6], "big") for _, data in line.sent] == [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8]
+
+
+def test_transactions_keep_their_distance():
+    made, line, _ = link([(0.004, answer())], [(0.004, answer())])
+    made.read()
+    made.read()
+    assert line.sent[1][0] - line.sent[0][0] == pytest.approx(0.004 + GAP_S)
+
+
+def test_a_line_that_is_never_quiet_delays_but_does_not_hang():
+    made, line, _ = link()
+    with pytest.raises(LinkTimeout):
+        made.write(bytes(6))
+    began = line.clock.now()
+    line.coming = [(began + 0.005 * k, b"\x55") for k in range(2000)]
+    with pytest.raises(LinkTimeout):
+        made.write(bytes(6))
+    assert line.clock.now() - began < DRAIN_S + LINK_TIMEOUT_S + 0.1
+
+
+def test_stray_bytes_are_thrown_away_before_a_request():
+    made, line, _ = link([(0.004, answer())])
+    line.coming = [(0.0, answer(3, bytes.fromhex("F900 0000 0300")))]
+    assert made.read() == STATUS
+    assert made.counters.stray_bytes == len(answer())
+
+
+def test_a_broken_connection_stays_broken():
+    made, line, told = link([OSError(5, "gone")])
+    for _ in range(2):
+        with pytest.raises(LinkError, match=r"broke|closed"):
+            made.read()
+    assert line.closed
+    assert len(line.sent) == 1
+    assert told[0][1]["incident"] == "connection broke"
+
+
+def test_an_exception_answer_is_a_refusal_and_no_silence():
+    made, _, _ = link([(0.004, frame("09 83 02"))])
+    with pytest.raises(LinkError, match="refused function 3") as raised:
+        made.read()
+    assert not isinstance(raised.value, LinkTimeout)
+
+
+def test_an_interrupted_transaction_is_not_answered_to_the_next():
+    class Interrupted(BaseException):
+        pass
+
+    made, line, _ = link([(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())])
+    receive = line.receive
+
+    def interrupt(seconds):
+        if len(line.sent) == 1 and seconds > 0.1:
+            line.receive = receive
+            raise Interrupted
+        return receive(seconds)
+
+    line.receive = interrupt
+    with pytest.raises(Interrupted):
+        made.read()
+    assert made.read() == STATUS
+
+
+# -- Modbus TCP -----------------------------------------------------------------------------------
+
+
+def mbap(number, count=3, unit=2, status=STATUS, protocol=0):
+    pdu = bytes((4, 2 * count)) + (status + bytes(10))[: 2 * count]
+    head = number.to_bytes(2, "big") + protocol.to_bytes(2, "big") + (len(pdu) + 1).to_bytes(2, "big")
+    return head + bytes((unit,)) + pdu
+
+
+def tcp_link(*script):
+    line = Line(*script)
+    return ModbusLink(line, TcpFraming(), TCP, Pace(line.clock)), line
+
+
+def test_a_modbus_tcp_answer_is_found_by_its_number():
+    made, line = tcp_link([(0.001, mbap(1))], [(0.001, mbap(1, status=bytes(6)) + mbap(2))])
+    assert made.read() == STATUS
+    assert made.read() == STATUS
+    assert [int.from_bytes(data[:2], "big") for _, data in line.sent] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "wrong", [mbap(7), mbap(1, unit=3), mbap(1, protocol=9), mbap(1)[:9], mbap(1, count=4), b"\x00" * 30]
+)
+def test_other_modbus_tcp_answers_are_none(wrong):
+    made, _ = tcp_link([(0.001, wrong)])
+    assert made._framing.find(wrong, _numbered(1)) is None
+
+
+def _numbered(number):
+    request = read_request(TCP, 3)
+    request.transaction_id = number
+    return request
+
+
+def test_the_number_of_a_modbus_tcp_request_wraps_and_is_never_zero():
+    framing = TcpFraming()
+    framing._number = 0xFFFE
+    numbers = [int.from_bytes(framing.frame(read_request(TCP, 3))[:2], "big") for _ in range(3)]
+    assert numbers == [0xFFFF, 1, 2]
+
+
+# -- against pymodbus' own view -------------------------------------------------------------------
+
+
+def test_the_exception_frame_of_the_library_reads_as_one():
+    refused = ExceptionResponse(3, 2)
+    refused.dev_id = 9
+    sent = FramerRTU(DecodePDU(True)).buildFrame(refused)
+    found = RtuFraming().find(sent, read_request(RTU, 3))
+    assert found is not None
+    assert found.pdu.isError()
