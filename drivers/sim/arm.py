@@ -7,11 +7,12 @@ acknowledged when they are over, what RAPID cannot recover from ends in silence.
 import bisect
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
+from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose, Quaternion
-from drivers.sim import kinematics, rapid
-from drivers.sim.kinematics import compose, invert
+from drivers.abb.kinematics import compose, invert
+from drivers.sim import rapid
 
 MAX_BUFFER = 512
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
@@ -22,11 +23,33 @@ HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
 
 class Answer(NamedTuple):
-    """What an instruction comes to: `text` sent at `ready_s`, or none; `closing` hangs up silently."""
+    """What an instruction comes to.
+
+    Attributes:
+        text: what is sent; None: nothing.
+        ready_s: when; infinity: never, RAPID execution has stopped.
+        closing: the server hangs up without a word.
+        broken: the connection breaks at once, the motion goes on.
+        before: what is sent first, though it answers nothing.
+    """
 
     text: str | None
     ready_s: float
     closing: bool = False
+    broken: bool = False
+    before: str = ""
+
+
+class Controller(Protocol):
+    """Executes what it receives; `ArmModel` does."""
+
+    def execute(self, text: str, now_s: float) -> Answer:
+        """One received string.
+
+        Raises:
+            RapidError: the server hangs up and listens again.
+        """
+        ...
 
 
 class Leg(NamedTuple):
@@ -74,6 +97,10 @@ class ArmModel:
         """Where the hand is, in the client's tool and work object."""
         flange = compose(self._base, self._flange_at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
+
+    def joints_at(self, now_s: float) -> tuple[float, ...]:
+        """The joints in degrees."""
+        return kinematics.inverse(self._flange_at(now_s)) or (0.0,) * 6
 
     def execute(self, text: str, now_s: float) -> Answer:
         """One received string; the model answers as if it had listened only now.
@@ -214,8 +241,7 @@ class ArmModel:
         return "", now_s
 
     def _joints_text(self, now_s: float) -> str:
-        joints = kinematics.inverse(self._flange_at(now_s)) or (0.0,) * 6
-        return " ".join(rapid.to_string(angle, 2) for angle in joints)
+        return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

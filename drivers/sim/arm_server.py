@@ -8,7 +8,7 @@ import struct
 import threading
 from collections.abc import Callable
 
-from drivers.sim.arm import Answer, ArmModel
+from drivers.sim.arm import Answer, Controller
 from drivers.sim.rapid import RapidError
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
@@ -29,7 +29,7 @@ class ArmServer:
 
     def __init__(
         self,
-        model: ArmModel,
+        model: Controller,
         lock: "threading.RLock | threading.Lock",
         now: Callable[[], float],
         sleep: Callable[[float], None],
@@ -109,12 +109,16 @@ class ArmServer:
         if math.isinf(answer.ready_s):
             self._stopped.wait()  # RAPID execution stopped: connection open, nobody at home
             return False
+        if answer.broken:
+            client.shutdown(socket.SHUT_RDWR)
+        elif answer.before:
+            client.sendall(answer.before.encode("latin-1"))
         while (left := answer.ready_s - self._now()) > 0.0 and not self._stopped.is_set():
             self._sleep(left)
         self._executed()
         if answer.text is None or self._stopped.is_set():
             return answer.text is not None
-        if _gone(client):
+        if answer.broken or _gone(client):
             self._stale = answer.text
             return False
         try:

@@ -1,131 +1,99 @@
-"""A whole simulated cell: gripper and arm behind their real protocols, a part between them, one clock."""
+"""A whole simulated cell in real time: gripper and arm behind their real protocols, a part between them."""
 
-import random
 import threading
-import time
+from collections.abc import Mapping
 
-from drivers.abb.codec import Pose, ProtocolError, hand_angle
-from drivers.sim.arm import ArmModel
+from drivers.abb.codec import Pose
+from drivers.sim.arm_logger import ArmLogger
 from drivers.sim.arm_server import ArmServer
 from drivers.sim.eye import SceneServer
-from drivers.sim.gripper import GripperModel
-from drivers.sim.jaws import Jaws
+from drivers.sim.faults import Schedule
+from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
 from drivers.sim.modbus import GripperRegisters
 from drivers.sim.rtu import PtyPort, RtuSlave
-from drivers.sim.scene import Pose2, Setting
-from drivers.sim.tabletop import TableTop
-
-ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
-
-
-class SimulatedTime:
-    """Simulated seconds: wall time since the start, times the scale.
-
-    Args:
-        scale: simulated seconds per wall second.
-        stopped: ends every pause early.
-    """
-
-    def __init__(self, scale: float, stopped: threading.Event) -> None:
-        self._scale = scale
-        self._stopped = stopped
-        self._start = time.monotonic()
-
-    def now(self) -> float:
-        """Simulated seconds since the cell came up."""
-        return (time.monotonic() - self._start) * self._scale
-
-    def sleep(self, seconds: float) -> None:
-        """Pause for so many simulated seconds, or until the cell stops."""
-        self._stopped.wait(seconds / self._scale)
+from drivers.sim.scene import Setting
+from drivers.sim.timing import SimulatedTime
+from drivers.sim.workcell import Workcell
 
 
 class Cell:
-    """Gripper on a pty, arm and scene on TCP ports, joined by a world.
+    """Gripper on a pty and two TCP ports, arm and scene on TCP ports, joined by a world.
+
+    The gripper is one device: a host picks one of its three ports and leaves the others alone.
 
     Args:
         setting: part and world.
         seed: of every draw.
         time_scale: simulated seconds per wall second.
+        faults: what goes wrong when; None: nothing.
     """
 
-    def __init__(self, setting: Setting, seed: int, time_scale: float = 1.0) -> None:
+    def __init__(
+        self, setting: Setting, seed: int, time_scale: float = 1.0, faults: Schedule | None = None
+    ) -> None:
         self.stopped = threading.Event()
         self.world = setting.world
         self._lock = threading.RLock()
         self._time = SimulatedTime(time_scale, self.stopped)
-        self._table = TableTop(setting, seed)
-        geometry = setting.geometry
-        self._jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
-        self._gripper = GripperModel(random.Random(f"{seed}/gripper"), self._jaws, self)
-        self._arm = ArmModel(ARM_BASE)
-        self._low = False
-        slave = RtuSlave(GripperRegisters(self._gripper, self._time.now))
-        self._port = PtyPort(slave, self._lock, self._time.sleep)
-        self._arm_server = ArmServer(
-            self._arm, self._lock, self._time.now, self._time.sleep, self.stopped, self._arm_stands
+        self.works = Workcell(setting, seed, self._time.now, faults)
+        device, now = self.works.device, self._time.now
+        self._pty = PtyPort(
+            RtuSlave(GripperRegisters(device, now), self.works.line()), self._lock, self._time
         )
+        self._rtu_tcp = TcpPort(rtu_over_tcp(device, now, self.works.line()), self._lock, self._time)
+        self._modbus_tcp = TcpPort(
+            modbus_tcp(device, now, self.works.line(checked=False)),
+            self._lock,
+            self._time,
+            lambda: stop_jaws(device, now),
+        )
+        self._arm_server = ArmServer(
+            self.works.controller, self._lock, now, self._time.sleep, self.stopped, self._locked_arm_stands
+        )
+        self._logger = ArmLogger(self._look_at_arm, now, self._time.sleep, self.stopped)
         self._scene_server = SceneServer(self._answer, self.stopped)
+        self._servers = (
+            *(self._pty, self._rtu_tcp, self._modbus_tcp),
+            *(self._arm_server, self._logger, self._scene_server),
+        )
 
     @property
     def endpoints(self) -> dict[str, str]:
         """Where its devices are, as `drivers.connect` takes them."""
         return {
-            "gripper": self._port.path,
+            "gripper": self._pty.path,
             "arm": self._arm_server.url,
             "scene": self._scene_server.url,
             "world": self.world,
+            "arm_logger": self._logger.url,
+            "gripper_tcp": f"tcp://{self._modbus_tcp.address}",
+            "gripper_rtu_tcp": f"rtu+tcp://{self._rtu_tcp.address}",
         }
 
     def __enter__(self) -> "Cell":
-        for server in (self._port, self._arm_server, self._scene_server):
+        for server in self._servers:
             server.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stopped.set()
-        for server in (self._port, self._arm_server, self._scene_server):
+        for server in self._servers:
             server.close()
 
-    # -- what the fingers meet: drivers.sim.gripper.Surroundings ----------------------------------
-
-    def closing(self) -> int | None:
-        """The jaws start to close: where they will stop, given where the arm really is."""
-        hand = self._hand()
-        if hand is None:
-            return None
-        width_mm = self._table.squeeze(hand)
-        return None if width_mm is None else self._jaws.count_at(width_mm)
-
-    def gripped(self) -> None:
-        """They stopped at the part."""
-        self._table.gripped()
-
-    def _hand(self) -> Pose2 | None:
-        """Where the hand is, if it is down at the part and upright."""
-        x, y, z, rotation = self._arm.pose_at(self._time.now())
-        if z > self._table.geometry.reach_mm:
-            return None
-        try:
-            return (x, y, hand_angle(rotation))
-        except ProtocolError:
-            return None
-
-    def _arm_stands(self) -> None:
-        """An arm instruction is over: a hand that came down may stand on the part."""
+    def _locked_arm_stands(self) -> None:
         with self._lock:
-            hand, was_low = self._hand(), self._low
-            self._low = hand is not None
-            if hand is not None and not was_low:
-                self._table.placed(hand, self._gripper.opening_mm(self._time.now()))
+            self.works.arm_stands()
 
-    def _answer(self, what: str) -> dict[str, object]:
+    def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
         with self._lock:
-            self._gripper.advance(self._time.now())
-            if what == "next_part":
-                return {"part": self._table.next_part()}
-            if what == "truth":
-                return self._table.truth()
+            now_s = self._time.now()
+            return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
+
+    def _answer(self, what: str) -> Mapping[str, object]:
+        with self._lock:
+            said = self.works.answer(what)
+        if said is not None:
+            return said
         if what == "quit":
             self.stopped.set()
             return {"quit": True}

@@ -11,14 +11,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.sim.cell import Cell
+from drivers.sim.faults import parse
 from drivers.sim.scene import REHEARSAL, Setting, load, warm_up
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
   {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001", "scene": "tcp://127.0.0.1:40002", "world": ...}
 
-The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9), the arm an open_abb server, the scene a
-line protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}.
+The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP and as
+Modbus TCP (unit 2, registers from 0): use one of the three. The arm is an open_abb server, the scene a line
+protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}.
 
 exit codes:
   0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing
@@ -45,6 +47,11 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default 0)")
     made.add_argument(
         "--time-scale", type=_scale, default=1.0, metavar="S", help="simulated seconds per second (default 1)"
+    )
+    made.add_argument(
+        "--faults",
+        metavar="SCHEDULE",
+        help="what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)",
     )
     made.add_argument("--json", action="store_true", help="print the endpoints as one JSON object")
     made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
@@ -79,6 +86,7 @@ def serve(options: argparse.Namespace) -> int:
     """Load, start, tell the endpoints, and stay until asked to end."""
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     if options.world is None and not setting.truthful:
         print(
@@ -86,7 +94,7 @@ def serve(options: argparse.Namespace) -> int:
         )
     warm_up(setting, options.seed)
     failures: list[str] = []
-    with Cell(setting, options.seed, options.time_scale) as cell:
+    with Cell(setting, options.seed, options.time_scale, faults) as cell:
         threading.excepthook = lambda failed: _give_up(failed, failures, cell.stopped, debug=options.debug)
         signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
         if options.until_stdin_closes:
@@ -94,7 +102,7 @@ def serve(options: argparse.Namespace) -> int:
         if options.json:
             print(json.dumps(cell.endpoints), flush=True)
         else:
-            print("\n".join(f"{name:8}{value}" for name, value in cell.endpoints.items()), flush=True)
+            print("\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True)
         cell.stopped.wait()
     for failure in failures[:1]:
         print(f"grasp-cell: stopped: {failure}", file=sys.stderr)

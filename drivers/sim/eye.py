@@ -21,7 +21,10 @@ MAX_LINE = 4096
 
 
 class Truth(NamedTuple):
-    """Where the part is now (NaN: the world does not know), and what happened to it."""
+    """Where the part is now (NaN: the world does not know), and what happened to it.
+
+    `covered` tells that a camera would see nothing.
+    """
 
     x_mm: float
     y_mm: float
@@ -29,11 +32,22 @@ class Truth(NamedTuple):
     squeezes: int
     crashes: int
     status: str
+    covered: bool = False
 
     @property
     def known(self) -> bool:
         """Whether there is a pose at all: a rehearsal has none."""
         return not math.isnan(self.x_mm)
+
+    @classmethod
+    def told(cls, said: Mapping[str, object]) -> "Truth":
+        """From the scene's answer."""
+        x, y, theta = (
+            math.nan if said[name] is None else float(str(said[name]))
+            for name in ("x_mm", "y_mm", "theta_rad")
+        )
+        squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
+        return cls(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
 
 
 class Scene:
@@ -67,12 +81,7 @@ class Scene:
         Raises:
             LinkError: the cell is gone, or refuses.
         """
-        said = self._ask("truth")
-        x, y, theta = (
-            math.nan if said[name] is None else float(str(said[name]))
-            for name in ("x_mm", "y_mm", "theta_rad")
-        )
-        return Truth(x, y, theta, int(str(said["squeezes"])), int(str(said["crashes"])), str(said["status"]))
+        return Truth.told(self._ask("truth"))
 
     def close(self) -> None:
         """Hang up; the cell stays."""

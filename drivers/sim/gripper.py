@@ -7,6 +7,7 @@ stops, contact, release.
 
 import math
 import random
+from functools import lru_cache
 
 from drivers.errors import MAJOR, fault_text
 from drivers.robotiq.registers import (
@@ -37,6 +38,12 @@ FAULT_DELAYED, FAULT_INACTIVE, FAULT_SILENCE = 0x05, 0x07, 0x09
 FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
 
 
+@lru_cache(4096)
+def input_block(**fields: int) -> bytes:
+    """The 16 input bytes that say so."""
+    return pack(INPUT_FIELDS, fields) + bytes(10)
+
+
 class GripperModel:
     """A 2F gripper from power-up on. Times are simulated seconds and never go back.
 
@@ -57,12 +64,15 @@ class GripperModel:
     ) -> None:
         self.jaws = jaws or Jaws()
         self.surroundings: Surroundings = surroundings or EmptyAir()
+        self.flag_delay_s = 0.0  # how much later than usual gOBJ follows
         self._rng = rng
         self._release_opens = release_opens
         self._now = 0.0
         self._heard_s = 0.0
+        self._shown_s = 0.0
         self._silent_until_s = 0.0
         self._output = bytearray(16)
+        self._request = unpack(OUTPUT_FIELDS, self._output)
         self._status = STA_RESET
         self._fault = 0
         self._stroke = Stroke(float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING)
@@ -78,18 +88,18 @@ class GripperModel:
         """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
         self._hear(now_s)
         self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
-        request = unpack(OUTPUT_FIELDS, self._output)
-        values = {
-            "gACT": request["rACT"],
-            "gGTO": request["rGTO"] if self._ready() else 0,
-            "gSTA": self._status,
-            "gOBJ": self._flag.at(self._now),
-            "gFLT": self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
-            "gPR": request["rPR"],
-            "gPO": round(self._stroke.at(self._now)),
-            "gCU": round(self._current(request["rFR"])),
-        }
-        return pack(INPUT_FIELDS, values) + bytes(10)
+        self._shown_s = self._now
+        request = self._request
+        return input_block(
+            gACT=request["rACT"],
+            gGTO=request["rGTO"] if self._ready() else 0,
+            gSTA=self._status,
+            gOBJ=self._flag.at(self._now),
+            gFLT=self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
+            gPR=request["rPR"],
+            gPO=round(self._stroke.at(self._now)),
+            gCU=round(self._current(request["rFR"])),
+        )
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""
@@ -99,9 +109,9 @@ class GripperModel:
         """Write bytes of the output block and obey."""
         self.advance(now_s)
         self._hear(now_s)
-        old = unpack(OUTPUT_FIELDS, self._output)
         self._output[offset : offset + len(data)] = data
-        self._obey(old, unpack(OUTPUT_FIELDS, self._output))
+        old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
+        self._obey(old, self._request)
 
     def _hear(self, now_s: float) -> None:
         # The register still tells of the silence until the next refresh, so the first answer does too.
@@ -120,6 +130,47 @@ class GripperModel:
             self._now = max(self._now, self._stroke.end_s)
             self._arrive()
         self._now = max(self._now, now_s)
+
+    def next_change(self) -> float:
+        """When the next reading will differ from the last, but for a moving count; infinity: never."""
+        coming = self._stroke.end_s if self._running else math.inf
+        for moment in (self._flag.moving_s, self._flag.outcome_s):
+            if self._shown_s < moment < coming:
+                coming = moment
+        return math.ceil(coming / CYCLE_S) * CYCLE_S if coming < math.inf else coming
+
+    # -- mishaps ----------------------------------------------------------------------------------
+
+    def fail(self, code: int, now_s: float) -> None:
+        """A major fault: the jaws stop where they are and nothing moves them before a reset."""
+        self.advance(now_s)
+        self._halt()
+        self._legs = []
+        self._status, self._fault = STA_RESET, code
+
+    def auto_release(self, now_s: float) -> None:
+        """The automatic release, as rATR with rARD for opening starts it."""
+        self.advance(now_s)
+        self._release(opens=True)
+
+    def power_cycle(self, now_s: float) -> None:
+        """The supply failed for a moment: all volatile state is gone, the screw drive holds the jaws."""
+        self.advance(now_s)
+        self._halt()
+        self._output = bytearray(16)
+        self._request = unpack(OUTPUT_FIELDS, self._output)
+        self._legs = []
+        self._status, self._fault = STA_RESET, 0
+        self._flag = ObjectFlag(OBJ_MOVING, now_s, OBJ_MOVING, now_s)
+
+    def lose_object(self, now_s: float) -> None:
+        """What the jaws hold slips out: they close on, to the request."""
+        self.advance(now_s)
+        if not self._gripping:
+            return
+        self._gripping, self._contact = False, None
+        if self._ready() and self._request["rGTO"]:
+            self._go(self._request, meets=False)
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -165,26 +216,29 @@ class GripperModel:
         self._fault = FAULT_RELEASING
         self._start(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
 
-    def _go(self, request: dict[str, int]) -> None:
+    def _go(self, request: dict[str, int], *, meets: bool = True) -> None:
         shown = self._flag.at(self._now)
         target = float(min(max(request["rPR"], self.jaws.count_open), self.jaws.count_closed))
-        self._start(target, speed_mm_s(request["rSP"]))
+        self._start(target, speed_mm_s(request["rSP"]), meets=meets)
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
     def _lag(self) -> float:
-        return self._rng.randint(*LAG_CYCLES) * CYCLE_S
+        return self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.flag_delay_s
 
     # -- motion -----------------------------------------------------------------------------------
 
-    def _start(self, target: float, speed: float) -> None:
-        """Set the jaws in motion from where they are; a closing stroke asks once what it will meet."""
+    def _start(self, target: float, speed: float, *, meets: bool = True) -> None:
+        """Set the jaws in motion; a closing stroke asks once what it `meets`."""
         here = self._stroke.at(self._now)
         still_closing = self._running and self._stroke.rate > 0.0
-        if target > here and not (still_closing or self._gripping):
+        if target > here and meets and not (still_closing or self._gripping):
             self._contact = self.surroundings.closing()
         elif target < here:
-            self._contact, self._gripping = None, False
+            self._contact = None
+            if self._gripping:
+                self._gripping = False
+                self.surroundings.released()
         stop, outcome = target, OBJ_AT_REQUEST
         if target > here and self._contact is not None and self._contact <= target:
             stop, outcome = max(float(self._contact), here), OBJ_CONTACT_CLOSING
@@ -223,9 +277,8 @@ class GripperModel:
         else:
             self._status, self._fault = STA_ACTIVE, 0
             self._flag = ObjectFlag(OBJ_AT_REQUEST, self._now, OBJ_AT_REQUEST, self._now)
-            request = unpack(OUTPUT_FIELDS, self._output)
-            if request["rGTO"]:
-                self._go(request)
+            if self._request["rGTO"]:
+                self._go(self._request)
 
     def _current(self, force_counts: int) -> float:
         """Motor current in counts of 10 mA: some while moving, a rise at contact, less to hold."""

@@ -38,6 +38,10 @@ class Surroundings(Protocol):
         """They were stopped by it now."""
         ...
 
+    def released(self) -> None:
+        """They open again and let go of it."""
+        ...
+
 
 class EmptyAir:
     """Surroundings without anything in them."""
@@ -48,6 +52,9 @@ class EmptyAir:
 
     def gripped(self) -> None:
         """Never happens."""
+
+    def released(self) -> None:
+        """Never happens either."""
 
 
 class Stroke(NamedTuple):

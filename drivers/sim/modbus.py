@@ -4,13 +4,27 @@ A gripper never sends exception frames: what it cannot serve meets silence ([M16
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Protocol
-
-from drivers.robotiq.registers import to_bytes, to_registers
-from drivers.sim.gripper import GripperModel
 
 MAX_READ, MAX_WRITE, MAX_READ_WRITE = 125, 123, 121  # Modbus application protocol 1.1b3, 6.3, 6.12, 6.17
 BLOCK_WORDS = 8
+
+
+class Device(Protocol):
+    """The two register blocks of a simulated gripper, as `drivers.sim.gripper.GripperModel` has them."""
+
+    def read_input(self, now_s: float) -> bytes:
+        """The 16 input bytes."""
+        ...
+
+    def read_output(self) -> bytes:
+        """The 16 output bytes as last written."""
+        ...
+
+    def write_output(self, offset: int, data: bytes, now_s: float) -> None:
+        """Write bytes of the output block and obey."""
+        ...
 
 
 class Registers(Protocol):
@@ -20,8 +34,8 @@ class Registers(Protocol):
         """Whether `function` can read so many registers from `address` on."""
         ...
 
-    def read(self, address: int, count: int) -> tuple[int, ...]:
-        """Registers from `address` on; ask `serves` first."""
+    def read(self, address: int, count: int) -> bytes:
+        """Registers from `address` on, high byte first; ask `serves` first."""
         ...
 
     def write(self, function: int, address: int, data: bytes) -> bool:
@@ -42,7 +56,7 @@ class GripperRegisters:
 
     def __init__(
         self,
-        model: GripperModel,
+        model: Device,
         now: Callable[[], float],
         output_address: int = 0x03E8,
         input_address: int = 0x07D0,
@@ -56,17 +70,17 @@ class GripperRegisters:
 
     def serves(self, function: int, address: int, count: int) -> bool:
         """Whether `function` is spoken here and all registers lie in one of the blocks."""
-        return function in self._functions and any(
-            _inside(address, count, base) for base in (self._input, self._output)
+        return function in self._functions and (
+            _inside(address, count, self._input) or _inside(address, count, self._output)
         )
 
-    def read(self, address: int, count: int) -> tuple[int, ...]:
+    def read(self, address: int, count: int) -> bytes:
         """Registers of the input block, or of the output block as last written."""
         if _inside(address, count, self._input):
             block, base = self._model.read_input(self._now()), self._input
         else:
             block, base = self._model.read_output(), self._output
-        return to_registers(block[2 * (address - base) : 2 * (address - base + count)])
+        return block[2 * (address - base) : 2 * (address - base + count)]
 
     def write(self, function: int, address: int, data: bytes) -> bool:
         """Write to the output block; the input block cannot be written."""
@@ -94,7 +108,7 @@ def _read(pdu: bytes, registers: Registers) -> bytes | None:
     count = _word(pdu, 3)
     if len(pdu) != 5 or not 1 <= count <= MAX_READ or not registers.serves(pdu[0], _word(pdu, 1), count):
         return None
-    return bytes((pdu[0], 2 * count)) + to_bytes(registers.read(_word(pdu, 1), count))
+    return bytes((pdu[0], 2 * count)) + registers.read(_word(pdu, 1), count)
 
 
 def _write_one(pdu: bytes, registers: Registers) -> bytes | None:
@@ -120,16 +134,24 @@ def _read_write(pdu: bytes, registers: Registers) -> bytes | None:
     # An address that cannot be read must not be found out after the write has moved something.
     if not registers.serves(23, _word(pdu, 1), count) or not registers.write(23, _word(pdu, 5), data):
         return None
-    return bytes((23, 2 * count)) + to_bytes(registers.read(_word(pdu, 1), count))
+    return bytes((23, 2 * count)) + registers.read(_word(pdu, 1), count)
 
 
+def _remainder(byte: int) -> int:
+    for _ in range(8):
+        byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
+    return byte
+
+
+_REMAINDERS = tuple(_remainder(byte) for byte in range(256))
+
+
+@lru_cache(4096)  # a cell says the same few things over and over
 def crc16(data: bytes) -> bytes:
     """Modbus CRC of a frame, low byte first (Modbus over serial line 1.02, 6.2.2)."""
     crc = 0xFFFF
     for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
+        crc = crc >> 8 ^ _REMAINDERS[(crc ^ byte) & 0xFF]
     return crc.to_bytes(2, "little")
 
 

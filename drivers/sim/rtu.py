@@ -5,13 +5,28 @@ import os
 import select
 import threading
 import tty
-from collections.abc import Callable
+from typing import Protocol
 
-from drivers.robotiq.modbus import BAUD, RTU
+from drivers.robotiq.frames import RTU
+from drivers.robotiq.modbus import BAUD
+from drivers.sim.line import CleanLine, Piece, UnpluggedError
 from drivers.sim.modbus import Registers, answer, crc16, frame_length
+from drivers.sim.timing import Outbox
 
 GAP_S = 0.010  # wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps
-BITS_PER_BYTE = 10  # 8N1
+BYTE_S = 10 / BAUD  # 8N1
+
+
+class Time(Protocol):
+    """Simulated seconds, and what they are on the wall."""
+
+    def now(self) -> float:
+        """Simulated seconds."""
+        ...
+
+    def wall(self, seconds: float) -> float:
+        """Wall seconds of so many simulated ones."""
+        ...
 
 
 class RtuSlave:
@@ -19,26 +34,32 @@ class RtuSlave:
 
     Args:
         registers: what it serves.
+        line: what its frames meet on the way.
         unit: slave id; other ids and broadcasts meet silence.
     """
 
-    def __init__(self, registers: Registers, unit: int = RTU.unit) -> None:
+    def __init__(self, registers: Registers, line: CleanLine | None = None, unit: int = RTU.unit) -> None:
         self._registers = registers
+        self._line = line or CleanLine()
         self._unit = unit
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes off the wire and return the frames to send."""
+    def feed(self, data: bytes) -> list[Piece]:
+        """Take bytes off the wire and return what comes back.
+
+        Raises:
+            UnpluggedError: there is no line any more.
+        """
         self._buffer += data
-        replies = []
+        pieces: list[Piece] = []
         while length := frame_length(self._buffer):
             if len(self._buffer) < length:
                 break
             frame = bytes(self._buffer[:length])
             del self._buffer[:length]
-            if reply := self.reply(frame):
-                replies.append(reply)
-        return replies
+            if self._line.hears(frame):
+                pieces += self._line.carries(frame, self.reply(frame))
+        return pieces
 
     def silence(self) -> None:
         """The line was quiet: whatever was incomplete is dropped, the next byte starts a frame."""
@@ -66,15 +87,14 @@ class PtyPort:
     Args:
         slave: the device.
         lock: held while a frame is served.
-        sleep: pause of simulated seconds; the time the bytes take on a 115200 baud line.
+        time: simulated time; bytes take theirs on a 115200 baud line.
     """
 
-    def __init__(
-        self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", sleep: Callable[[float], None]
-    ) -> None:
+    def __init__(self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", time: Time) -> None:
         self._slave = slave
         self._lock = lock
-        self._sleep = sleep
+        self._time = time
+        self._outbox = Outbox()
         # The slave end stays open here too: else the master end reports an error whenever a client leaves.
         self._master, self._terminal = os.openpty()
         tty.setraw(self._terminal)
@@ -91,22 +111,41 @@ class PtyPort:
         os.write(self._stop_write, b"x")
         if self._thread.is_alive():
             self._thread.join()
-        for descriptor in (self._master, self._terminal, self._stop_read, self._stop_write):
+        for descriptor in (self._stop_read, self._stop_write):
             os.close(descriptor)
+        self._unplug()
 
     def _serve(self) -> None:
         while True:
-            patience = GAP_S if self._slave.pending else None
-            ready = select.select([self._master, self._stop_read], [], [], patience)[0]
+            ready = select.select([self._master, self._stop_read], [], [], self._patience())[0]
             if self._stop_read in ready:
                 return
-            if not ready:
+            if self._master in ready:
+                try:
+                    self._hear(os.read(self._master, 1024))
+                except UnpluggedError:
+                    self._unplug()
+                    return
+            elif self._slave.pending:
                 self._slave.silence()
-                continue
-            data = os.read(self._master, 1024)
-            with self._lock:
-                replies = self._slave.feed(data)
-            for reply in replies:
-                self._sleep((len(data) + len(reply)) * BITS_PER_BYTE / BAUD)
-                with contextlib.suppress(OSError):
-                    os.write(self._master, reply)
+            with contextlib.suppress(OSError):
+                os.write(self._master, self._outbox.due(self._time.now()))
+
+    def _hear(self, data: bytes) -> None:
+        with self._lock:
+            pieces = self._slave.feed(data)
+        self._outbox.put(pieces, self._time.now() + len(data) * BYTE_S, BYTE_S)
+
+    def _patience(self) -> float | None:
+        """Wall seconds until something has to be done though nothing came."""
+        waits = [GAP_S] if self._slave.pending else []
+        if self._outbox.next_s is not None:
+            waits.append(max(self._time.wall(self._outbox.next_s - self._time.now()), 0.0))
+        return min(waits, default=None)
+
+    def _unplug(self) -> None:
+        """Take both ends away, as a pulled adapter does."""
+        for descriptor in (self._master, self._terminal):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+        self._master = self._terminal = -1

@@ -3,6 +3,7 @@
 import math
 import random
 
+from drivers.sim.faults import Channel, Desk
 from drivers.sim.scene import Pose2, Setting
 
 
@@ -25,28 +26,30 @@ class TableTop:
     Args:
         setting: what to start from.
         seed: of parts, world and encoder noise.
+        desk: says what goes wrong with the part; a closing of the jaws is one event.
     """
 
-    def __init__(self, setting: Setting, seed: int) -> None:
+    def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
         self.geometry = setting.geometry
         self.truthful = setting.truthful
         self._seed = seed
+        self._desk = desk
         self._world = setting.factory(setting.subject, seed)
         self._noise = random.Random(f"{seed}/encoder")
-        self.part = 0
-        self.squeezes = 0
-        self.crashes = 0
-        self.status = "untouched"
-        self.pose = self._lay(0)
-        self._coming = (self.pose, self.status)
+        self.part = -1
+        self.next_part()
 
     def next_part(self) -> int:
         """Put the next part down; its pose depends on seed and number alone."""
         self.part += 1
-        self.squeezes = self.crashes = 0
+        self.squeezes = self.crashes = self.drops = 0
         self.status = "untouched"
         self.pose = self._lay(self.part)
         self._coming = (self.pose, self.status)
+        self._hand: Pose2 | None = None  # where the squeeze under way met the part
+        self._held: Pose2 | None = None
+        self._lifted = False
+        self._desk.begin(self.part)
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
@@ -54,20 +57,50 @@ class TableTop:
 
         The part lies where it lay until `gripped`.
         """
+        self._desk.next(Channel.SCENE)
+        for fault in self._desk.beginning(Channel.SCENE):
+            if fault.kind == "part_bumped":
+                self._bump(fault.value)
         final, width_mm, status = self._world.squeeze(relative(hand, self.pose))
-        self._coming = (compose(hand, final), status)
-        if width_mm <= 0.0 or status == "untouched":
+        if self._desk.holds("part_missing"):
+            final, width_mm, status = relative(hand, self.pose), 0.0, "untouched"
+        touched = width_mm > 0.0 and status != "untouched"
+        for fault in self._desk.holding(Channel.SCENE):
+            if fault.kind in {"wrong_part", "two_parts"}:
+                width_mm += fault.value
+        touched = touched and width_mm > 0.0
+        self._coming, self._hand = (compose(hand, final), status), hand if touched else None
+        if not touched:
             self.gripped()
             return None
         return width_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
 
     def gripped(self) -> None:
-        """The squeeze is complete: the part lies where the world left it."""
+        """The squeeze is complete: the part lies where the world left it, held if the fingers met it."""
         self.pose, self.status = self._coming
+        self._held = None if self._hand is None else relative(self._hand, self.pose)
         self.squeezes += 1
+
+    def released(self) -> None:
+        """The fingers open: the part stays where it is, or falls straight down if it was lifted."""
+        if self._held is not None and self._lifted:
+            self.drops += 1
+        self._held, self._lifted = None, False
+
+    def carried(self, hand: Pose2, *, lifted: bool) -> bool:
+        """The hand stands here with whatever it holds; False: a lifted part has slipped out."""
+        if self._held is None:
+            return True
+        if lifted and self._desk.holds("part_slips"):
+            self._held, self._lifted = None, False
+            return False
+        self.pose, self._lifted = compose(hand, self._held), lifted
+        return True
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
         """Open fingers came down here; standing on the part is a crash."""
+        if self._held is not None or self._desk.holds("part_missing"):
+            return
         collides = getattr(self._world, "collides", None)
         if collides is not None and collides(relative(hand, self.pose), opening_mm):
             self.crashes += 1
@@ -82,7 +115,13 @@ class TableTop:
             "squeezes": self.squeezes,
             "crashes": self.crashes,
             "status": self.status,
+            "covered": self._desk.holds("camera_covered") is not None,
         }
+
+    def _bump(self, distance_mm: float) -> None:
+        bearing = random.Random(f"{self._seed}/bump/{self.part}").uniform(-math.pi, math.pi)
+        x, y, turn = self.pose
+        self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _lay(self, part: int) -> Pose2:
         draw = random.Random(f"{self._seed}/part/{part}")

@@ -16,7 +16,7 @@ class Bench:
     def __init__(self, contact=None, seed=1):
         self.contact = contact
         self.asked = 0
-        self.grips = 0
+        self.grips = self.releases = 0
         self.now = 0.0
         self.model = GripperModel(random.Random(seed), Jaws(), self)
 
@@ -26,6 +26,9 @@ class Bench:
 
     def gripped(self):
         self.grips += 1
+
+    def released(self):
+        self.releases += 1
 
     def write(self, **fields):
         self.model.write_output(0, pack(OUTPUT_FIELDS, fields), self.now)

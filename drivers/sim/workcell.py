@@ -1,0 +1,104 @@
+"""Gripper, arm and part of a simulated cell, joined by what they do to one another; no ports, no clock."""
+
+import random
+from collections.abc import Callable, Mapping
+
+from drivers.abb.codec import Pose, ProtocolError, hand_angle
+from drivers.sim.arm import ArmModel, Controller
+from drivers.sim.faults import Desk, Listed, Schedule
+from drivers.sim.faulty_arm import FaultyArm
+from drivers.sim.faulty_gripper import FaultyGripper
+from drivers.sim.gripper import GripperModel
+from drivers.sim.jaws import Jaws
+from drivers.sim.line import CleanLine, FaultyLine
+from drivers.sim.modbus import Device
+from drivers.sim.scene import Pose2, Setting
+from drivers.sim.tabletop import TableTop
+
+ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
+
+
+class Workcell:
+    """What a cell consists of.
+
+    Args:
+        setting: part and world.
+        seed: of every draw.
+        now: simulated seconds.
+        faults: what goes wrong when; None: nothing.
+    """
+
+    def __init__(
+        self, setting: Setting, seed: int, now: Callable[[], float], faults: Schedule | None = None
+    ) -> None:
+        geometry = setting.geometry
+        self.now = now
+        self.desk = Desk(faults or Listed())
+        self.table = TableTop(setting, seed, self.desk)
+        self.jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
+        self.gripper = GripperModel(random.Random(f"{seed}/gripper"), self.jaws, self)
+        self.arm = ArmModel(ARM_BASE)
+        self._low = False
+        self._moves = 0
+        self._noise = random.Random(f"{seed}/line")
+        # What hosts talk to: the same gripper, unless something is wrong with it.
+        self._faulty = faults is not None
+        self.device: Device = FaultyGripper(self.gripper, self.desk) if self._faulty else self.gripper
+        self.controller: Controller = FaultyArm(self.arm, self.desk) if self._faulty else self.arm
+
+    def line(self, *, checked: bool = True) -> CleanLine:
+        """A line to the gripper; `checked`: its frames end in a CRC."""
+        return FaultyLine(self.desk, self._noise, checked=checked) if self._faulty else CleanLine()
+
+    # -- what the fingers meet: drivers.sim.jaws.Surroundings -------------------------------------
+
+    def closing(self) -> int | None:
+        """The jaws start to close: where they will stop, given where the arm really is."""
+        hand, low = self._hand()
+        if hand is None or not low:
+            return None
+        width_mm = self.table.squeeze(hand)
+        return None if width_mm is None else self.jaws.count_at(width_mm)
+
+    def gripped(self) -> None:
+        """They stopped at the part."""
+        self.table.gripped()
+
+    def released(self) -> None:
+        """They let go of it."""
+        self.table.released()
+
+    # -- the arm ----------------------------------------------------------------------------------
+
+    def arm_stands(self) -> None:
+        """An arm instruction is over: the hand carries what it holds, or may have come down on the part."""
+        if self.arm.moves == self._moves:
+            return
+        self._moves = self.arm.moves
+        now_s = self.now()
+        opening_mm = self.gripper.opening_mm(now_s)  # whatever the jaws did on the way is over now
+        hand, low = self._hand()
+        was_low, self._low = self._low, low
+        if hand is None:
+            return
+        if not self.table.carried(hand, lifted=not low):
+            self.gripper.lose_object(now_s)
+        if low and not was_low:
+            self.table.placed(hand, opening_mm)
+
+    def _hand(self) -> tuple[Pose2 | None, bool]:
+        """Where an upright hand is, and whether it is down at the part."""
+        x, y, z, rotation = self.arm.pose_at(self.now())
+        try:
+            return (x, y, hand_angle(rotation)), z <= self.table.geometry.reach_mm
+        except ProtocolError:
+            return None, False
+
+    # -- the feeder and the eye -------------------------------------------------------------------
+
+    def answer(self, what: str) -> Mapping[str, object] | None:
+        """Feed the next part, or tell the truth about this one; None: something else was asked for."""
+        self.gripper.advance(self.now())
+        if what == "next_part":
+            return {"part": self.table.next_part()}
+        return self.table.truth() if what == "truth" else None

@@ -1,0 +1,33 @@
+"""What a simulated cell starts from when neither table nor job matters: a 21 mm part, squeezed anywhere."""
+
+import math
+
+from drivers.sim.scene import Geometry, Setting
+
+GEOMETRY = Geometry(
+    opening_mm=85.0,
+    count_open=3,
+    count_closed=230,
+    encoder_noise_mm=0.0,
+    squeeze_height_mm=10.0,
+    retreat_height_mm=60.0,
+    radius_mm=5.0,
+    halfwidth_rad=math.pi,
+)
+
+
+class FakeWorld:
+    """A part that lines up with the fingers and is centred between them."""
+
+    width_mm = 21.0
+
+    def squeeze(self, pose_hand):
+        return (pose_hand[0], 0.0, 0.0), self.width_mm, "grasped"
+
+    def collides(self, pose_hand, opening_mm):
+        return abs(pose_hand[1]) > opening_mm / 2.0 - self.width_mm
+
+
+def setting(world=None):
+    """A setting with that world."""
+    return Setting(None, GEOMETRY, "fake", lambda job, seed: world or FakeWorld())

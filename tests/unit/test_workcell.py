@@ -1,0 +1,254 @@
+"""Gripper, arm and part together: what is held moves with the hand, what is dropped stays."""
+
+import math
+
+import pytest
+from fake_scene import FakeWorld, setting
+
+from drivers.errors import ArmError, GripperFault, LinkError, PortError
+from drivers.sim.faults import Fault, Listed
+from drivers.sim.virtual import VirtualCell
+from drivers.sim.virtual_clock import VirtualClock
+
+LOW, HIGH = 10.0, 60.0
+
+
+class Hands:
+    """A cell with its drivers, ready; part 1 lies there."""
+
+    def __init__(self, *faults, world=None):
+        self.cell = VirtualCell(setting(world), 3, Listed(faults))
+        self.gripper, self.arm = self.cell.gripper(), self.cell.arm()
+        self.gripper.activate()
+        self.cell.scene.next_part()
+
+    def go(self, x, y, z, angle=0.0):
+        self.arm.move_linear(x, y, z, angle, 200.0)
+
+    def jaws(self, counts):
+        self.gripper.move(counts, 200, 50)
+        return self.gripper.wait()
+
+    def grip(self, x=0.0, y=0.0, angle=0.0):
+        self.go(x, y, HIGH, angle)
+        self.go(x, y, LOW, angle)
+        return self.jaws(255)
+
+    def pose(self):
+        truth = self.cell.scene.truth()
+        return (truth.x_mm, truth.y_mm, truth.theta_rad)
+
+
+def test_a_held_part_moves_and_turns_with_the_hand():
+    hands = Hands()
+    hands.grip(1.0, 2.0, 0.3)
+    x, y, turn = hands.pose()
+    assert -math.sin(0.3) * (x - 1.0) + math.cos(0.3) * (y - 2.0) == pytest.approx(0.0, abs=1e-3)
+    hands.go(31.0, -8.0, LOW, 0.3)
+    assert hands.pose() == pytest.approx((x + 30.0, y - 10.0, turn), abs=1e-3)
+    hands.go(31.0, -8.0, LOW, 0.3 + math.pi / 2)
+    assert math.hypot(hands.pose()[0] - 31.0, hands.pose()[1] + 8.0) == pytest.approx(
+        math.hypot(x - 1.0, y - 2.0), abs=1e-3
+    )
+    assert hands.pose()[2] == pytest.approx(turn + math.pi / 2, abs=1e-3)
+
+
+def test_a_released_part_stays_where_it_was_put():
+    hands = Hands()
+    hands.grip()
+    hands.go(20.0, 0.0, HIGH)
+    hands.go(20.0, 0.0, LOW)
+    before = hands.pose()
+    hands.jaws(0)
+    hands.go(-40.0, 10.0, HIGH)
+    assert hands.pose() == before
+    assert hands.cell.works.table.drops == 0
+
+
+def test_a_part_that_is_let_go_in_the_air_falls_and_is_counted():
+    hands = Hands()
+    hands.grip()
+    hands.go(20.0, 0.0, HIGH)
+    hands.jaws(0)
+    assert hands.cell.works.table.drops == 1
+    assert hands.pose()[0] == pytest.approx(20.0, abs=6.0)
+
+
+def test_a_part_that_slips_during_the_lift_stays_and_the_jaws_close_on():
+    hands = Hands(Fault("part_slips", 1, length=9))
+    held = hands.grip()
+    assert held.object_flag == 2
+    before = hands.pose()
+    hands.go(0.0, 0.0, HIGH)
+    hands.cell.clock.sleep(1.0)
+    seen = hands.gripper.state()
+    assert (seen.object_flag, seen.position_counts) == (3, 230)
+    hands.go(30.0, 0.0, HIGH)
+    assert hands.pose() == before
+
+
+def test_a_grip_that_is_lost_shows_as_the_jaws_closing_on():
+    hands = Hands(Fault("grip_lost", 1, at=60))
+    hands.grip()
+    for _ in range(60):
+        hands.cell.clock.sleep(0.05)
+        seen = hands.gripper.state()
+    assert (seen.object_flag, seen.position_counts) == (3, 230)
+
+
+def test_nothing_to_lose_is_nothing_lost():
+    hands = Hands(Fault("grip_lost", 1, at=0))
+    assert hands.jaws(100).position_counts == 100
+
+
+def test_a_bump_moves_the_part_before_the_squeeze():
+    class Recorder(FakeWorld):
+        def __init__(self):
+            self.seen = []
+
+        def squeeze(self, pose_hand):
+            self.seen.append(pose_hand)
+            return super().squeeze(pose_hand)
+
+    world = Recorder()
+    Hands(world=world).grip()
+    Hands(Fault("part_bumped", 1, value=12.0), world=world).grip()
+    first, second = world.seen
+    assert math.dist(first[:2], second[:2]) == pytest.approx(12.0, abs=1e-6)
+    assert first[2] == second[2]
+
+
+@pytest.mark.parametrize(("kind", "value", "wider"), [("wrong_part", -3.0, -3.0), ("two_parts", 9.0, 9.0)])
+def test_another_part_is_another_width(kind, value, wider):
+    sound = Hands().grip().position_counts
+    other = Hands(Fault(kind, 1, value=value)).grip().position_counts
+    assert (sound - other) * 85.0 / 227.0 == pytest.approx(wider, abs=0.4)
+
+
+def test_a_part_too_thin_to_be_there_is_not_met():
+    assert Hands(Fault("wrong_part", 1, value=-30.0)).grip().object_flag == 3
+
+
+def test_where_there_is_no_part_nothing_is_met_and_nothing_crashes():
+    hands = Hands(Fault("part_missing", 1, length=9))
+    assert hands.grip().object_flag == 3
+    hands.jaws(0)
+    hands.go(0.0, 39.0, HIGH)
+    hands.go(0.0, 39.0, LOW)
+    assert hands.cell.scene.truth().crashes == 0
+
+
+def test_open_fingers_on_the_part_are_a_crash_once_a_descent():
+    hands = Hands()
+    for count in (1, 2):
+        hands.go(0.0, 39.0, HIGH)
+        hands.go(0.0, 39.0, LOW)
+        assert hands.cell.scene.truth().crashes == count
+
+
+def test_a_covered_camera_shows_in_the_truth():
+    hands = Hands(Fault("camera_covered", 1))
+    assert not hands.cell.scene.truth().covered
+    hands.grip()
+    assert hands.cell.scene.truth().covered
+
+
+@pytest.mark.parametrize("code", [0x0A, 0x0C, 0x0D, 0x0E, 0x0F])
+def test_a_major_fault_stops_the_jaws_until_they_are_activated_again(code):
+    hands = Hands(Fault(f"gflt_{code:02x}", 1, at=4))
+    hands.gripper.move(255, 0, 0)
+    with pytest.raises(GripperFault, match=f"0x{code:02X}"):
+        hands.gripper.wait()
+    here = hands.gripper.state().position_counts
+    hands.cell.clock.sleep(0.9)
+    assert hands.gripper.state().position_counts == here < 230
+    with pytest.raises(GripperFault, match="asked to activate"):
+        hands.gripper.activate()
+    hands.gripper.activate(after_fault=True)
+    assert hands.jaws(100).position_counts == 100
+
+
+def test_the_automatic_release_opens_and_latches():
+    hands = Hands(Fault("gflt_0b", 1, at=40))
+    hands.grip()
+    while hands.gripper.state().fault == 0:
+        hands.cell.clock.sleep(0.05)
+    assert hands.gripper.state().fault == 0x0B
+    for _ in range(100):
+        hands.cell.clock.sleep(0.05)
+        seen = hands.gripper.state()
+    assert (seen.fault, seen.position_counts) == (0x0F, 3)
+
+
+def test_an_unplugged_port_may_be_plugged_in_again_but_a_forbidden_one_not():
+    for kind, says in (("unplugged", "does not exist"), ("permission_lost", "no permission")):
+        hands = Hands(Fault(kind, 1))
+        with pytest.raises(LinkError, match="broke"):
+            hands.gripper.state()
+        with pytest.raises(PortError, match=says) as raised:
+            hands.cell.gripper()
+        assert raised.value.exit_code == 23
+
+
+def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():
+    hands = Hands(Fault("arm_disconnect", 1, at=3))
+    hands.go(0.0, 0.0, 80.0)
+    with pytest.raises(ArmError, match="connection broke"):
+        hands.go(50.0, 0.0, 80.0)
+    hands.cell.clock.sleep(5.0)
+    again = hands.cell.arm()
+    assert again.pose().x_mm == pytest.approx(50.0)
+    again.close()
+    assert hands.cell.arm().pose().x_mm == pytest.approx(50.0)
+
+
+def test_what_is_out_of_reach_is_never_sent():
+    hands = Hands()
+    moves = hands.cell.works.arm.moves
+    with pytest.raises(ArmError, match="reach"):
+        hands.go(600.0, 0.0, 50.0)
+    assert hands.cell.works.arm.moves == moves
+    hands.go(0.0, 0.0, 50.0)
+
+
+def test_a_hand_that_does_not_point_down_meets_nothing():
+    hands = Hands()
+    hands.arm._ask(1, ("0", "0", "10", "0.7071068", "0.7071068", "0", "0"), 60.0)
+    assert hands.jaws(255).object_flag == 3
+
+
+def test_eleven_numbers_hang_up():
+    hands = Hands()
+    hands.arm._stream.send(b"1 " + b"1 " * 11 + b"#")
+    with pytest.raises(ArmError, match="connection broke"):
+        hands.arm.pose()
+
+
+# -- time -----------------------------------------------------------------------------------------
+
+
+def test_things_happen_in_order_and_time_never_goes_back():
+    clock, seen = VirtualClock(), []
+    for moment in (2.0, 1.0, 1.0, 5.0):
+        clock.at(moment, lambda moment=moment: seen.append((moment, clock.now())))
+    clock.sleep(3.0)
+    assert seen == [(1.0, 1.0), (1.0, 1.0), (2.0, 2.0)]
+    assert (clock.now(), clock.next_s) == (3.0, 5.0)
+    clock.sleep(-1.0)
+    clock.advance(1.0)
+    assert clock.now() == 3.0
+
+
+def test_idling_goes_to_the_next_change_but_no_farther_than_asked():
+    clock = VirtualClock()
+    coming = [7.0]
+    clock.watch(lambda: coming[0])
+    clock.idle(0.005, 2.0)
+    assert clock.now() == 2.0
+    clock.idle(0.005, 100.0)
+    assert clock.now() == pytest.approx(7.0, abs=1e-5)
+    clock.idle(0.005, 100.0)
+    assert clock.now() == pytest.approx(7.005, abs=1e-5)
+    coming[0] = math.inf
+    clock.idle(0.005, 50.0)
+    assert clock.now() == 50.0
