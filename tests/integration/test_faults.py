@@ -1,0 +1,82 @@
+"""Every class of faults ends as drivers/sim/FAULTS.md says, whenever in a part's life it strikes."""
+
+import re
+from pathlib import Path
+
+import pytest
+from soaking import small_soak, soak_run
+
+from drivers.sim.faults import KINDS, Channel, Fault, Listed
+from runtime.executor import Plan
+from runtime.hand import Handling
+
+TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
+ROWS = {
+    name: [cell.strip() for cell in rest.split("|")]
+    for name, rest in re.findall(r"^\| `(\w+)` \|(.+)\|$", TABLE, re.MULTILINE)
+}
+SEED, PART = 2, 1  # this part takes both squeezes of the table, and reaches leaf 1
+MOMENTS = {
+    Channel.LINE: range(0, 116, 5),
+    Channel.GRIPPER: range(0, 116, 5),
+    Channel.ARM: range(14),
+    Channel.SCENE: range(2),
+}
+DECIDED = {"leaf", "unresolved", "reject"}
+FINE = {"reply_late", "flag_late"}  # their values are seconds
+
+
+HANDLED = {"direct": (Plan(),), "regulated": (Plan(handling=Handling(regulated=True)),)}
+
+
+@pytest.fixture(scope="module", params=HANDLED)
+def handled(request):
+    return HANDLED[request.param]
+
+
+@pytest.fixture(scope="module")
+def sound(handled):
+    """How the part ends when nothing goes wrong."""
+    return soak_run.run(small_soak(handled=handled), SEED, Listed()).last
+
+
+def faults(kind):
+    values = {kind.low, (kind.low + kind.high) / 2, kind.high}
+    if kind.name not in FINE:
+        values = {round(value) for value in values}
+    for at in MOMENTS[kind.channel]:
+        for value in sorted(values):
+            for length in {1, kind.lasts}:
+                yield Fault(kind.name, PART, at, length, value)
+
+
+def allowed(outcomes, result, sound):
+    """Whether a part may end so."""
+    for outcome in outcomes.split(", "):
+        if outcome == "same" and (result.outcome, result.leaf) == (sound.outcome, sound.leaf):
+            return True
+        if outcome == "decided" and result.outcome.value in DECIDED:
+            return True
+        if f"{result.outcome.value} {result.exit_code}" in (outcome, f"{outcome} {result.exit_code}"):
+            return True
+    return False
+
+
+def test_every_class_has_a_row_that_tells_what_it_means():
+    assert set(ROWS) == set(KINDS)
+    assert {name: row[0] for name, row in ROWS.items()} == {k.name: k.meaning for k in KINDS.values()}
+    assert len(KINDS) >= 24
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_class(kind, handled, sound):
+    outcomes, met = ROWS[kind.name][1], 0
+    for fault in faults(kind):
+        told = soak_run.run(small_soak(faults=True, handled=handled), SEED, Listed([fault]))
+        assert told.findings == [], fault
+        if not told.met:
+            assert (told.last.outcome, told.last.leaf) == (sound.outcome, sound.leaf), fault
+            continue
+        met += 1
+        assert allowed(outcomes, told.last, sound), (fault, told.last)
+    assert met > 1

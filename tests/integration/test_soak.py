@@ -1,0 +1,126 @@
+"""A slice of tools/soak, and proof that it finds what it looks for."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+
+import pytest
+from soaking import SCRIPT, small_setting, small_soak, soak_run
+
+from drivers.robotiq.gripper import Gripper
+from drivers.sim.faults import KINDS, Fault, Listed, Seeded
+from drivers.sim.virtual import VirtualCell
+from runtime import executor, safety
+from runtime.table import REJECT
+
+WORLD = ("--world", "runtime.rehearsal:make")
+
+
+def script(*arguments):
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--json", *WORLD, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+    )
+    return done.returncode, json.loads(done.stdout.splitlines()[-1]), done.stdout
+
+
+def test_a_slice_under_random_faults_finds_nothing():
+    code, told, out = script("--transactions", "60000")
+    assert (code, told["findings"]) == (0, 0), out
+    assert told["transactions"] >= 60_000
+    assert len(told["faults_met"]) >= 24
+    assert set(told["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
+
+
+def test_without_faults_no_part_ends_in_one():
+    code, told, out = script("--parts", "300", "--no-faults", "--parts-per-run", "100")
+    assert (code, told["crashes"], told["runs"]) == (0, 0, 3), out
+    assert told["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
+
+
+def test_the_same_seed_gives_the_same_run_on_any_number_of_workers():
+    alone = script("--seed", "40", "--runs", "16")[1]
+    assert script("--seed", "40", "--runs", "16", "--workers", "2")[1] == alone
+    assert script("--seed", "41", "--runs", "16")[1]["digest"] != alone["digest"]
+
+
+def runs(count=12):
+    findings = []
+    for seed in range(count):
+        findings += soak_run.run(small_soak(4, faults=True), seed).findings
+    return " / ".join(findings)
+
+
+def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
+    look = Gripper.state
+    seen = {}
+
+    def once(self):
+        if self not in seen or sys._getframe(1).f_code.co_name not in ("move", "ready_gripper"):
+            seen[self] = look(self)
+        return seen[self]
+
+    monkeypatch.setattr(Gripper, "state", once)
+    assert "without a look" in runs()
+
+
+def test_a_driver_that_commands_an_unready_gripper_is_found(monkeypatch):
+    monkeypatch.setattr("drivers.robotiq.gripper.require_ready", lambda seen, doing: None)
+    monkeypatch.setattr(safety, "ready_gripper", lambda gripper: gripper.state())
+    assert "not ready" in runs(60)
+
+
+def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
+    sound = executor.decide
+
+    def careless(node, outcomes, count, object_flag):
+        decision = sound(node, outcomes, count, object_flag)
+        return decision._replace(branch=0, reason=None) if decision.branch != REJECT else decision
+
+    monkeypatch.setattr(executor, "decide", careless)
+    assert "the table says" in runs(20)
+
+
+def test_a_part_that_takes_too_long_is_found(monkeypatch):
+    monkeypatch.setattr(soak_run, "SQUEEZE_S", -1000.0)
+    assert "allowed were" in runs(2)
+
+
+def test_a_fault_without_faults_is_found(monkeypatch):
+    told = soak_run.run(small_soak(), 1, Listed([Fault("gflt_0e", 1, 3)]))
+    assert told.findings == ["without faults: 1 faults, 0 crashes"]
+
+
+def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():
+    met = Counter()
+    for part in range(2000):
+        assert Seeded(3).of_part(part) == Seeded(3).of_part(part)
+        met.update(fault.kind for fault in Seeded(3).of_part(part))
+    assert set(met) == set(KINDS)
+    assert [Seeded(3).of_part(k) for k in range(50)] != [Seeded(4).of_part(k) for k in range(50)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_virtual_cell_says_the_same_bytes_again(seed):
+    def transcript():
+        cell = VirtualCell(small_setting(), seed, Seeded(seed))
+        said = []
+        send, receive = cell._gripper_port.send, cell._gripper_port.receive
+        cell._gripper_port.send = lambda data: (said.append(data), send(data))[1]
+
+        def heard(seconds):
+            said.append((cell.clock.now(), data := receive(seconds)))
+            return data
+
+        cell._gripper_port.receive = heard
+        gripper = cell.gripper()
+        gripper.activate()
+        gripper.move(255, 100, 50)
+        gripper.wait()
+        return said
+
+    assert transcript() == transcript()

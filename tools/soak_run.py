@@ -1,0 +1,228 @@
+"""One run of `tools/soak`: a virtual cell, the runtime on it, and what is checked meanwhile."""
+
+import base64
+import hashlib
+import json
+import math
+import random
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from drivers.robotiq.gripper import Gripper
+from drivers.robotiq.link import Link
+from drivers.sim.faults import Schedule, Seeded
+from drivers.sim.scene import Setting
+from drivers.sim.virtual import VirtualCell
+from runtime import strokes
+from runtime.console import is_within
+from runtime.decision import Policy
+from runtime.delivery import Delivery
+from runtime.executor import Cell, Executor, Plan
+from runtime.hand import Handling
+from runtime.replay import Replay
+from runtime.results import Outcome, PartResult, Step
+from runtime.session import sight
+from runtime.table import PPM, Table, dumps
+
+FRESH_S = 1.0  # a reading older than this says nothing about now
+GOES, RESET_FAULTS = 0x08, 0x0A
+SAME_MM = 0.5
+SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeeze, and for the safe sequence
+
+# What runs are handled by, one drawn a run: the command's default first.
+REGULATED = Handling(regulated=True)
+HANDLED = (
+    Plan(handling=REGULATED),
+    Plan(),
+    Plan(Policy.of("resqueeze,restart,next", "restart,next"), REGULATED),
+    Plan(Policy.of("restart,next", "next")),
+    Plan(Policy.of("resqueeze,next", "next"), REGULATED, Delivery(drop=(20.0, -15.0, 0.7))),
+)
+
+
+@dataclass
+class Watch:
+    """Sees every command on its way to the devices, and what was known when it was given."""
+
+    cell: VirtualCell | None = None
+    read_s: float = -math.inf
+    ready: bool = False
+    at_mm: tuple[float, ...] = (math.nan, math.nan, math.inf)
+    findings: list[str] = field(default_factory=list)
+
+    def now(self) -> float:
+        return self.cell.clock.now() if self.cell else 0.0
+
+    def read(self, block: bytes) -> None:
+        self.read_s = self.now()
+        self.ready = block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
+
+    def written(self, block: bytes) -> None:
+        if not block[0] & GOES:
+            return
+        if self.now() - self.read_s > FRESH_S:
+            self.findings.append(f"jaws told to go to {block[3]} without a look since the last command")
+        elif not self.ready:
+            self.findings.append(f"jaws told to go to {block[3]} though not ready")
+        self.read_s = -math.inf
+
+    def overheard(self, text: str) -> None:
+        if not text.startswith("1 "):
+            return
+        target = tuple(float(word) for word in text.split(" ")[1:4])
+        if self.cell and self.cell.works.arm.halted:
+            self.findings.append("a silent arm was told to move")
+        if not self._is_retreat(target) and self.now() - self.read_s > FRESH_S:
+            self.findings.append("the arm was told to move without a look at the gripper")
+        self.at_mm = target
+
+    def _is_retreat(self, target: tuple[float, ...]) -> bool:
+        """Whether it goes straight up: the safe sequence, which does not ask the gripper."""
+        return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
+
+
+class WatchedLink:
+    """The gripper's link with a watch on it."""
+
+    def __init__(self, link: Link, watch: Watch) -> None:
+        self.endpoint, self.counters = link.endpoint, link.counters
+        self._link, self._watch = link, watch
+
+    def read(self) -> bytes:
+        block = self._link.read()
+        self._watch.read(block)
+        return block
+
+    def write(self, block: bytes) -> None:
+        self._watch.written(block)
+        self._link.write(block)
+
+    def close(self) -> None:
+        self._link.close()
+
+
+class Records:
+    """A journal in memory, each record followed by the replay as soon as it is written."""
+
+    def __init__(self, table: Table, plan: Plan) -> None:
+        self.digest = hashlib.sha256()
+        self.findings: list[str] = []
+        self._replay = Replay()
+        self._seq = 0
+        on_reject, on_unresolved = plan.policy.texts()
+        header = {"table_base64": base64.b64encode(dumps(table)).decode("ascii")}
+        self.record("header", {**header, "on_reject": on_reject, "on_unresolved": on_unresolved})
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        self.digest.update(json.dumps([kind, fields], sort_keys=True).encode())
+        entry = {"seq": self._seq, "kind": kind, **fields}
+        self._seq += 1
+        self.findings += [f"record {found.seq}: {found.sentence}" for found in self._replay.follow([entry])]
+
+
+@dataclass
+class Told:
+    """What one run came to."""
+
+    seed: int
+    parts: int = 0
+    transactions: int = 0
+    squeezes: int = 0
+    crashes: int = 0
+    outside: int = 0  # leaves whose prediction was farther off than the goal
+    expected: float = 0.0  # how many of them the leaves' own success rates predict
+    virtual_s: float = 0.0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    met: Counter[str] = field(default_factory=Counter)
+    findings: list[str] = field(default_factory=list)
+    digest: str = ""
+    last: PartResult | None = None
+
+
+@dataclass(frozen=True)
+class Soak:
+    """What every run has in common; `handled` in turn, by the seed."""
+
+    setting: Setting
+    table: Table
+    faults: bool
+    parts: int
+    handled: tuple[Plan, ...] = HANDLED
+
+    def plan(self, seed: int) -> Plan:
+        """How one run's parts are handled."""
+        return random.Random(f"{seed}/plan").choice(self.handled)
+
+    def squeeze_s(self) -> float:
+        """The longest that the executor lets a squeeze take."""
+        limits = self.table.limits
+        x_min, y_min, x_max, y_max = limits.work_area_um
+        path = math.hypot(x_max - x_min, y_max - y_min)
+        path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
+        seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / strokes.SLOWEST_UM_S
+        return 3.0 * seconds + SQUEEZE_S
+
+
+def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
+    """One cell, until a part ends in a fault or all parts are done; `faults` instead of random ones."""
+    plan = soak.plan(seed)
+    watch, records, told = Watch(), Records(soak.table, plan), Told(seed)
+    faults = faults or (Seeded(seed) if soak.faults else None)
+    watch.cell = cell = VirtualCell(soak.setting, seed, faults, watch.overheard)
+    try:
+        link = WatchedLink(cell.link(records.record), watch)
+        gripper = Gripper(link, cell.pace, records.record)
+        gripper.activate()
+        arm = cell.arm()
+    except (OSError, RuntimeError) as error:  # a fault met while connecting: nothing has moved
+        told.outcomes["not connected"] += 1
+        told.findings += [] if hasattr(error, "exit_code") else [f"connecting: {error!r}"]
+        told.met.update(cell.works.desk.met)
+        return told
+    executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan)
+    for _ in range(soak.parts):
+        part = cell.scene.next_part()
+        began = cell.clock.now()
+        result = executor.run_part(part)
+        _count(soak.table, cell, result, told)
+        told.findings += _judge(soak, part, result, cell.clock.now() - began)
+        if result.outcome is Outcome.FAULT:
+            break
+    if not soak.faults and (told.outcomes["fault"] or told.crashes):
+        told.findings.append(f"without faults: {told.outcomes['fault']} faults, {told.crashes} crashes")
+    told.transactions = link.counters.transactions
+    told.met.update(cell.works.desk.met)
+    told.findings += watch.findings + records.findings
+    told.virtual_s = cell.clock.now()
+    told.digest = records.digest.hexdigest()
+    return told
+
+
+def _unobserved(part: int, step: Step) -> None:
+    """Nobody looks on."""
+
+
+def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> None:
+    """Add up a part; a leaf whose prediction is off too, and what the table predicts of it."""
+    told.parts += 1
+    told.squeezes += len(result.steps)
+    told.outcomes[result.outcome.value] += 1
+    truth = cell.scene.truth()
+    told.crashes += truth.crashes
+    told.last = result
+    if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
+        return
+    told.outside += is_within(table, sight(table, cell.scene, result)) is False
+    told.expected += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
+
+
+def _judge(soak: Soak, part: int, result: PartResult, seconds: float) -> list[str]:
+    """What is wrong with how a part ended."""
+    findings = []
+    squeezes = len(result.steps) + (1 if result.delivery is None else 3)
+    if seconds > (limit := squeezes * soak.squeeze_s() + PART_S):
+        findings.append(f"part {part} took {seconds:.0f} s, allowed were {limit:.0f}")
+    if result.outcome is Outcome.FAULT and not result.safe_state:
+        findings.append(f"part {part} ended in a fault without the safe sequence")
+    return findings
