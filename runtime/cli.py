@@ -131,7 +131,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
     # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
     activate = arguments.activate or arguments.port == SIMULATED
-    results = session.run_journalled(
+    tally = session.run_journalled(
         table,
         cell,
         devices.scene,
@@ -142,8 +142,8 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
         watch=monitor.phase,
         broken=begun,
     )
-    console.summary(results, arguments.journal)
-    return session.exit_code(results)
+    console.summary(tally, arguments.journal)
+    return tally.exit_code
 
 
 def _is_begun(path: Path) -> bool:

@@ -1,17 +1,19 @@
 """What a run tells its reader: one line a squeeze, one a part, one at the end; or one JSON object a part."""
 
 import json
+import os
 import sys
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from runtime.geometry import Pose2, placement, predicted_pose
 from runtime.results import Outcome, PartResult, Step
 from runtime.table import PPM, Table
+
+if TYPE_CHECKING:
+    from runtime.tally import Tally
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Console(Protocol):
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """One part's end."""
 
-    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+    def summary(self, tally: "Tally", journal: Path) -> None:
         """The run's end."""
 
 
@@ -53,16 +55,15 @@ class Lines:
 
     def note(self, sentence: str) -> None:
         """Print a sentence."""
-        print(sentence, flush=True)
+        say(sentence)
 
     def step(self, part: int, step: Step) -> None:
         """Print pose commanded, width read, node reached."""
         x_mm, y_mm, angle_rad = placement(step.squeeze)
-        print(
+        say(
             f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
             f"{degrees(angle_rad):.1f} deg; width {step.width_um / 1000:.2f} mm "
-            f"(count {step.position_counts}) -> {_reached(step)}",
-            flush=True,
+            f"(count {step.position_counts}) -> {_reached(step)}"
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
@@ -76,23 +77,18 @@ class Lines:
         if seen is not None and seen.error_mm is not None:
             told += f"; true error {seen.error_mm:.2f} mm"
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
-        print(told, flush=True)
+        say(told)
 
-    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+    def summary(self, tally: "Tally", journal: Path) -> None:
         """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
-        outcomes = Counter(result.outcome for result, _ in results)
-        told = [f"{outcomes[outcome]} {outcome.name}" for outcome in Outcome if outcomes[outcome]]
-        sightings = [seen for _, seen in results if seen is not None]
-        if any(seen.true is not None for seen in sightings):
-            goal_mm = self._table.goal.distance_um / 1000
-            within = sum(is_within(self._table, seen) is True for seen in sightings)
-            told.append(f"{within} within {goal_mm:g} mm")
-        if sightings:
-            told.append(f"{sightings[-1].crashes} crashes")
-        squeezes = sum(len(result.steps) for result, _ in results)
-        told.append(f"{squeezes / max(len(results), 1):.2f} squeezes a part")
-        parts = "1 part" if len(results) == 1 else f"{len(results)} parts"
-        print(f"{parts}: {', '.join(told)}; journal {journal}", flush=True)
+        told = [f"{tally.outcomes[outcome]} {outcome.name}" for outcome in Outcome if tally.outcomes[outcome]]
+        if tally.within is not None:
+            told.append(f"{tally.within} within {self._table.goal.distance_um / 1000:g} mm")
+        if tally.crashes is not None:
+            told.append(f"{tally.crashes} crashes")
+        told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
+        parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
+        say(f"{parts}: {', '.join(told)}; journal {journal}")
 
 
 class Objects:
@@ -104,17 +100,34 @@ class Objects:
 
     def note(self, sentence: str) -> None:
         """Print a sentence where no parser reads it."""
-        print(sentence, file=sys.stderr, flush=True)
+        say(sentence, sys.stderr)
 
     def step(self, part: int, step: Step) -> None:
         """Nothing: a part's object holds its squeezes."""
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Print the part's object."""
-        print(json.dumps(as_object(self._table, result, seen, self._journal)), flush=True)
+        say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
-    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+    def summary(self, tally: "Tally", journal: Path) -> None:
         """Nothing: the objects say it all."""
+
+
+def say(line: str, file: TextIO | None = None) -> None:
+    """Print a line; nobody reading any more (`| head`, a restarted log daemon) must not stop the cell.
+
+    Args:
+        line: what to print.
+        file: None for standard output.
+    """
+    file = file or sys.stdout
+    try:
+        print(line, file=file, flush=True)
+    except OSError:
+        # Python flushes once more on its way out, and would complain then.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, file.fileno())
+        os.close(nowhere)
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
@@ -136,7 +149,8 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
         "success_probability": None if leaf is None else leaf.success_ppm / PPM,
-        "audit": None,
+        "audit": result.audit,
+        "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
         "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
         "within_goal": is_within(table, seen),
@@ -162,7 +176,9 @@ def _reached(step: Step) -> str:
 
 
 def _sentences(result: PartResult) -> list[str]:
-    return [*([result.reason] if result.reason else []), *result.safe_state]
+    told = [] if result.audit is None else [f"audit: {result.audit}"]
+    told += [] if result.delivery is None else [f"delivery: {result.delivery}"]
+    return [*told, *([result.reason] if result.reason else []), *result.safe_state]
 
 
 def _pose(pose: Pose2) -> str:

@@ -23,6 +23,7 @@ from runtime.table import Calibration, Table
 READS = 200
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
 USUAL_UNIT, USUAL_BAUD = 9, 115200
+PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-guide/devices.txt)
 
 
 class Verdict(Enum):
@@ -83,6 +84,9 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
         )
         return
     yield Finding(Verdict.GOOD, f"Port {port} exists and may be opened.")
+    if os.major(path.stat().st_rdev) in PSEUDO_TERMINALS:
+        yield Finding(Verdict.GOOD, "It is a pseudo-terminal, as a simulated cell has.")
+        return  # whoever made it holds it
     holders = list(_holders(path, system.proc))
     if holders:
         told = ", ".join(f"{name} (process {pid})" for pid, name in holders)

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from runtime import calibration, doctor
 from runtime.clock import SystemClock
+from runtime.console import say
 from runtime.doctor import Finding, Heard, System, Verdict
 from runtime.errors import CellCheckError, CellError
 from runtime.lock import PortLock
@@ -71,7 +72,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     bad = 0
     for finding in findings(arguments.port, arguments.arm, table, measured, drivers, system or System()):
         bad += finding.verdict is Verdict.BAD
-        print(_as_json(finding) if arguments.json else _as_line(finding), flush=True)
+        say(_as_json(finding) if arguments.json else _as_line(finding))
     if bad:
         raise CellCheckError(f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs")
     return 0
@@ -120,7 +121,13 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
 
 
 def _failed(device: str, error: Exception, remedy: str) -> Finding:
-    return Finding(Verdict.BAD, f"The {device} does not answer: {error}.", remedy)
+    """An error's own hint, after its semicolon, is the better remedy."""
+    told, _, hint = str(error).partition("; ")
+    return Finding(Verdict.BAD, f"The {device} does not answer: {told}.", _sentence(hint) or remedy)
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}." if words else ""
 
 
 def _as_line(finding: Finding) -> str:

@@ -215,6 +215,8 @@ def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
     if not line.endswith(b"\n"):
         raise JournalError(path, "cut short; the run ended while it was written", number)
+    if b',"digest":"' not in line[-len(_tail(GENESIS)) :]:
+        raise JournalError(path, "is no record of a journal", number)
     body = line[: -len(_tail(GENESIS))] + b"}"
     if line != body[:-1] + _tail(hashlib.sha256(body).hexdigest()):
         raise JournalError(path, "does not have its digest; it was changed after it was written", number)

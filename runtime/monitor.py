@@ -1,7 +1,6 @@
 """Who watches a run: the console, the status socket and the service manager, told of the same events."""
 
 import hashlib
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +12,7 @@ from runtime.phases import Phase
 from runtime.results import PartResult, Step
 from runtime.status import Status, StatusServer
 from runtime.table import Table, dumps
+from runtime.tally import Tally
 
 
 class Monitor:
@@ -52,9 +52,9 @@ class Monitor:
         self._status.part(result)
         self._console.part(result, seen)
 
-    def summary(self, results: Sequence[tuple[PartResult, Sighting | None]], journal: Path) -> None:
+    def summary(self, tally: Tally, journal: Path) -> None:
         """The run's end."""
-        self._console.summary(results, journal)
+        self._console.summary(tally, journal)
 
     def __enter__(self) -> Self:
         if self._socket is not None:

@@ -93,6 +93,8 @@ def check_usage(arguments: argparse.Namespace) -> None:
         return
     if arguments.arm in (None, SIMULATED):
         raise UsageError("a real gripper needs a real arm; name it with --arm tcp://host:port")
+    if arguments.arm == arguments.port:
+        raise UsageError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
     if arguments.time_scale != 1.0 or arguments.world is not None:
         raise UsageError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"

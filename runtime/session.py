@@ -1,6 +1,6 @@
 """A run of many parts: feed, execute, compare with the truth where there is one, sum up."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from math import isfinite
 
@@ -14,10 +14,10 @@ from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
 from runtime.safety import ready_gripper
 from runtime.table import Table
+from runtime.tally import Tally
 
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 Result = tuple[PartResult, Sighting | None]
-Results = Sequence[Result]
 
 
 def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
@@ -48,7 +48,7 @@ def run_journalled(
     plan: Plan | None = None,
     watch: Watcher = unwatched,
     broken: BrokenRun | None = None,
-) -> Results:
+) -> Tally:
     """Prepare the gripper, run the parts, and write the run's last record however it ends.
 
     Args:
@@ -63,26 +63,26 @@ def run_journalled(
         broken: the run that broke off and is gone on with, None for a new one.
 
     Returns:
-        A result a part, with the truth where a scene knows it.
+        What the parts came to; each one's result goes to the console.
 
     Raises:
         JournalError: the last record cannot be written.
         Exception: an error before the first part, or between two, once it is recorded.
     """
     plan = plan or Plan()
-    results: list[Result] = []
+    tally = Tally()
     try:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             prepare_gripper(cell.gripper, console, activate=activate)
-        for result in run_parts(table, cell, scene, console, count, plan, watch, broken):
-            results.append(result)
+        for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
+            tally.add(table, result, seen)
     except BaseException as error:
         with suppress(JournalError):
-            cell.journal.record("end", _end_fields(results, exit_code_of(error), _reason(error)))
+            cell.journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
-    cell.journal.record("end", _end_fields(results, exit_code(results), None))
-    return results
+    cell.journal.record("end", _end_fields(tally, tally.exit_code, None))
+    return tally
 
 
 def run_parts(
@@ -133,20 +133,15 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     error_mm = None
     if not all(map(isfinite, true)):
         return Sighting(None, None, truth.crashes)
-    if result.outcome is Outcome.LEAF and result.leaf is not None:
+    # One that was taken away by the last grasp lies elsewhere now.
+    if result.outcome is Outcome.LEAF and result.leaf is not None and result.delivery is None:
         error_mm = goal_distance_mm(table.goal, predicted_pose(table.leaves[result.leaf]), true)
     return Sighting(true, error_mm, truth.crashes)
-
-
-def exit_code(results: Results) -> int:
-    """The gravest of the parts' exit codes: they are numbered by gravity, 0 if every part reached a leaf."""
-    return max((result.exit_code for result, _ in results), default=0)
 
 
 def _reason(error: BaseException) -> str:
     return "stopped by the operator" if isinstance(error, KeyboardInterrupt) else repr(error)
 
 
-def _end_fields(results: Results, code: int, reason: str | None) -> dict[str, object]:
-    outcomes = [result.outcome.value for result, _ in results]
-    return {"parts": len(outcomes), "outcomes": outcomes, "exit_code": code, "reason": reason}
+def _end_fields(tally: Tally, code: int, reason: str | None) -> dict[str, object]:
+    return {**tally.fields(), "exit_code": code, "reason": reason}

@@ -231,7 +231,7 @@ def process(
     *,
     last: int | None = None,
     after_crash: str = "resume",
-) -> tuple[session.Results, int]:
+) -> tuple[session.Tally, int]:
     """One life of the controlling process, as `runtime.cli` wires it; what came of it, and its moments.
 
     Raises:
@@ -246,10 +246,10 @@ def process(
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
-        results = session.run_journalled(
+        tally = session.run_journalled(
             world.table, cell, None, console, count=1, activate=False, plan=plan, broken=begun
         )
-    return results, life.moment
+    return tally, life.moment
 
 
 def restart_takes_a_while(world: World) -> None:

@@ -36,7 +36,7 @@ class Silent:
     def part(self, result, seen):
         pass
 
-    def summary(self, results, journal):
+    def summary(self, tally, journal):
         pass
 
 
@@ -57,8 +57,8 @@ def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def moments_of(table: Table, plan: Plan, path: Path) -> int:
     world = World(table, PATH)
-    results, moments = process(world, path, Silent(), plan)
-    assert [(result.outcome, result.leaf) for result, _ in results] == [(Outcome.LEAF, 1)]
+    tally, moments = process(world, path, Silent(), plan)
+    assert tally.outcomes == {Outcome.LEAF: 1}
     assert world.wrongs == []
     return moments
 
@@ -158,8 +158,8 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(tmp_path: Path) -> No
         restart_takes_a_while(world)
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, 10.0, 0.0)
-        results, _ = process(world, path, Silent(), PLAIN)
-        ends |= {(result.outcome, result.exit_code) for result, _ in results}
+        tally, _ = process(world, path, Silent(), PLAIN)
+        ends |= {(outcome, tally.exit_code) for outcome in tally.outcomes}
     assert (Outcome.ABORTED, 25) in ends
     assert ends <= {(Outcome.ABORTED, 25), (Outcome.LEAF, 0), (Outcome.REJECT, 10)}
 
@@ -174,8 +174,8 @@ def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(tmp
         world.model.write_output(0, bytes(6), world.time.now())
         stood = world.at_mm
         try:
-            results, _ = process(world, path, Silent(), PLAIN)
-            codes |= {result.exit_code for result, _ in results}
+            tally, _ = process(world, path, Silent(), PLAIN)
+            codes.add(tally.exit_code)
         except Exception as error:
             codes.add(error.exit_code)
         assert world.at_mm == stood

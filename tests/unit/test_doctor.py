@@ -11,7 +11,7 @@ from sample_tables import GRIPPER, small_table
 
 from runtime import doctor
 from runtime.doctor import Finding, System, Verdict
-from runtime.doctor_command import findings, parser, run
+from runtime.doctor_command import _failed, findings, parser, run
 from runtime.errors import CellCheckError
 from runtime.table import Calibration, dump
 
@@ -62,6 +62,21 @@ def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
     good, bad = doctor.check_port("/dev/null", System(proc=tmp_path))
     assert (good.verdict, bad.verdict) == (Verdict.GOOD, Verdict.BAD)
     assert "held by urcap_daemon (process 4711)." in bad.sentence
+
+
+def test_a_simulated_cells_terminal_is_held_by_the_cell() -> None:
+    master, slave = os.openpty()
+    found = list(doctor.check_port(os.ttyname(slave), System()))
+    os.close(master)
+    os.close(slave)
+    assert verdicts(found) == [Verdict.GOOD] * 2
+    assert "pseudo-terminal" in found[1].sentence
+
+
+def test_the_hint_of_an_error_is_the_remedy() -> None:
+    assert _failed("arm", OSError("no route; check the cable"), "Look.") == Finding(
+        Verdict.BAD, "The arm does not answer: no route.", "Check the cable."
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
 """A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
 
 import json
+import os
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,9 +13,12 @@ from sample_tables import GRIPPER, small_table
 
 from runtime import session
 from runtime.cli import main
-from runtime.console import Lines, Objects
+from runtime.console import Lines, Objects, say
+from runtime.delivery import Delivery
 from runtime.errors import GripperStateError
-from runtime.table import Calibration, dump
+from runtime.executor import Plan
+from runtime.table import Calibration, Table, dump
+from runtime.tally import Tally
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
@@ -20,26 +26,33 @@ JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
 
 
+def tally_of(table: Table, results: Iterable[session.Result]) -> Tally:
+    tally = Tally()
+    for result, seen in results:
+        tally.add(table, result, seen)
+    return tally
+
+
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
     made = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
-    results = session.run_journalled(
+    tally = session.run_journalled(
         small_table(), made.cell, None, Lines(small_table()), count=4, activate=False
     )
-    assert [result.exit_code for result, _ in results] == [0, 10, 11, 0]
-    assert session.exit_code(results) == 11
+    outcomes = {"leaf": 2, "reject": 1, "unresolved": 1}
     assert made.journal.kept[-1] == (
         "end",
-        {"parts": 4, "outcomes": ["leaf", "reject", "unresolved", "leaf"], "exit_code": 11, "reason": None},
+        {"parts": 4, "outcomes": outcomes, "exit_code": 11, "reason": None},
     )
+    assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (11, 5, None, None)
 
 
 def test_a_fault_ends_a_run() -> None:
     made = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
-    results = session.run_journalled(
+    tally = session.run_journalled(
         small_table(), made.cell, None, Lines(small_table()), count=5, activate=False
     )
-    assert [result.outcome.value for result, _ in results] == ["leaf", "fault"]
-    assert session.exit_code(results) == 20
+    assert tally.fields()["outcomes"] == {"leaf": 1, "fault": 1}
+    assert tally.exit_code == 20
     assert made.journal.kinds()[-1] == "end"
 
 
@@ -70,8 +83,9 @@ def test_ctrl_c_between_parts_is_recorded() -> None:
 def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    results = list(session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1))
-    console.summary(results, JOURNAL)
+    console.summary(
+        tally_of(table, session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1)), JOURNAL
+    )
     squeeze, part, summary = capsys.readouterr().out.splitlines()
     assert squeeze == (
         "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
@@ -94,14 +108,41 @@ def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.Captur
     assert leaf.keys() == reject.keys()
 
 
+def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    table = small_table()
+    for console in (Lines(table), Objects(table, JOURNAL)):
+        made = fake_cell([AT_21, AT_21])
+        auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: "pass")
+        plan = Plan(delivery=Delivery(drop=(10.0, 5.0, 0.0)))
+        list(
+            session.run_parts(table, replace(made.cell, auditor=auditor), FakeScene(TRUTH), console, 1, plan)
+        )
+    *_, line, told = capsys.readouterr().out.splitlines()
+    assert line.endswith("success 0.9990; audit: pass; delivery: done")
+    seen = json.loads(told)
+    assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
+
+
+def test_nobody_reading_any_more_does_not_stop_the_cell() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as output:
+        say("nobody hears this", output)
+        say("nor this", output)
+
+
 def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[str]) -> None:
     nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0)
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    results = list(session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
-    console.summary(results, JOURNAL)
-    assert "error" not in capsys.readouterr().out
-    assert results[0][1].true is None
+    tally = tally_of(table, session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
+    console.summary(tally, JOURNAL)
+    told = capsys.readouterr().out
+    assert "error" not in told
+    assert "within" not in told
+    assert tally.within is None
 
 
 @pytest.fixture
@@ -126,6 +167,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--port", "sim", "--tips", "bent"], 2, "LINK,OFFSET"),
         (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
         (["--port", "sim", "--deliver", "nowhere.toml"], 2, "nowhere.toml"),
+        (["--port", "tcp://h:1", "--arm", "tcp://h:1"], 2, "both name"),
         (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
         (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
         (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),
