@@ -85,7 +85,7 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
     except ImportError as error:
         raise UsageError(
             "Parquet needs pyarrow, which a cell controller does not have; "
-            "pip install pyarrow here or where you evaluate, or export to .csv"
+            "pip install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
     listed = list(found)
     columns = {name: [row[name] for row in listed] for name in COLUMNS}

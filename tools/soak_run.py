@@ -14,12 +14,14 @@ from drivers.robotiq.link import Link
 from drivers.sim.faults import Schedule, Seeded
 from drivers.sim.scene import Setting
 from drivers.sim.virtual import VirtualCell
+from drivers.sim.virtual_clock import VirtualClock
 from runtime import strokes
 from runtime.console import is_within
 from runtime.decision import Policy
 from runtime.delivery import Delivery
 from runtime.executor import Cell, Executor, Plan
 from runtime.hand import Handling
+from runtime.phases import Phase
 from runtime.replay import Replay
 from runtime.results import Outcome, PartResult, Step
 from runtime.session import sight
@@ -28,6 +30,7 @@ from runtime.table import PPM, Table, dumps
 FRESH_S = 1.0  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
+WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
 SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeeze, and for the safe sequence
 
 # What runs are handled by, one drawn a run: the command's default first.
@@ -82,6 +85,21 @@ class Watch:
         return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
 
 
+class Pulse:
+    """The longest that the loop went without telling the service manager that it is alive."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
+        self._last_s = clock.now()
+        self.longest_s = 0.0
+
+    def __call__(self, part: int, phase: Phase, node: int | None) -> None:
+        del part, phase, node
+        now_s = self._clock.now()
+        self.longest_s = max(self.longest_s, now_s - self._last_s)
+        self._last_s = now_s
+
+
 class WatchedLink:
     """The gripper's link with a watch on it."""
 
@@ -133,6 +151,7 @@ class Told:
     outside: int = 0  # leaves whose prediction was farther off than the goal
     expected: float = 0.0  # how many of them the leaves' own success rates predict
     virtual_s: float = 0.0
+    silent_s: float = 0.0  # the longest that the watchdog was not fed
     outcomes: Counter[str] = field(default_factory=Counter)
     met: Counter[str] = field(default_factory=Counter)
     findings: list[str] = field(default_factory=list)
@@ -180,7 +199,8 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
         told.findings += [] if hasattr(error, "exit_code") else [f"connecting: {error!r}"]
         told.met.update(cell.works.desk.met)
         return told
-    executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan)
+    pulse = Pulse(cell.clock)
+    executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan, pulse)
     for _ in range(soak.parts):
         part = cell.scene.next_part()
         began = cell.clock.now()
@@ -191,6 +211,9 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
             break
     if not soak.faults and (told.outcomes["fault"] or told.crashes):
         told.findings.append(f"without faults: {told.outcomes['fault']} faults, {told.crashes} crashes")
+    if pulse.longest_s > WATCHDOG_S:
+        told.findings.append(f"the watchdog was not fed for {pulse.longest_s:.0f} s")
+    told.silent_s = pulse.longest_s
     told.transactions = link.counters.transactions
     told.met.update(cell.works.desk.met)
     told.findings += watch.findings + records.findings

@@ -1,0 +1,83 @@
+"""OUTCOMES.md, FAULTS.md and the systemd unit say what the code does."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from soaking import soak_run
+
+from drivers.sim.faults import KINDS
+from runtime import errors
+from runtime.decision import Policy, Response
+from runtime.options import parser
+from runtime.phases import Phase
+from runtime.results import EXIT_CODES, Outcome
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()
+UNIT = (ROOT / "tools" / "systemd" / "squeezetree@.service").read_text()
+
+
+def rows(title: str) -> list[list[str]]:
+    """The cells of a section's table, without its head."""
+    found = re.search(rf"^## {title}$(.*?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL)
+    assert found is not None, f"OUTCOMES.md has no section {title}"
+    lines = [line for line in found[1].splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def setting(name: str) -> str:
+    """A setting of the unit."""
+    (value,) = re.findall(rf"^{name}=(.*)$", UNIT, re.MULTILINE)
+    return str(value)
+
+
+def test_the_states_are_those_of_the_loop() -> None:
+    assert [row[0].strip("`") for row in rows("States")] == [phase.value for phase in Phase]
+
+
+def test_the_outcomes_have_their_codes() -> None:
+    told = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
+    assert told == {outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome}
+
+
+def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
+    told = [int(row[0]) for row in rows("Faults")]
+    assert told == [20, errors.GripperStateError.exit_code, 22, errors.PortBusyError.exit_code, 24]
+    assert f"{len(KINDS)} classes" in TEXT
+
+
+@pytest.mark.parametrize("row", rows("Policies"), ids=lambda row: row[0])
+def test_the_policies_are_those_of_the_command(row: list[str]) -> None:
+    option, default, names = row[0].strip("`"), row[1].strip("`"), set(re.findall(r"`(\w+)`", row[2]))
+    arguments = parser().parse_args(["--tree", "t"])
+    assert getattr(arguments, option.strip("-").replace("-", "_")) == default
+    if option == "--after-crash":
+        for name in names:
+            parser().parse_args(["--tree", "t", option, name])
+        return
+    known = {response.value for response in Response}
+    assert names == known - ({"resqueeze"} if option == "--on-unresolved" else set())
+    for end in ("next", "stop"):
+        text = ",".join([*(names - {"next", "stop"}), end])
+        Policy.of(*((text, "next") if option == "--on-reject" else ("next", text)))
+
+
+def test_the_units_command_line_is_understood() -> None:
+    program, name, *words = shlex.split(setting("ExecStart"))
+    assert (program, name) == ("/usr/bin/env", "grasp-runtime")
+    (example,) = re.findall(r"ARGUMENTS=(--.*)$", UNIT, re.MULTILINE)
+    told = parser().parse_args([*words[:-1], *shlex.split(example)])
+    assert words[-1] == "$ARGUMENTS"
+    assert told.status == Path("/run/squeezetree/%i.sock")
+
+
+def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough() -> None:
+    ends = {code for outcome, code in EXIT_CODES.items() if outcome is not Outcome.ABORTED} - {0}
+    assert set(map(int, setting("SuccessExitStatus").split())) == ends | {
+        errors.PartNotDeliveredError.exit_code
+    }
+    assert float(setting("WatchdogSec")) == soak_run.WATCHDOG_S
+    assert setting("Type") == "notify"
+    assert setting("Restart") == "no"
