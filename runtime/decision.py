@@ -152,7 +152,7 @@ def advance(course: Course, target: int | None, table: Table, policy: Policy) ->
             return course._replace(outcome=Outcome.REJECT)
         return course if response is Response.RESQUEEZE else course._replace(node=0)
     if target >= 0:
-        return course._replace(node=target)
+        return Course(target, None, None, course.rejects, course.unresolved)
     if table.leaves[~target].resolved:
         return course._replace(outcome=Outcome.LEAF, leaf=~target)
     response = policy.on_unresolved[min(course.unresolved, len(policy.on_unresolved) - 1)]
