@@ -9,12 +9,10 @@ import contextlib
 import logging
 import random
 
-from pymodbus import FramerType
-from pymodbus.client import ModbusTcpClient
-
 from drivers.clock import Pace
 from drivers.errors import LinkError
-from drivers.robotiq.modbus import RTU, TCP, ModbusLink
+from drivers.robotiq.frames import RTU, TCP, Framing, RtuFraming, TcpFraming, Wiring
+from drivers.robotiq.modbus import ModbusLink
 from drivers.sim.gripper import GripperModel
 from drivers.sim.modbus import GripperRegisters, crc16, frame_length
 from drivers.sim.rtu import RtuSlave
@@ -34,38 +32,39 @@ MAX_PIECES = 64
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # as the driver does when it opens a port
 
 
-class Still:
-    """A clock whose pauses take no time."""
+class Skipping:
+    """A clock whose pauses are over at once."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
 
     def now(self) -> float:
-        return 0.0
+        return self.seconds
 
     def sleep(self, seconds: float) -> None:
-        pass
+        self.seconds += seconds
 
 
-class FedClient(ModbusTcpClient):
-    """pymodbus's own client on a line that says what it is fed, then nothing."""
+CLOCK = Skipping()
 
-    def __init__(self, framer: FramerType, pieces: list[bytes]) -> None:
-        super().__init__("nowhere", framer=framer, timeout=0.5, retries=0)
+
+class FedStream:
+    """A line that says what it is fed, then nothing."""
+
+    endpoint = "fed"
+
+    def __init__(self, pieces: list[bytes]) -> None:
         self.pieces = pieces
 
-    def connect(self) -> bool:
-        return True
+    def send(self, data: bytes) -> None:
+        pass
 
-    @property
-    def connected(self) -> bool:
-        return True
+    def receive(self, seconds: float) -> bytes:
+        CLOCK.sleep(seconds)
+        return self.pieces.pop(0) if self.pieces else b""
 
     def close(self) -> None:
         pass
-
-    def send(self, request: bytes, addr: object = None) -> int:
-        return len(request)
-
-    def recv(self, size: int | None) -> bytes:
-        return self.pieces.pop(0) if self.pieces else b""
 
 
 def case(data: bytes) -> None:
@@ -84,7 +83,7 @@ def towards_slave(pieces: list[bytes]) -> None:
     """Feed the simulated gripper; afterwards, and after a pause, it still listens."""
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
-    replies = [reply for piece in pieces for reply in slave.feed(piece)]
+    replies = [reply for piece in pieces for reply, *_ in slave.feed(piece)]
     requests = _frames(b"".join(pieces), frame_length)
     assert len(replies) <= len(requests), "more answers than sound requests"
     for reply in replies:
@@ -92,7 +91,7 @@ def towards_slave(pieces: list[bytes]) -> None:
         assert crc16(reply[:-2]) == reply[-2:], "an answer's CRC is wrong"
         assert reply[1] in {request[1] for request in requests}, "an answer to what nobody asked"
     slave.silence()
-    (reply,) = slave.feed(READ)
+    ((reply, *_),) = slave.feed(READ)
     assert len(reply) == len(READ_REPLY), "deaf after noise"
 
 
@@ -100,7 +99,7 @@ def towards_rtu_master(pieces: list[bytes]) -> None:
     """Let the driver read and write over RTU while the line says anything."""
     said = b"".join(pieces)
     blocks = {frame[3:9] for frame in _frames(said, _reply_length) if frame[1:3] == b"\x03\x06"}
-    _believes(ModbusLink(FedClient(FramerType.RTU, pieces), RTU, "fed", Pace(Still())), blocks)
+    _believes(_link(pieces, RtuFraming(), RTU), blocks)
 
 
 def towards_tcp_master(pieces: list[bytes]) -> None:
@@ -109,7 +108,11 @@ def towards_tcp_master(pieces: list[bytes]) -> None:
     ends = range(len(said) - len(TCP_REPLY) + 1)
     replies = [said[at : at + len(TCP_REPLY)] for at in ends]
     blocks = {reply[9:] for reply in replies if reply[2:9] == TCP_REPLY[2:9]}
-    _believes(ModbusLink(FedClient(FramerType.SOCKET, pieces), TCP, "fed", Pace(Still())), blocks)
+    _believes(_link(pieces, TcpFraming(), TCP), blocks)
+
+
+def _link(pieces: list[bytes], framing: Framing, wiring: Wiring) -> ModbusLink:
+    return ModbusLink(FedStream(pieces), framing, wiring, Pace(CLOCK))
 
 
 def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
