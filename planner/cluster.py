@@ -136,7 +136,7 @@ class Cluster:
         except TimeoutError:
             self._await_workers()
             return
-        except CancelledError as error:
+        except (CancelledError, OSError) as error:
             raise self._lost() from error
         for future in done:
             if future.status == "error":
@@ -145,7 +145,7 @@ class Cluster:
                 results[running[future]] = future.result(timeout=POLL_S)
             except TimeoutError:  # its worker died before it could be asked: it runs again
                 continue
-            except CancelledError as error:
+            except (CancelledError, OSError) as error:  # distributed's CommClosedError is one of the latter
                 raise self._lost() from error
             del running[future]
 
