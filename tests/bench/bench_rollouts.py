@@ -92,7 +92,7 @@ def cluster(count: int) -> Row:
     threads, local = seconds(Threads())
     with (
         LocalCluster(
-            n_workers=CORES, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+            n_workers=CORES, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
         ) as workers,
         Cluster(workers.scheduler_address) as remote,
     ):

@@ -98,7 +98,7 @@ def local_cluster():
         for name in ("PYTHONPATH", "DASK_LOGGING__DISTRIBUTED"):
             patch.setenv(name, ENVIRONMENT[name])
         with LocalCluster(
-            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
         ) as cluster:
             yield cluster
 
