@@ -1,4 +1,4 @@
-"""The stochastic contact world: the model's own idea of reality, shared by evaluation and cell.
+"""Worlds squeeze parts. The stochastic contact world is the model's own idea of reality; cells use it too.
 
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`. A world knows nothing
 of the plan: it squeezes one part and says where the part and the fingers ended.
@@ -7,6 +7,10 @@ of the plan: it squeezes one part and says where the part and the fingers ended.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -16,6 +20,30 @@ from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
 from planner.search.actions import least_clearance
 
 Pose = tuple[float, float, float]
+SEED_WORLD = 0x57524C44
+
+
+class World(Protocol):
+    """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
+
+    Two methods more are used where a world has them: `squeeze_many(poses (n, 3))`, which returns `poses`,
+    `width_mm` and `status` as `RollOut` does, and `collides(pose_hand, opening_mm)`.
+    """
+
+    def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
+        """Closes the fingers on a part at a pose in the hand frame [mm, mm, rad]."""
+
+
+class Worlds(ABC):
+    """A supply of equal worlds, one for each chunk of trials, so that chunks may run side by side.
+
+    What a chunk comes to depends on its number alone, never on who ran it or what ran beside it. Instances
+    are sent to other processes: they must pickle.
+    """
+
+    @abstractmethod
+    def world(self, chunk: int) -> World:
+        """The world of a chunk, with randomness of its own."""
 
 
 class ContactWorld:
@@ -23,7 +51,15 @@ class ContactWorld:
 
     def __init__(self, job: Job, seed: int, workers: int | None = None) -> None:
         self._simulator = Simulator.of_job(job, workers)
-        self._rng = np.random.default_rng([seed, 0x57524C44])
+        self._rng = np.random.default_rng([seed, SEED_WORLD])
+
+    @classmethod
+    def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
+        """The world of a simulator that exists already, with a random stream of its own."""
+        world = cls.__new__(cls)
+        world._simulator = simulator
+        world._rng = np.random.default_rng([*seed, SEED_WORLD])
+        return world
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Closes the fingers on the part.
@@ -54,6 +90,28 @@ class ContactWorld:
         jaws[0] = opening_mm
         pose = np.array([pose_hand], dtype=np.float64)
         return least_clearance(self._simulator.outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactWorlds(Worlds):
+    """Stochastic contact worlds of one job.
+
+    Attributes:
+        simulator: what they squeeze with; one worker, since the chunks already share the cores.
+        seed: of all their randomness.
+    """
+
+    simulator: Simulator
+    seed: int
+
+    @classmethod
+    def of_job(cls, job: Job, seed: int) -> Self:
+        """The worlds of a job."""
+        return cls(Simulator.of_job(job, workers=1), seed)
+
+    def world(self, chunk: int) -> ContactWorld:
+        """The world of a chunk."""
+        return ContactWorld.of_simulator(self.simulator, [self.seed, chunk])
 
 
 def make(job: Job, seed: int) -> ContactWorld:

@@ -9,10 +9,13 @@ import sys
 import time
 from pathlib import Path
 
+from planner import baseline
 from planner import job as job_file
+from planner.advice import counsel
 from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.errors import UsageError
+from planner.job import Job
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.table import dump
@@ -22,9 +25,19 @@ NAME = "plan-compile"
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = _parser().parse_args(argv)
-    body = _sweep if arguments.sweep else _single
-    return shell.run(NAME, arguments.debug, lambda: body(arguments))
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.baseline and (arguments.output or arguments.sweep):
+        parser.error("--baseline writes no table; leave out -o and --sweep")
+    if not arguments.baseline and not arguments.output:
+        parser.error("the following arguments are required: -o/--output")
+
+    def body() -> int:
+        if arguments.sweep:
+            return _sweep(arguments)
+        return _baseline(arguments) if arguments.baseline else _single(arguments)
+
+    return shell.run(NAME, arguments.debug, body)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -35,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="TREE.msgpack",
+        "-o", "--output", type=Path, metavar="TREE.msgpack",
         help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
     parser.add_argument(
@@ -60,6 +73,13 @@ def _parser() -> argparse.ArgumentParser:
         ".pdf; default: TREE.models.svg beside the table)",
     )  # fmt: skip
     parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
+    parser.add_argument(
+        "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
+    )
+    parser.add_argument(
+        "--baseline", choices=["sensorless"],
+        help="no table, but Goldberg's plan without sensors, and what it achieves",
+    )  # fmt: skip
     shell.add_cache(parser)
     shell.add_scheduler(parser)
     return parser
@@ -68,9 +88,7 @@ def _parser() -> argparse.ArgumentParser:
 def _single(arguments: argparse.Namespace) -> int:
     """Compiles the job as it stands."""
     started = time.perf_counter()
-    job = job_file.load(arguments.job)
-    if arguments.seed is not None:
-        job = dataclasses.replace(job, seed=arguments.seed)
+    job = _job(arguments)
     output = shell.writable(arguments.output)
     picture = arguments.models_report and shell.writable(
         models_report.picture_path(arguments.models_report, output)
@@ -86,18 +104,37 @@ def _single(arguments: argparse.Namespace) -> int:
         judged = None
         if picture:
             judged = models_report.judge(job, arguments.workers, store, scheduler, report, picture)
-    table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-    with shell.writing(output) as draft:
-        dump(table, draft)
-    seconds = time.perf_counter() - started
+        table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
+        with shell.writing(output) as draft:
+            dump(table, draft)
+        seconds = time.perf_counter() - started
+        advice = None if arguments.no_advice else counsel(plan, job, scheduler, report)
     if arguments.json:
         models = {"models": models_report.figures(judged, picture)} if judged else {}
-        shell.print_json({**_figures(plan, output, seconds), **models})
-    else:
-        print(_text(plan, job.part.name, output, seconds))
-        if judged:
-            print(models_report.text(judged, picture))
+        figures = {**_figures(plan, output, seconds), **models, "advice": advice and advice.figures()}
+        shell.print_json(figures)
+        return 0
+    print("\n".join([_text(plan, job.part.name, output, seconds), *(advice.lines() if advice else ())]))
+    if judged:
+        print(models_report.text(judged, picture))
     return 0
+
+
+def _baseline(arguments: argparse.Namespace) -> int:
+    """Plans without sensors and says what that achieves."""
+    job = _job(arguments)
+    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+        result = baseline.sensorless(job, arguments.trials, scheduler)
+    if arguments.json:
+        shell.print_json(result.figures())
+    else:
+        print(baseline.text(job.part.name, result))
+    return 0
+
+
+def _job(arguments: argparse.Namespace) -> Job:
+    job = job_file.load(arguments.job)
+    return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:

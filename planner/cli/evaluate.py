@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import argparse
+import math
 import sys
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from planner import job as job_file
 from planner.cli import shell
-from planner.errors import InputFileError
-from planner.evaluate import Evaluation, evaluate
+from planner.errors import InputFileError, UsageError
+from planner.evaluate import evaluate
+from planner.evaluation import text
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.mistakes import confusions, worst
+from planner.evaluation.reliability import reliability
+from planner.evaluation.sweep import Line, standard_cases, sweep
 from planner.job import Job
-from planner.worlds import DEFAULT_WORLD, load_world
+from planner.overrides import job_with
+from planner.scheduler import Scheduler, scheduler_of
+from planner.worlds import DEFAULT_WORLD, supply
 from runtime.table import Table, load
 
 NAME = "plan-evaluate"
@@ -19,35 +30,159 @@ DEFAULT_TRIALS = 20_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = shell.parser(
-        NAME,
-        "Run a decision table on many parts in a world, and count how often it finds them.",
-        f"{NAME} trees/rectangle/rectangle.msgpack --trials 20000",
-    )
-    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
-    parser.add_argument(
-        "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
-        help="where the parts are squeezed (default: %(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
-    arguments = parser.parse_args(argv)
+    arguments = _parser().parse_args(argv)
 
     def body() -> int:
         table = load(arguments.tree)
         job = _job_of(table, arguments.tree, arguments.job)
-        world = load_world(arguments.world, job, arguments.seed)
-        evaluation = evaluate(table, job, world, arguments.trials, arguments.seed)
-        if arguments.json:
-            shell.print_json(evaluation.summary())
-        else:
-            print(_text(evaluation, arguments.world))
+        with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+            if arguments.sweep:
+                _sweep(table, job, scheduler, arguments)
+            else:
+                _single(table, job, scheduler, arguments)
         return 0
 
     return shell.run(NAME, arguments.debug, body)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = shell.parser(
+        NAME,
+        "Run a decision table on many parts in a world, and count how often it finds them.",
+        f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
+    )
+    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    parser.add_argument(
+        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
+    parser.add_argument(
+        "--worst", type=shell.natural, default=3, metavar="N",
+        help="how many of the worst errors to show (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
+    )
+    shell.add_scheduler(parser)
+    _add_world(parser.add_argument_group("the world, where it is not what the plan believes"))
+    return parser
+
+
+def _add_world(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
+        help="where the parts are squeezed (default: %(default)s)",
+    )  # fmt: skip
+    group.add_argument(
+        "--world-copies", action="store_true",
+        help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
+    )  # fmt: skip
+    group.add_argument(
+        "--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE",
+        help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
+    )  # fmt: skip
+    group.add_argument(
+        "--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change"
+    )
+    group.add_argument(
+        "--encoder-offset-mm", type=_finite, default=0.0, metavar="MM", help="added to every width"
+    )
+    group.add_argument(
+        "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
+        help="standard deviation of the hand's x and y, drawn for every squeeze",
+    )  # fmt: skip
+    group.add_argument(
+        "--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle"
+    )
+    group.add_argument(
+        "--placement-bias-mm", type=_finite, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
+        help="constant error of the hand's place in the world",
+    )  # fmt: skip
+    group.add_argument(
+        "--placement-bias-deg", type=_finite, default=0.0, metavar="DEG", help="and of its angle"
+    )
+
+
+def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
+    """One world, looked at closely."""
+    real = job_with(job.canonical(), map(_override, arguments.world_set), "the job with --world-set")
+    world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
+    with shell.progress(arguments.json) as report:
+        evaluation = evaluate(
+            table, real, world, arguments.trials, arguments.seed, scheduler, _disturbance(arguments), report
+        )
+    outcome = reliability(table, evaluation)
+    confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
+    if arguments.json:
+        shell.print_json(
+            {
+                **evaluation.summary(),
+                "reliability": outcome.figures(),
+                "confusions": [row._asdict() for row in confused],
+                "worst": [row.figures() for row in mistakes],
+            }
+        )
+        return
+    lines = [
+        *text.overview(evaluation, _name_of_world(arguments)),
+        *text.predictions(table, outcome),
+        *text.taken_for(confused),
+        *text.furthest(mistakes),
+    ]
+    print("\n".join(lines))
+
+
+def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
+    """The standard set of worlds, a line each as it is done."""
+    _refuse_changes(arguments)
+    if not arguments.json:
+        print(text.SWEEP_HEAD)
+    lines = []
+    for line in sweep(
+        table, job, standard_cases(job),
+        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
+        arguments.trials, arguments.seed, scheduler,
+    ):  # fmt: skip
+        lines.append(line)
+        if not arguments.json:
+            print(text.sweep_row(line), flush=True)
+    if arguments.json:
+        shell.print_json({"worlds": [_figures(line) for line in lines]})
+
+
+def _figures(line: Line) -> dict[str, Any]:
+    return {"world": line.case.name, "set": dict(line.case.overrides), **line.evaluation.summary()}
+
+
+def _refuse_changes(arguments: argparse.Namespace) -> None:
+    if arguments.world_set or _disturbance(arguments) != Disturbance():
+        raise UsageError(
+            "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
+        )
+
+
+def _disturbance(arguments: argparse.Namespace) -> Disturbance:
+    return Disturbance(
+        encoder_offset_mm=arguments.encoder_offset_mm,
+        placement_mm=arguments.placement_error_mm,
+        placement_deg=arguments.placement_error_deg,
+        bias_mm=tuple(arguments.placement_bias_mm),
+        bias_deg=arguments.placement_bias_deg,
+    )
+
+
+def _override(statement: str) -> tuple[str, str]:
+    name, equals, value = statement.partition("=")
+    if not equals:
+        raise UsageError(f"--world-set {statement}: write it as section.key=value")
+    return name.strip(), value.strip()
+
+
+def _name_of_world(arguments: argparse.Namespace) -> str:
+    disturbance = asdict(_disturbance(arguments))
+    errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
+    return ", ".join([arguments.world, *arguments.world_set, *errors])
 
 
 def _job_of(table: Table, path: Path, job_path: Path | None) -> Job:
@@ -64,21 +199,20 @@ def _job_of(table: Table, path: Path, job_path: Path | None) -> Job:
     return job
 
 
-def _text(evaluation: Evaluation, world: str) -> str:
-    figures = evaluation.summary()
-    low, high = figures["success_ci95"]
-    return "\n".join(
-        [
-            f"{figures['trials']} trials in {world}",
-            f"success    {figures['success_rate']:.4f}  (95 % interval {low:.4f} to {high:.4f})",
-            f"wrong      {figures['wrong_rate']:.4f}  confident, but not within the goal",
-            f"rejected   {figures['reject_rate']:.4f}",
-            f"unresolved {figures['unresolved_rate']:.4f}",
-            f"squeezes   {figures['mean_squeezes']:.2f} on average, {figures['max_squeezes']} at most",
-            f"seconds    {figures['mean_seconds']:.1f} a part, estimated",
-            f"crashes    {figures['crashes']}",
-        ]
-    )
+def _finite(value: str) -> float:
+    """A number, for argparse."""
+    number = float(value)
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{value} is not a finite number")
+    return number
+
+
+def _spread(value: str) -> float:
+    """A standard deviation, for argparse."""
+    number = _finite(value)
+    if number < 0.0:
+        raise argparse.ArgumentTypeError(f"{value} is negative")
+    return number
 
 
 if __name__ == "__main__":

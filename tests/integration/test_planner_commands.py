@@ -1,6 +1,7 @@
 """The planner's commands as a user types them, with wrong input too."""
 
 import csv
+import io
 import json
 import math
 import os
@@ -8,9 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
+
+from planner.cli import compile as compile_
+from planner.cli import evaluate
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
@@ -29,6 +34,17 @@ def run(command, *arguments):
     return process.returncode, out, err
 
 
+def inside(command, *arguments):
+    """The same without a process of its own."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            code = command.main(list(map(str, arguments)))
+        except SystemExit as end:
+            code = end.code
+    return code, out.getvalue(), err.getvalue()
+
+
 def one_line(err):
     return err.count("\n") == 1 and "Traceback" not in err
 
@@ -40,6 +56,80 @@ def test_evaluate_prints_the_promised_keys():
     assert figures["trials"] == 500
     names = {"success_rate", "success_ci95", "mean_squeezes", "max_squeezes", "reject_rate"}
     assert names <= set(figures)
+
+
+def test_evaluate_looks_closely_at_one_world():
+    code, out, _ = inside(evaluate, TABLE, "--trials", 4000, "--encoder-offset-mm", 1, "--json", "--worst", 2)
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["reject_rate"] > 0.02
+    assert figures["reliability"]["leaves"] == len(figures["reliability"]["table"]) > 3
+    assert len(figures["worst"]) <= 2
+    assert sum(row["trials"] for row in figures["confusions"]) >= 4000 * figures["wrong_rate"] - 0.5
+
+
+def test_the_world_may_be_another_one_than_the_tables():
+    slippery = (
+        "--world-set",
+        "friction.finger_part_min=0.15",
+        "--world-set",
+        "friction.finger_part_max=0.25",
+    )
+    plain, other = (
+        json.loads(inside(evaluate, TABLE, "--trials", 2000, "--json", *words)[1]) for words in ((), slippery)
+    )
+    assert other["mean_squeezes"] < plain["mean_squeezes"] - 0.1
+    code, out, _ = inside(evaluate, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
+    assert code == 0
+    assert "friction.finger_part_min=0.15" in out
+    assert "placement_mm 0.5" in out
+
+
+def test_evaluate_sweeps_a_standard_set_of_worlds():
+    code, out, _ = inside(evaluate, TABLE, "--trials", 200, "--sweep", "--json")
+    worlds = json.loads(out)["worlds"]
+    assert code == 0
+    assert worlds[0]["world"] == "as planned"
+    assert worlds[0]["set"] == {}
+    assert len({world["world"] for world in worlds}) == len(worlds) >= 14
+    assert all(world["trials"] == 200 for world in worlds)
+
+
+def test_bad_worlds_are_refused_in_one_line():
+    for words, expected in [
+        (("--world-set", "friction.finger_part_max"), 2),
+        (("--world-set", "friction.finger_part_mxa=1"), 5),
+        (("--world-set", "friction.finger_part_max=0.1"), 6),
+        (("--sweep", "--encoder-offset-mm", "1"), 2),
+    ]:
+        code, _, err = inside(evaluate, TABLE, "--trials", 100, *words)
+        assert code == expected
+        assert one_line(err)
+    assert inside(evaluate, TABLE, "--placement-error-mm", "-1")[0] == 2
+    assert inside(evaluate, TABLE, "--encoder-offset-mm", "nan")[0] == 2
+
+
+def test_compile_says_what_limits_the_plan(tmp_path):
+    code, out, _ = inside(compile_, JOB, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--json")
+    advice = json.loads(out)["advice"]
+    assert code == 0
+    assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
+    assert advice["failing"] == pytest.approx(1.0 - json.loads(out)["success_rate"])
+    code, out, _ = run(
+        "compile", JOB, "-o", tmp_path / "out.msgpack", "--trials", 500, "--no-advice", "--json"
+    )
+    assert json.loads(out)["advice"] is None
+
+
+def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
+    code, out, _ = inside(compile_, JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
+    assert figures["ideal"]["oriented"] > 0.98
+    assert figures["real"]["located"] < 0.7  # the paper, footnote 2
+    assert inside(compile_, JOB, "--baseline", "sensorless", "-o", tmp_path / "out.msgpack")[0] == 2
+    assert inside(compile_, JOB)[0] == 2
 
 
 def write_poses(path, rows):

@@ -1,0 +1,44 @@
+"""What goes wrong between the table and the world, besides the mechanics: the encoder's zero, the arm."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """Errors of the cell that the plan was not told of.
+
+    Attributes:
+        encoder_offset_mm: added to every width before it is read.
+        placement_mm: standard deviation of the hand's x and y, drawn for every squeeze.
+        placement_deg: standard deviation of its angle.
+        bias_mm: constant error of the hand's x and y in the world, the same for all squeezes.
+        bias_deg: constant error of its angle.
+    """
+
+    encoder_offset_mm: float = 0.0
+    placement_mm: float = 0.0
+    placement_deg: float = 0.0
+    bias_mm: tuple[float, float] = (0.0, 0.0)
+    bias_deg: float = 0.0
+
+    def placed(self, placements: Array, rng: np.random.Generator) -> Array:
+        """Where the arm puts the hand.
+
+        Args:
+            placements: (n, 3) where it was told to [mm, mm, rad].
+            rng: as many numbers are drawn from it whatever the errors, so that trials compare one by one.
+        """
+        spread = np.array([self.placement_mm, self.placement_mm, math.radians(self.placement_deg)])
+        bias = np.array([*self.bias_mm, math.radians(self.bias_deg)])
+        return np.asarray(placements + bias + spread * rng.standard_normal((len(placements), 3)))
+
+
+NONE = Disturbance()
+"""A cell as the plan believes it to be."""

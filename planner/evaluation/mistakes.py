@@ -1,0 +1,124 @@
+"""What the trials got wrong: which leaf was taken for which, and where the worst of them began."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.evaluation.judge import metric_of_table, poses_of
+from planner.evaluation.outcome import NOWHERE, Evaluation
+from runtime.table import Table
+
+NO_LEAF = -1
+
+
+class Confusion(NamedTuple):
+    """Parts that ended in one leaf while they lay as another says.
+
+    Attributes:
+        leaf: where they ended.
+        truth: the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal.
+        trials: how many.
+        share: of all trials.
+        resolved: whether the leaf claimed to know the pose.
+    """
+
+    leaf: int
+    truth: int
+    trials: int
+    share: float
+    resolved: bool
+
+
+class Mistake(NamedTuple):
+    """One trial that ended far from its leaf's pose.
+
+    Attributes:
+        initial: (3,) true pose before the first squeeze [mm, mm, rad].
+        final: (3,) true pose in the end.
+        predicted: (3,) what the leaf says.
+        error_mm: audit metric between the two.
+        leaf: where it ended.
+        path: the nodes passed.
+        counts: the encoder's readings there.
+    """
+
+    initial: Array
+    final: Array
+    predicted: Array
+    error_mm: float
+    leaf: int
+    path: tuple[int, ...]
+    counts: tuple[int, ...]
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "initial_pose": _rounded(self.initial),
+            "final_pose": _rounded(self.final),
+            "predicted_pose": _rounded(self.predicted),
+            "error_mm": round(self.error_mm, 3),
+            "leaf": self.leaf,
+            "path": list(self.path),
+            "counts": list(self.counts),
+        }
+
+
+def nearest_leaf(table: Table, poses: Array) -> IntArray:
+    """The leaf whose pose is nearest to each true pose.
+
+    Args:
+        table: the leaves.
+        poses: (n, 3) in the world.
+
+    Returns:
+        (n,) indices, `NO_LEAF` where none is within the goal of the metric.
+    """
+    metric = metric_of_table(table)
+    best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
+    for number, leaf in enumerate(table.leaves):
+        distance = metric.between(poses[:, None], poses_of(leaf, table.goal)[None]).min(axis=1)
+        nearer = (distance < best) & (distance < metric.distance_mm)
+        best[nearer], index[nearer] = distance[nearer], number
+    return index
+
+
+def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
+    """Which leaf was taken for which, the commonest first; leaves that were right are left out."""
+    failed = (evaluation.leaf >= 0) & ~evaluation.within
+    ended = evaluation.leaf[failed].tolist()
+    truth = nearest_leaf(table, evaluation.poses[failed]).tolist()
+    n = len(evaluation.leaf)
+    pairs = Counter(zip(ended, truth, strict=True))
+    return [
+        Confusion(leaf, true, count, count / n, table.leaves[leaf].resolved)
+        for (leaf, true), count in sorted(pairs.items(), key=lambda item: (-item[1], item[0]))
+    ]
+
+
+def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
+    """The confident answers that were furthest off, the worst first; at most `most` of them."""
+    wrong = np.flatnonzero(evaluation.wrong)
+    order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
+    return [_mistake(table, evaluation, trial) for trial in order]
+
+
+def _mistake(table: Table, evaluation: Evaluation, trial: int) -> Mistake:
+    leaf = int(evaluation.leaf[trial])
+    passed = evaluation.path[trial] != NOWHERE
+    return Mistake(
+        initial=evaluation.initial[trial],
+        final=evaluation.poses[trial],
+        predicted=poses_of(table.leaves[leaf], table.goal)[0],
+        error_mm=float(evaluation.error_mm[trial]),
+        leaf=leaf,
+        path=tuple(evaluation.path[trial][passed].tolist()),
+        counts=tuple(evaluation.counts[trial][passed].tolist()),
+    )
+
+
+def _rounded(pose: Array) -> list[float]:
+    return [round(float(pose[0]), 3), round(float(pose[1]), 3), round(float(pose[2]), 5)]

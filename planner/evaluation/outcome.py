@@ -1,0 +1,96 @@
+"""What came of the trials: one row a part, and the figures for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.statistics import wilson_interval
+
+REJECTED = -1
+NOWHERE = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """The outcome of each of n trials.
+
+    Attributes:
+        leaf: (n,) index of the leaf reached, `REJECTED` where a width fitted no branch.
+        squeezes: (n,) how many it took.
+        seconds: (n,) estimated time.
+        error_mm: (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf.
+        within: (n,) whether the leaf's pose is within the goal of the true pose, whatever kind the goal is.
+        resolved: (n,) whether the leaf claims to know the pose.
+        goal_mm: the goal of the metric.
+        crashes: placements at which an open finger would have stood on the part.
+        poses: (n, 3) true final poses in the world.
+        initial: (n, 3) true poses before the first squeeze.
+        path: (n, d) the nodes passed, in order, then `NOWHERE`.
+        counts: (n, d) the encoder's reading at each of them, then `NOWHERE`.
+    """
+
+    leaf: IntArray
+    squeezes: IntArray
+    seconds: Array
+    error_mm: Array
+    within: BoolArray
+    resolved: BoolArray
+    goal_mm: float
+    crashes: int
+    poses: Array
+    initial: Array
+    path: IntArray
+    counts: IntArray
+
+    @property
+    def success(self) -> BoolArray:
+        """Trials that ended in a resolved leaf within the goal."""
+        return np.asarray(self.resolved & self.within)
+
+    @property
+    def wrong(self) -> BoolArray:
+        """Trials that ended in a resolved leaf, but not within the goal: confident and wrong."""
+        return np.asarray(self.resolved & ~self.within)
+
+    @property
+    def rejected(self) -> BoolArray:
+        """Trials in which a width fitted no branch."""
+        return np.asarray(self.leaf == REJECTED)
+
+    @property
+    def unresolved(self) -> BoolArray:
+        """Trials that ended in a leaf that does not claim to know the pose."""
+        return np.asarray((self.leaf >= 0) & ~self.resolved)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of `plan-evaluate --json`."""
+        n = len(self.leaf)
+        successes, wrong = int(self.success.sum()), int(self.wrong.sum())
+        return {
+            "trials": n,
+            "success_rate": successes / n,
+            "success_ci95": list(wilson_interval(successes, n)),
+            "wrong_rate": wrong / n,
+            "wrong_ci95": list(wilson_interval(wrong, n)),
+            "reject_rate": float(self.rejected.mean()),
+            "unresolved_rate": float(self.unresolved.mean()),
+            "mean_squeezes": float(self.squeezes.mean()),
+            "max_squeezes": int(self.squeezes.max()),
+            "mean_seconds": float(self.seconds.mean()),
+            "crashes": self.crashes,
+        }
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """One evaluation of the trials of several, in their order; at least one."""
+        rows: dict[str, Any] = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
+            if field.name not in ("goal_mm", "crashes")
+        }
+        return replace(parts[0], crashes=sum(part.crashes for part in parts), **rows)

@@ -1,0 +1,115 @@
+"""Worlds that are not what the plan believes: a standard set, the same for every part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.evaluate import evaluate
+from planner.evaluation.disturbance import NONE, Disturbance
+from planner.evaluation.outcome import Evaluation
+from planner.job import Job
+from planner.overrides import job_with
+from planner.part.outline import convex_hull
+from planner.scheduler import Scheduler
+from planner.world import World, Worlds
+from runtime.table import Table
+
+
+class Case(NamedTuple):
+    """One world.
+
+    Attributes:
+        name: what is different.
+        overrides: of the job that the world gets, names and values as in a job file.
+        disturbance: errors of the cell.
+    """
+
+    name: str
+    overrides: tuple[tuple[str, str], ...] = ()
+    disturbance: Disturbance = NONE
+
+
+class Line(NamedTuple):
+    """What came of one case."""
+
+    case: Case
+    evaluation: Evaluation
+
+
+def standard_cases(job: Job) -> list[Case]:
+    """The standard set: pressure, friction, encoder, finger asymmetry, placement; first of all none of it."""
+    cases = [Case("as planned")]
+    for kind in ("boundary", "uniform"):
+        if job.pressure.kind != kind:
+            cases.append(Case(f"pressure {kind}", (("pressure.kind", kind),)))
+    feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
+    cases.append(Case("pressure on 3 feet", (("pressure.kind", "points"), ("pressure.points_mm", str(feet)))))
+    cases += [_friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))]
+    cases += [
+        Case(f"encoder {offset:+g} mm", disturbance=Disturbance(encoder_offset_mm=offset))
+        for offset in (-1.0, -0.4, 0.4, 1.0)
+    ]
+    noise = 3.0 * job.gripper.encoder_noise_mm
+    cases.append(Case("encoder noise x 3", (("gripper.encoder_noise_mm", repr(noise)),)))
+    cases += [
+        # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.
+        Case(
+            f"upper finger moves {share:.0%}",
+            (
+                ("actions.openings_mm", "[]"),
+                ("gripper.upper_finger_share", repr(share)),
+            ),
+        )
+        for share in (0.49, 0.51, 0.3, 0.7)
+    ]
+    return [
+        *cases,
+        Case("placement 0.5 mm, 0.5 deg", disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5)),
+        Case("arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
+    ]
+
+
+def three_feet(outline: Array) -> Array:
+    """Three corners (3, 2) of the hull that span the largest triangle: as lopsided as a part stands."""
+    hull = convex_hull(outline)
+    # Of a dense curve every few vertices will do.
+    hull = hull[:: -(-len(hull) // 24)]
+    return max(
+        (hull[list(corners)] for corners in combinations(range(len(hull)), 3)),
+        key=lambda p: abs(np.linalg.det(np.array([p[1] - p[0], p[2] - p[0]]))),
+    )
+
+
+def sweep(
+    table: Table,
+    job: Job,
+    cases: list[Case],
+    worlds: Callable[[Job], World | Worlds],
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+) -> Iterator[Line]:
+    """Evaluates a table in one case after another, with the same initial poses in all of them.
+
+    Args:
+        table: the table.
+        job: the job it was compiled from.
+        cases: what the world is like instead.
+        worlds: makes worlds for a job.
+        trials: number of parts for each case.
+        seed: of the trials.
+        scheduler: who runs them.
+    """
+    for case in cases:
+        real = job_with(job.canonical(), case.overrides, f"the world with {case.name}")
+        yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
+
+
+def _friction(low: float, high: float) -> Case:
+    bounds = (("friction.finger_part_min", repr(low)), ("friction.finger_part_max", repr(high)))
+    return Case(f"friction {low:g} to {high:g}", bounds)

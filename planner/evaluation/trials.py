@@ -1,0 +1,210 @@
+"""Trials of a table in a world: parts are squeezed, read, and sent on, as the runtime would do it.
+
+All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at: the table is laid
+out as arrays, and a descent is one look-up for all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self, cast
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief import initial
+from planner.encoder import COUNTS, Encoder, encoder_of
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.judge import judge
+from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.frames import to_hand, to_world
+from planner.job import Job
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
+from planner.world import World
+from runtime.table import HELD_UM, REJECT, Calibration, Squeeze, Table, count_map
+
+RUNNING = -2
+DISMISSED = int(np.iinfo(np.int64).min)
+"""Target of a count that fits no branch."""
+HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
+
+
+def placement_of(squeeze: Squeeze) -> Array:
+    """The hand frame in the world of a table's squeeze, (3,) [mm, mm, rad]."""
+    return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Program:
+    """A table of N nodes as arrays.
+
+    Attributes:
+        table: where they come from.
+        placement: (N, 3) the hand frame in the world [mm, mm, rad].
+        opening_mm: (N,) before the squeeze.
+        speed_mm_s: (N,) of closing.
+        target: (N, 256) of every count: a node, ~leaf, or `DISMISSED`.
+        drag: (N, 2) how far the hand carries a held part before the jaws open [mm].
+        carries: (N, 256) counts at which it does so.
+    """
+
+    table: Table
+    placement: Array
+    opening_mm: Array
+    speed_mm_s: Array
+    target: IntArray
+    drag: Array
+    carries: BoolArray
+
+    @classmethod
+    def of(cls, table: Table) -> Self:
+        """Lays out a table; the encoder's calibration is the one it was compiled with."""
+        calibration = Calibration.linear(table.gripper)
+        size = len(table.nodes)
+        target = np.full((size, COUNTS), DISMISSED, np.int64)
+        drag, carries = np.zeros((size, 2)), np.zeros((size, COUNTS), np.bool_)
+        for index, node in enumerate(table.nodes):
+            if node.release is not None:
+                drag[index] = np.array(node.release) / 1e3 - placement_of(node.squeeze)[:2]
+            for count, number in enumerate(count_map(node, calibration)):
+                if number == REJECT:
+                    continue
+                target[index, count] = node.branches[number].target
+                carries[index, count] = node.branches[number].expected_um >= HELD_UM
+        return cls(
+            table=table,
+            placement=np.array([placement_of(node.squeeze) for node in table.nodes]),
+            opening_mm=np.array([node.squeeze.opening_um / 1e3 for node in table.nodes]),
+            speed_mm_s=np.array([node.squeeze.speed_um_s / 1e3 for node in table.nodes]),
+            target=target,
+            drag=drag,
+            carries=carries,
+        )
+
+
+class Squeezed(NamedTuple):
+    """What a world made of n squeezes.
+
+    Attributes:
+        poses: (n, 3) final poses in the hand frame.
+        width_mm: (n,) true openings.
+        held: (n,) whether the part was between the fingers in the end.
+    """
+
+    poses: Array
+    width_mm: Array
+    held: BoolArray
+
+
+def run(
+    program: Program, job: Job, world: World, trials: int, rng: np.random.Generator, disturbance: Disturbance
+) -> Evaluation:
+    """Runs a table on a number of parts.
+
+    Args:
+        program: the table.
+        job: what the parts and the gripper are like in truth: initial poses and encoder come from it.
+        world: where the parts are squeezed.
+        trials: number of parts, at least 1.
+        rng: of initial poses, encoder noise and the arm's errors; the world has its own.
+        disturbance: errors of the cell.
+    """
+    state = _Trials(program, job, initial(job, trials, rng), disturbance)
+    for _ in range(program.table.limits.max_depth):
+        if not np.any(state.node >= 0):
+            break
+        state.squeeze(np.flatnonzero(state.node >= 0), world, rng)
+    return state.evaluation()
+
+
+class _Trials:
+    """The state of all trials; `node` is the node each stands at, negative once it has ended."""
+
+    def __init__(self, program: Program, job: Job, poses: Array, disturbance: Disturbance) -> None:
+        n, depth = len(poses), program.table.limits.max_depth
+        self.program, self.job, self.disturbance = program, job, disturbance
+        self.encoder: Encoder = encoder_of(job)
+        self.reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+        self.initial, self.poses = poses, poses.copy()
+        self.node: IntArray = np.zeros(n, np.int64)
+        self.leaf: IntArray = np.full(n, RUNNING, np.int64)
+        self.squeezes: IntArray = np.zeros(n, np.int64)
+        self.seconds, self.hand = np.zeros(n), np.zeros((n, 2))
+        self.path: IntArray = np.full((n, depth), NOWHERE, np.int64)
+        self.counts: IntArray = np.full((n, depth), NOWHERE, np.int64)
+        self.crashes = 0
+
+    def squeeze(self, members: IntArray, world: World, rng: np.random.Generator) -> None:
+        """Squeezes the running trials once and looks up where each goes."""
+        node, program = self.node[members], self.program
+        placement = self.disturbance.placed(program.placement[node], rng)
+        hand = to_hand(self.poses[members], placement.T)
+        self._count_crashes(world, hand, program.opening_mm[node])
+        squeezed = _squeeze_all(world, hand)
+        counts = self.encoder.read(squeezed.width_mm + self.disturbance.encoder_offset_mm, rng)
+        drag = np.where(program.carries[node, counts][:, None], program.drag[node], 0.0)
+        self.poses[members] = to_world(squeezed.poses, placement.T)
+        self.poses[members, :2] += np.where(squeezed.held[:, None], drag, 0.0)
+        self._spend(members, squeezed.width_mm, drag)
+        self.path[members, self.squeezes[members]] = node
+        self.counts[members, self.squeezes[members]] = counts
+        self.squeezes[members] += 1
+        self._descend(members, program.target[node, counts])
+
+    def evaluation(self) -> Evaluation:
+        """The outcomes."""
+        table = self.program.table
+        error, within = judge(table, self.leaf, self.poses)
+        known = np.array([leaf.resolved for leaf in table.leaves])
+        return Evaluation(
+            leaf=self.leaf,
+            squeezes=self.squeezes,
+            seconds=self.seconds,
+            error_mm=error,
+            within=within,
+            resolved=np.where(self.leaf >= 0, known[self.leaf], False),
+            goal_mm=table.goal.distance_um / 1e3,
+            crashes=self.crashes,
+            poses=self.poses,
+            initial=self.initial,
+            path=self.path,
+            counts=self.counts,
+        )
+
+    def _descend(self, members: IntArray, target: IntArray) -> None:
+        """Moves trials to where their look-up led: a node, a leaf (~leaf), or a rejection."""
+        ended = target < 0
+        self.leaf[members[ended]] = np.where(target[ended] == DISMISSED, REJECTED, ~target[ended])
+        self.node[members] = np.maximum(target, NOWHERE)
+
+    def _count_crashes(self, world: World, hand: Array, opening_mm: Array) -> None:
+        collides = getattr(world, "collides", None)
+        if collides is not None:
+            near = np.abs(hand[:, 1]) + self.reach > 0.5 * opening_mm
+            pairs = zip(hand[near], opening_mm[near], strict=True)
+            self.crashes += sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
+
+    def _spend(self, members: IntArray, width_mm: Array, drag: Array) -> None:
+        """Adds the time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
+        program, limits = self.program, self.program.table.limits
+        node = self.node[members]
+        target = program.placement[node, :2]
+        travel = np.hypot(*(target - self.hand[members]).T) + np.hypot(*drag.T)
+        lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
+        stroke = 2.0 * (program.opening_mm[node] - width_mm)
+        self.seconds[members] += (travel + lift) / (limits.arm_speed_um_s / 1e3)
+        self.seconds[members] += stroke / program.speed_mm_s[node]
+        self.hand[members] = target + drag
+
+
+def _squeeze_all(world: World, hand: Array) -> Squeezed:
+    """Squeezes (n, 3) poses, in a batch where the world offers one."""
+    many = getattr(world, "squeeze_many", None)
+    if many is not None:
+        rolled = many(hand)
+        held = (rolled.status == GRASPED) | (rolled.status == JAMMED)
+        return Squeezed(cast(Array, rolled.poses), cast(Array, rolled.width_mm), np.asarray(held))
+    results = [world.squeeze((float(x), float(y), float(theta))) for x, y, theta in hand]
+    final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
+    width = np.array([result[1] for result in results], dtype=np.float64)
+    return Squeezed(final, width, np.array([result[2] in HOLDING for result in results]))
