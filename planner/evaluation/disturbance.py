@@ -20,6 +20,7 @@ class Disturbance:
         placement_deg: standard deviation of its angle.
         bias_mm: constant error of the hand's x and y in the world, the same for all squeezes.
         bias_deg: constant error of its angle.
+        across_mm: constant error of its place along the closing direction, which turns with the hand.
     """
 
     encoder_offset_mm: float = 0.0
@@ -27,6 +28,7 @@ class Disturbance:
     placement_deg: float = 0.0
     bias_mm: tuple[float, float] = (0.0, 0.0)
     bias_deg: float = 0.0
+    across_mm: float = 0.0
 
     def placed(self, placements: Array, rng: np.random.Generator) -> Array:
         """Where the arm puts the hand.
@@ -37,7 +39,10 @@ class Disturbance:
         """
         spread = np.array([self.placement_mm, self.placement_mm, math.radians(self.placement_deg)])
         bias = np.array([*self.bias_mm, math.radians(self.bias_deg)])
-        return np.asarray(placements + bias + spread * rng.standard_normal((len(placements), 3)))
+        placed = placements + bias + spread * rng.standard_normal((len(placements), 3))
+        closing = np.stack([-np.sin(placed[:, 2]), np.cos(placed[:, 2])], axis=1)
+        placed[:, :2] += self.across_mm * closing
+        return np.asarray(placed)
 
 
 NONE = Disturbance()

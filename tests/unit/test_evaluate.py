@@ -196,6 +196,14 @@ def test_a_bias_displaces_the_hand_in_the_world(job):
     assert np.allclose(world.seen[:200], to_hand(evaluation.initial, place))
 
 
+def test_a_bias_across_turns_with_the_hand(job):
+    table, world = spread_table(), Wrung()
+    plain = evaluate(table, job, Wrung(), 200, seed=8)
+    evaluate(table, job, world, 200, seed=8, disturbance=Disturbance(across_mm=2.5))
+    place = placement_of(table.nodes[0].squeeze)
+    assert np.allclose(world.seen[:200], to_hand(plain.initial, place) - np.array([0.0, 2.5, 0.0]))
+
+
 def test_placement_errors_have_the_stated_spread(job):
     table, world = spread_table(), Wrung()
     error = Disturbance(placement_mm=0.7, placement_deg=1.5)

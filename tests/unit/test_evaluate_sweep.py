@@ -65,6 +65,16 @@ def test_only_the_world_differs_from_case_to_case(job):
     assert set(np.unique(shifts)) <= {math.floor(shift), math.ceil(shift)}
 
 
+def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_told_to(job):
+    (case,) = [case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"]
+    real = job_with(job.canonical(), case.overrides)
+    world = ContactWorlds.of_job(real, 1).world(0)
+    # Flush between the fingers, 21 mm across; the hand itself was displaced.
+    poses, width, _, _ = world.squeeze_many(np.array([[0.0, -case.disturbance.across_mm, 0.0]]))
+    assert width == pytest.approx([21.0], abs=0.1)
+    assert poses[0, 1] + case.disturbance.across_mm == pytest.approx(0.0, abs=0.1)
+
+
 def test_lower_friction_jams_less(job):
     table = load(TREES / "rectangle.msgpack")
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.15 to 0.25")]
