@@ -10,18 +10,14 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.encoder import encoder_of
-from planner.evaluation.judge import metric_of_table
+from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.frames import to_hand, wrap
-from planner.goal import Metric
 from planner.job import Job
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import least_clearance
 from runtime.table import HELD_UM, Table
 
-MOST_POSES = 4
-LEAST_SHARE = 0.1
-"""Poses that hold less of a leaf's parts are scatter."""
 SAMPLES = 40
 """Squeezes of each pose at each placement that is tried."""
 TURNS = 12
@@ -102,35 +98,21 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     """
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
-    metric, simulator = metric_of_table(table), Simulator.of_job(job, workers=1)
+    metric = metric_of_table(table)
+    simulator = Simulator.of_job(job, workers=1)
     found = []
     for leaf in order:
-        poses, shares = _modes(evaluation.poses[evaluation.leaf == leaf], metric)
-        if len(poses) < 2:
+        modes = main_poses(evaluation.poses[evaluation.leaf == leaf], metric)
+        if len(modes) < 2:
             continue
+        poses = np.array([mode.pose for mode in modes])
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
         separator = _separator(poses[:2], job, simulator, rng)
         share = float(visits[leaf] / len(evaluation.leaf))
-        found.append(Ambiguity(leaf, share, poses, shares, separator))
+        found.append(Ambiguity(leaf, share, poses, tuple(mode.ratio for mode in modes), separator))
         if len(found) == most:
             break
     return found
-
-
-def _modes(poses: Array, metric: Metric) -> tuple[Array, tuple[float, ...]]:
-    """The poses that explain most of a leaf's parts, each what those before it do not; and their shares."""
-    rest = poses
-    found: list[Array] = []
-    shares: list[float] = []
-    while len(rest) >= LEAST_SHARE * len(poses) and len(found) < MOST_POSES:
-        mode = metric.mode(rest)
-        share = mode.ratio * len(rest) / len(poses)
-        if share < LEAST_SHARE:
-            break
-        found.append(mode.pose)
-        shares.append(share)
-        rest = rest[~metric.reached(rest, mode.pose)]
-    return np.array(found).reshape(-1, 3), tuple(shares)
 
 
 def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator) -> Separator | None:

@@ -120,7 +120,7 @@ def compile_job(
     if not any(leaf.resolved for leaf in table.leaves):
         goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
         error = NoPlanError(f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less")
-        error.success = float(np.mean(evaluation.error_mm < evaluation.goal_mm))
+        error.success = float(np.mean(evaluation.within))
         raise error
     return Plan(table, root, evaluation)
 

@@ -10,7 +10,9 @@ import numpy as np
 from planner.arrays import Array, BoolArray
 from planner.encoder import Encoder, encoder_of
 from planner.evaluate import Evaluation
+from planner.evaluation.judge import main_poses, metric_of_table
 from planner.frames import wrap
+from planner.goal import Metric, metric_of
 from planner.job import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
@@ -62,23 +64,25 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
     """Puts the measured figures into the leaves and the table.
 
     A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
-    is marked unresolved: the runtime then reports that it does not know, instead of a pose.
+    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
+    are the further poses that parts had there.
 
     Returns:
         The table, canonical, and the evaluation, whose `resolved` follows the leaves.
     """
     leaves = []
+    metric = metric_of_table(table)
     for index, leaf in enumerate(table.leaves):
         here = evaluation.leaf == index
-        trials, hits = int(here.sum()), int((here & (evaluation.error_mm < evaluation.goal_mm)).sum())
+        trials, hits = int(here.sum()), int((here & evaluation.within).sum())
         resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
         success = round(PPM * hits / trials) if trials else leaf.success_ppm
-        covariance = leaf.covariance
+        leaf = leaf._replace(success_ppm=success, trials=trials, resolved=resolved)
         if trials > 2:
-            covariance = _covariance(evaluation.poses[here], leaf, job)
-        leaves.append(
-            leaf._replace(success_ppm=success, trials=trials, resolved=resolved, covariance=covariance)
-        )
+            leaf = leaf._replace(covariance=_covariance(evaluation.poses[here], leaf, job))
+        if trials and not resolved:
+            leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
+        leaves.append(leaf)
     known = np.array([leaf.resolved for leaf in leaves])
     resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
     at_leaf = evaluation.leaf >= 0
@@ -125,7 +129,8 @@ def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Jo
         expected = min(max(round(1e3 * float(encoder.width_mm(node.clusters.mean[k]))), low), high)
         share = round(PPM * float(node.clusters.size[k]) / total)
         branches.append(Branch(low, expected, high, share, target))
-    return Node(squeeze, tuple(branches))
+    release = None if node.release is None else (round(1e3 * node.release[0]), round(1e3 * node.release[1]))
+    return Node(squeeze, tuple(branches), release)
 
 
 def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
@@ -137,17 +142,31 @@ def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, i
 
 
 def _leaf(node: TreeNode, job: Job) -> Leaf:
-    x, y, theta = node.mode.pose
+    x_um, y_um, theta_urad = _pose(node.mode.pose)
     leaf = Leaf(
-        x_um=round(1e3 * float(x)),
-        y_um=round(1e3 * float(y)),
-        theta_urad=round(1e6 * float(wrap(theta))),
+        x_um=x_um,
+        y_um=y_um,
+        theta_urad=theta_urad,
         covariance=(0, 0, 0, 0, 0, 0),
         success_ppm=round(PPM * node.mode.ratio),
         trials=0,
         resolved=node.mode.ratio >= job.goal.confidence,
+        alternatives=tuple(map(_pose, node.mode.others)),
     )
     return leaf._replace(covariance=_covariance(node.belief, leaf, job))
+
+
+def _pose(pose: Array) -> tuple[int, int, int]:
+    """A pose (3,) in um and urad, its angle within half a turn."""
+    x, y, theta = pose
+    return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
+
+
+def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
+    """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
+    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+    modes = main_poses(poses, metric)
+    return tuple(_pose(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
 
 
 def _covariance(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
@@ -175,12 +194,24 @@ def _gripper(job: Job) -> GripperSpec:
 
 
 def _goal(job: Job) -> GoalSpec:
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     return GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
         confidence_ppm=round(PPM * job.goal.confidence),
         rho_um=round(1e3 * radius_of_gyration(job.part.outline_mm)),
         symmetry=job.part.symmetry,
+        kind=metric.kind,
+        tolerance=_tolerance(metric),
+        modes=metric.modes,
     )
+
+
+def _tolerance(metric: Metric) -> tuple[int, int, int]:
+    """The tolerances that the kind of goal looks at, um and urad; zero for the others."""
+    x, y, theta = metric.tolerance
+    if metric.kind == "tolerances":
+        return round(1e3 * x), round(1e3 * y), round(1e6 * theta)
+    return 0, 0, round(1e6 * theta) if metric.kind == "orientation" else 0
 
 
 def _limits(job: Job, depth: int) -> Limits:

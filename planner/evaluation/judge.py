@@ -7,16 +7,19 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.frames import wrap
-from planner.goal import Metric
+from planner.goal import Metric, Mode
 from runtime.table import GoalSpec, Leaf, Table
+
+MOST_POSES = 4
+LEAST_SHARE = 0.1
+"""Poses that hold less of a leaf's parts are scatter."""
 
 
 class Verdict(NamedTuple):
     """How n parts lie to what their leaves say.
 
     Attributes:
-        error_mm: (n,) audit metric, to the nearest of the leaf's poses; infinite without a leaf.
+        error_mm: (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf.
         within: (n,) whether that is within the goal.
     """
 
@@ -25,9 +28,17 @@ class Verdict(NamedTuple):
 
 
 def metric_of_table(table: Table) -> Metric:
-    """The audit metric that the table states (paper eq. 9)."""
+    """The metric that the table states, of whatever kind its goal is."""
     goal = table.goal
-    return Metric(goal.distance_um / 1e3, goal.rho_um / 1e3, goal.symmetry)
+    x, y, theta = goal.tolerance
+    return Metric(
+        distance_mm=goal.distance_um / 1e3,
+        rho_mm=goal.rho_um / 1e3,
+        order=goal.symmetry,
+        kind=goal.kind,
+        tolerance=(x / 1e3, y / 1e3, theta / 1e6),
+        modes=goal.modes,
+    )
 
 
 def poses_of(leaf: Leaf, goal: GoalSpec) -> Array:
@@ -36,6 +47,17 @@ def poses_of(leaf: Leaf, goal: GoalSpec) -> Array:
     if goal.kind == "modes":
         rows += leaf.alternatives
     return np.asarray(np.array(rows) / np.array([1e3, 1e3, 1e6]))
+
+
+def main_poses(poses: Array, metric: Metric) -> list[Mode]:
+    """The poses that parts have in one leaf, the commonest first, each with its share of them.
+
+    Args:
+        poses: (n, 3) where they truly lie, n >= 1 [mm, mm, rad].
+        metric: what is within the goal of a pose belongs to it.
+    """
+    modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
+    return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
@@ -47,23 +69,12 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
         poses: (n, 3) where it truly lies [mm, mm, rad].
     """
     metric = metric_of_table(table)
+    audit = metric._replace(kind="pose", distance_mm=1.0)  # a goal of another kind may state no distance
     error = np.full(len(leaf), np.inf)
     within = np.zeros(len(leaf), np.bool_)
     for index in np.unique(leaf[leaf >= 0]):
         here = leaf == index
-        offset = poses[here][:, None] - poses_of(table.leaves[index], table.goal)[None]
-        offset[..., 2] = wrap(offset[..., 2], table.goal.symmetry)
-        distance = metric.between(offset, np.zeros(3))
-        error[here] = distance.min(axis=1)
-        within[here] = _within(offset, distance, table.goal).any(axis=1)
+        said = poses_of(table.leaves[index], table.goal)[None]
+        error[here] = audit.between(poses[here][:, None], said).min(axis=1)
+        within[here] = metric.reached(poses[here][:, None], said).any(axis=1)
     return Verdict(error, within)
-
-
-def _within(offset: Array, distance: Array, goal: GoalSpec) -> BoolArray:
-    """Where offsets (..., 3), turns reduced by the symmetry, and their metric (...) are within the goal."""
-    tolerance = np.array(goal.tolerance) / np.array([1e3, 1e3, 1e6])
-    if goal.kind == "tolerances":
-        return np.asarray((np.abs(offset) <= tolerance).all(axis=-1))
-    if goal.kind == "orientation":
-        return np.asarray(np.abs(offset[..., 2]) <= tolerance[2])
-    return np.asarray(distance < goal.distance_um / 1e3)

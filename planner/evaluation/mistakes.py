@@ -75,13 +75,13 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
         poses: (n, 3) in the world.
 
     Returns:
-        (n,) indices, `NO_LEAF` where none is within the goal of the metric.
+        (n,) indices, `NO_LEAF` where none is within the goal.
     """
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
     for number, leaf in enumerate(table.leaves):
         distance = metric.between(poses[:, None], poses_of(leaf, table.goal)[None]).min(axis=1)
-        nearer = (distance < best) & (distance < metric.distance_mm)
+        nearer = (distance < best) & (distance < metric.goal)
         best[nearer], index[nearer] = distance[nearer], number
     return index
 

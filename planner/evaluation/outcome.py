@@ -26,7 +26,6 @@ class Evaluation:
         error_mm: (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf.
         within: (n,) whether the leaf's pose is within the goal of the true pose, whatever kind the goal is.
         resolved: (n,) whether the leaf claims to know the pose.
-        goal_mm: the goal of the metric.
         crashes: placements at which an open finger would have stood on the part.
         poses: (n, 3) true final poses in the world.
         initial: (n, 3) true poses before the first squeeze.
@@ -40,7 +39,6 @@ class Evaluation:
     error_mm: Array
     within: BoolArray
     resolved: BoolArray
-    goal_mm: float
     crashes: int
     poses: Array
     initial: Array
@@ -91,6 +89,6 @@ class Evaluation:
         rows: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)
-            if field.name not in ("goal_mm", "crashes")
+            if field.name != "crashes"
         }
         return replace(parts[0], crashes=sum(part.crashes for part in parts), **rows)

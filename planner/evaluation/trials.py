@@ -163,7 +163,6 @@ class _Trials:
             error_mm=error,
             within=within,
             resolved=np.where(self.leaf >= 0, known[self.leaf], False),
-            goal_mm=table.goal.distance_um / 1e3,
             crashes=self.crashes,
             poses=self.poses,
             initial=self.initial,

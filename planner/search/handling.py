@@ -17,10 +17,11 @@ from planner.job import Job
 from planner.models.region import stands_on
 from planner.search.actions import least_clearance
 from planner.search.outcomes import Outcomes
+from runtime.table import HELD_UM
 
 SPARE_MM = 3.0
 """Clearance that an opening smaller than the full one must leave."""
-HELD_MM = 2.0
+HELD_MM = HELD_UM / 1e3
 """A branch whose expected width is less than this holds no part, and nothing is dragged."""
 STABLE = 0.05
 """Share of outcomes held by friction alone, above which the least force is used."""

@@ -81,7 +81,7 @@ def evaluation_of(table, leaf, poses):
     path[:, 0] = 0
     return Evaluation(
         leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
-        resolved=np.where(leaf >= 0, known[leaf], False), goal_mm=3.0, crashes=0, poses=poses,
+        resolved=np.where(leaf >= 0, known[leaf], False), crashes=0, poses=poses,
         initial=poses + 1.0, path=path, counts=path + 100 * (path >= 0),
     )  # fmt: skip
 
@@ -143,7 +143,7 @@ def test_joining_keeps_rows_in_order_and_adds_crashes():
     assert whole.crashes == 6
     assert len(whole.leaf) == 90
     for field in fields(Evaluation):
-        if field.name not in ("crashes", "goal_mm"):
+        if field.name != "crashes":
             rows = [getattr(part, field.name) for part in parts]
             assert np.array_equal(getattr(whole, field.name), np.concatenate(rows))
 
