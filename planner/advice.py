@@ -17,7 +17,7 @@ from planner.job import Job
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler
 from planner.sensitivity import EVERYTHING, Gain, sensitivity
-from runtime.table import PPM, REJECT, Calibration, Table, count_map
+from runtime.table import REJECT, Calibration, Table, count_map
 
 CLOSE_COUNTS = 4.0
 """Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
@@ -59,14 +59,12 @@ class UnusedBranch(NamedTuple):
         node: index of the node.
         branch: its number there.
         width_mm: expected width.
-        predicted: the share of the node's parts it was planned for.
         visits: how many parts came to the node.
     """
 
     node: int
     branch: int
     width_mm: float
-    predicted: float
     visits: int
 
 
@@ -133,7 +131,7 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=tuple(sorted(_close_pairs(table, evaluation, job), key=lambda pair: -pair.excess)),
-        unused=tuple(sorted(unused, key=lambda branch: -branch.predicted * branch.visits)),
+        unused=tuple(sorted(unused, key=lambda branch: -branch.visits)),
         unvisited=unvisited,
         open_poses=tuple(ambiguities(table, evaluation, job)),
         gains=tuple(gains or ()),
@@ -208,8 +206,7 @@ def _never_taken(table: Table, evaluation: Evaluation) -> tuple[list[UnusedBranc
         taken = np.array(count_map(node, calibration))[counts]
         for number in sorted(set(range(len(node.branches))) - set(taken[taken != REJECT].tolist())):
             branch = node.branches[number]
-            share = branch.probability_ppm / PPM
-            unused.append(UnusedBranch(index, number, branch.expected_um / 1e3, share, len(counts)))
+            unused.append(UnusedBranch(index, number, branch.expected_um / 1e3, len(counts)))
     return unused, unvisited
 
 
@@ -259,8 +256,7 @@ def _confusions(pairs: tuple[ClosePair, ...]) -> list[str]:
 def _unused(unused: tuple[UnusedBranch, ...], unvisited: int) -> list[str]:
     """Branches that no part took."""
     lines = [
-        f"node {branch.node}: no part of {branch.visits} took the branch at {branch.width_mm:.1f} mm "
-        f"(planned for {branch.predicted:.2%})"
+        f"node {branch.node}: no part of {branch.visits} took the branch at {branch.width_mm:.1f} mm"
         for branch in unused[:MOST_LINES]
     ]
     if len(unused) > MOST_LINES:

@@ -12,9 +12,11 @@ from planner.belief import initial
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
+from planner.evaluation.stress import Doubt, doubt, settle, stressed
 from planner.goal import metric_of
 from planner.job import Job
-from planner.lower import lower, with_evaluation
+from planner.lower import lower
+from planner.measured import with_evaluation
 from planner.mechanics.simulator import Simulator
 from planner.models.learning import learned_model, learns
 from planner.models.store import Store
@@ -36,7 +38,7 @@ EVALUATION_TRIALS = 20_000
 MARGIN = 0.5
 """Share of the goal's allowed errors at which the search takes a leaf for good: the rest is reserve."""
 REFINEMENTS = 3
-"""How often leaves that the evaluation finds short of the goal are expanded further."""
+"""How often leaves are expanded further that fall short of the goal, or would in a world a little off."""
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 
@@ -75,7 +77,7 @@ def compile_job(
         budget_s: the tree is left as it stands after this long: whole and valid, but with leaves that do not
             know. Without a budget the same seed gives the same bytes.
         store: where the roll-outs of a learned model are kept; nowhere if None.
-        scheduler: who rolls them out; as many threads as `workers` if None.
+        scheduler: who rolls them out and runs worlds that are off; as many threads as `workers` if None.
 
     Raises:
         ClusterError: the cluster was lost.
@@ -87,6 +89,7 @@ def compile_job(
         return _paper_plan(job, workers, trials, say)
     deadline = time.monotonic() + budget_s
     simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
+    threads = Threads(simulator.workers)
     reference = Simulation(simulator, encoder_of(job))
     ahead: MotionModel = reference
     if learns(job):
@@ -95,6 +98,7 @@ def compile_job(
     look_ahead = growth.look_ahead
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))
+    doubts: list[Doubt] = []
     for attempt in range(REFINEMENTS + 1):
         grow(
             root,
@@ -103,6 +107,7 @@ def compile_job(
             lambda a, b: say("search", a, a + b),
             lambda: time.monotonic() > deadline,
         )
+        settle(doubts)
         if not root.children:
             raise NoPlanError(
                 f"{job.part.name}: no first squeeze is free of collision and gains anything; open the jaws "
@@ -112,9 +117,12 @@ def compile_job(
         say("evaluate", attempt, REFINEMENTS + 1)
         world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
         evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
+        if attempt == REFINEMENTS or time.monotonic() > deadline:
+            break
         beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
-        late = time.monotonic() > deadline
-        if late or attempt == REFINEMENTS or learn(root, beliefs, look_ahead) == 0:
+        short = learn(root, beliefs, look_ahead)
+        doubts = doubt(root, stressed(table, job, attempt, scheduler or threads), look_ahead.metric)
+        if short + len(doubts) == 0:
             break
     table, evaluation = with_evaluation(table, evaluation, job)
     if not any(leaf.resolved for leaf in table.leaves):

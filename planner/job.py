@@ -177,6 +177,8 @@ class Search:
         particles: size of the belief that the tree is grown with.
         search_particles: size of the belief that looking ahead is done with.
         max_depth: longest path of the tree, squeezes.
+        stress_trials: parts squeezed in each of some worlds a little off the planned one, to find leaves that
+            would be wrong there; 0 plans for the stated world alone.
     """
 
     method: str
@@ -189,6 +191,7 @@ class Search:
     particles: int
     search_particles: int
     max_depth: int
+    stress_trials: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.encoder import Encoder, encoder_of
-from planner.evaluate import Evaluation
-from planner.evaluation.judge import main_poses, metric_of_table
 from planner.frames import wrap
 from planner.goal import Metric, metric_of
 from planner.job import Job
@@ -28,8 +25,6 @@ from runtime.table import (
     Prediction,
     Squeeze,
     Table,
-    canonical,
-    refuted,
 )
 
 MARGIN_COUNTS = 2
@@ -58,44 +53,6 @@ def lower(root: TreeNode, job: Job) -> Table:
         predicted=Prediction(0, 0, 0),
         job=job.canonical(),
     )
-
-
-def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
-    """Puts the measured figures into the leaves and the table.
-
-    A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
-    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
-    are the further poses that parts had there.
-
-    Returns:
-        The table, canonical, and the evaluation, whose `resolved` follows the leaves.
-    """
-    leaves = []
-    metric = metric_of_table(table)
-    for index, leaf in enumerate(table.leaves):
-        here = evaluation.leaf == index
-        trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-        resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
-        success = round(PPM * hits / trials) if trials else leaf.success_ppm
-        leaf = leaf._replace(success_ppm=success, trials=trials, resolved=resolved)
-        if trials > 2:
-            leaf = leaf._replace(covariance=_covariance(evaluation.poses[here], leaf, job))
-        if trials and not resolved:
-            leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
-        leaves.append(leaf)
-    known = np.array([leaf.resolved for leaf in leaves])
-    resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
-    at_leaf = evaluation.leaf >= 0
-    resolved_trials[at_leaf] = known[evaluation.leaf[at_leaf]]
-    evaluation = dataclasses.replace(evaluation, resolved=resolved_trials)
-    figures = evaluation.summary()
-    predicted = Prediction(
-        success_ppm=round(PPM * figures["success_rate"]),
-        trials=figures["trials"],
-        mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
-        reject_ppm=round(PPM * figures["reject_rate"]),
-    )
-    return canonical(dataclasses.replace(table, leaves=tuple(leaves), predicted=predicted)), evaluation
 
 
 def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:
@@ -142,7 +99,7 @@ def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, i
 
 
 def _leaf(node: TreeNode, job: Job) -> Leaf:
-    x_um, y_um, theta_urad = _pose(node.mode.pose)
+    x_um, y_um, theta_urad = pose_of(node.mode.pose)
     leaf = Leaf(
         x_um=x_um,
         y_um=y_um,
@@ -151,25 +108,18 @@ def _leaf(node: TreeNode, job: Job) -> Leaf:
         success_ppm=round(PPM * node.mode.ratio),
         trials=0,
         resolved=node.mode.ratio >= job.goal.confidence,
-        alternatives=tuple(map(_pose, node.mode.others)),
+        alternatives=tuple(map(pose_of, node.mode.others)),
     )
-    return leaf._replace(covariance=_covariance(node.belief, leaf, job))
+    return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
 
 
-def _pose(pose: Array) -> tuple[int, int, int]:
+def pose_of(pose: Array) -> tuple[int, int, int]:
     """A pose (3,) in um and urad, its angle within half a turn."""
     x, y, theta = pose
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
-    """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
-    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-    modes = main_poses(poses, metric)
-    return tuple(_pose(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
-
-
-def _covariance(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+def covariance_of(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
     """Second moments of poses about the leaf's pose: xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad."""
     offset = poses - np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)

@@ -97,6 +97,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "particles": Integer(10, 10_000_000, default=6000),
         "search_particles": Integer(10, 10_000_000, default=400),
         "max_depth": Integer(1, 100, default=12),
+        "stress_trials": Integer(0, 10_000_000, default=2000),
     },
     "cell": {
         "work_area_mm": Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),

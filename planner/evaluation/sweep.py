@@ -56,8 +56,8 @@ def standard_cases(job: Job) -> list[Case]:
     ]
     noise = 3.0 * job.gripper.encoder_noise_mm
     cases.append(Case("encoder noise x 3", (("gripper.encoder_noise_mm", repr(noise)),)))
-    cases += [_uneven(job, share, centred=False) for share in (0.49, 0.51)]
-    cases += [_uneven(job, share, centred=True) for share in (0.4, 0.6)]
+    cases += [uneven(job, share, centred=False) for share in (0.49, 0.51)]
+    cases += [uneven(job, share, centred=True) for share in (0.4, 0.6)]
     return [
         *cases,
         Case("placement 0.5 mm, 0.5 deg", disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5)),
@@ -106,14 +106,20 @@ def _friction(low: float, high: float) -> Case:
     return Case(f"friction {low:g} to {high:g}", bounds)
 
 
-def _uneven(job: Job, share: float, centred: bool) -> Case:
+def uneven(job: Job, share: float, centred: bool) -> Case:
     """Fingers that do not move alike.
 
-    They meet off the hand's centre, by (1/2 - share) (opening - width). No width tells of that: it is a fault
-    of the cell's calibration, and every pose is off by it. Centred, the hand is calibrated where the fingers
-    meet on the part's narrowest side, and what is left is how an uneven squeeze moves the part.
+    They meet off where the plan has them meet, by (planned share - share) (opening - width). No width tells
+    of that: it is a fault of the cell's calibration, and every pose is off by it. Centred, the hand is
+    calibrated where the fingers meet on the part's narrowest side, and what is left is how an uneven squeeze
+    moves the part.
+
+    Args:
+        job: what is planned.
+        share: of the closing motion that the upper finger makes instead.
+        centred: whether the hand is calibrated so.
     """
-    off = (0.5 - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
+    off = (job.gripper.upper_finger_share - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
     overrides = (
         # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.
         ("actions.openings_mm", "[]"),

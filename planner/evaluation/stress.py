@@ -1,0 +1,118 @@
+"""Worlds a little off the planned one, so that a plan learns where it would be wrong without a warning.
+
+In the planned world a leaf may be right although the squeezes that led to it never looked at one of the
+part's coordinates: nothing happened to disturb it there. An encoder that reads short or a finger that lags
+does, and the leaf is confidently wrong. The search then looks at such leaves once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.sweep import Case, sweep, uneven
+from planner.goal import Metric, Mode
+from planner.job import Job
+from planner.scheduler import Scheduler
+from planner.search.expand import TreeNode, breadth_first
+from planner.world import ContactWorlds
+from runtime.table import Table
+
+OFFSET_COUNTS = 2.0
+"""An encoder's zero may be off by so much."""
+UNEVEN = 0.08
+"""A finger may make so much more or less of the closing motion than planned."""
+TOLERATED = 0.002
+"""Share of confident wrong answers that each such world may have."""
+AMPLIFIED = 0.1
+"""Share of a doubted belief that is wrong, at least: so much that a look-ahead of few particles sees it."""
+SEED_STRESS = 0x53545253
+
+
+class Doubt(NamedTuple):
+    """A leaf made to be searched once more, and what it was before."""
+
+    node: TreeNode
+    belief: Array
+    mode: Mode
+
+
+def stress_cases(job: Job) -> list[Case]:
+    """An encoder that reads short or long, a finger that lags or leads."""
+    gripper = job.gripper
+    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
+    shares = (gripper.upper_finger_share - UNEVEN, gripper.upper_finger_share + UNEVEN)
+    return [
+        *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
+        *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
+    ]
+
+
+def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
+    """Runs a table in worlds that are a little off.
+
+    Args:
+        table: the table, canonical.
+        job: the job it is compiled from; `search.stress_trials` says how many parts each world gets.
+        attempt: the random streams are named after it.
+        scheduler: who runs the trials. The result does not depend on it.
+    """
+    if job.search.stress_trials == 0:
+        return []
+    seed = job.seed + SEED_STRESS + attempt
+    lines = sweep(
+        table, job, stress_cases(job), lambda real: ContactWorlds.of_job(real, seed),
+        job.search.stress_trials, seed, scheduler,
+    )  # fmt: skip
+    return [line.evaluation for line in lines]
+
+
+def doubtful(run: Evaluation, leaves: int) -> list[int]:
+    """The leaves that are wrong most often: without them the run's wrong answers would be tolerated."""
+    wrong = np.bincount(run.leaf[run.wrong], minlength=leaves)
+    order = np.argsort(-wrong, kind="stable")
+    left = wrong.sum() - np.concatenate([[0], np.cumsum(wrong[order])])
+    enough = int(np.argmax(left <= TOLERATED * len(run.leaf)))
+    return [int(leaf) for leaf in order[:enough]]
+
+
+def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Doubt]:
+    """Unsettles the leaves that are wrong too often, so that growing the tree goes on there.
+
+    Args:
+        root: the tree, modified in place: the beliefs of these leaves become the poses that parts had there
+            in the runs, those that were wrong amplified.
+        runs: evaluations of its table.
+        metric: of the goal.
+
+    Returns:
+        The leaves, with what they were before.
+    """
+    ends = [node for node in breadth_first(root) if not node.children]
+    found = []
+    for leaf in sorted({leaf for run in runs for leaf in doubtful(run, len(ends))}):
+        node = ends[leaf]
+        found.append(Doubt(node, node.belief, node.mode))
+        node.belief = _amplified(runs, leaf)
+        node.mode = metric.mode(node.belief)
+    return found
+
+
+def settle(doubts: Sequence[Doubt]) -> None:
+    """Gives the leaves that no squeeze would improve back what they were."""
+    for node, belief, mode in doubts:
+        if not node.children:
+            node.belief, node.mode = belief, mode
+
+
+def _amplified(runs: Sequence[Evaluation], leaf: int) -> Array:
+    """The poses (n, 3) that parts have in a leaf, so few of them right that the wrong ones count."""
+    right = np.concatenate([run.poses[(run.leaf == leaf) & run.within] for run in runs])
+    wrong = np.concatenate([run.poses[(run.leaf == leaf) & ~run.within] for run in runs])
+    most = round(len(wrong) * (1.0 - AMPLIFIED) / AMPLIFIED)
+    return np.concatenate([wrong, right[:: max(1, -(-len(right) // max(most, 1)))]])

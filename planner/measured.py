@@ -1,0 +1,84 @@
+"""The figures of an evaluation in the table it was made of: probabilities are measured, not believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray
+from planner.evaluate import Evaluation
+from planner.evaluation.judge import main_poses, metric_of_table
+from planner.goal import Metric
+from planner.job import Job
+from planner.lower import covariance_of, pose_of
+from runtime.table import PPM, Calibration, Leaf, Node, Prediction, Table, canonical, count_map, refuted
+
+LEAST_VISITS = 200
+"""A node that fewer parts came to keeps the shares that its branches were planned with."""
+
+
+def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
+    """Puts the measured figures into the leaves, the branches and the table.
+
+    A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
+    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
+    are the further poses that parts had there.
+
+    Returns:
+        The table, canonical, and the evaluation, whose `resolved` follows the leaves.
+    """
+    metric = metric_of_table(table)
+    leaves = tuple(_leaf(leaf, index, evaluation, job, metric) for index, leaf in enumerate(table.leaves))
+    known = np.array([leaf.resolved for leaf in leaves])
+    resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
+    at_leaf = evaluation.leaf >= 0
+    resolved_trials[at_leaf] = known[evaluation.leaf[at_leaf]]
+    evaluation = replace(evaluation, resolved=resolved_trials)
+    figures = evaluation.summary()
+    predicted = Prediction(
+        success_ppm=round(PPM * figures["success_rate"]),
+        trials=figures["trials"],
+        mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
+        reject_ppm=round(PPM * figures["reject_rate"]),
+    )
+    nodes = _measured(table, evaluation)
+    return canonical(replace(table, nodes=nodes, leaves=leaves, predicted=predicted)), evaluation
+
+
+def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
+    """A leaf with what its parts came to."""
+    here = evaluation.leaf == index
+    trials, hits = int(here.sum()), int((here & evaluation.within).sum())
+    if trials == 0:
+        return leaf
+    resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
+    leaf = leaf._replace(success_ppm=round(PPM * hits / trials), trials=trials, resolved=resolved)
+    if trials > 2:
+        leaf = leaf._replace(covariance=covariance_of(evaluation.poses[here], leaf, job))
+    if not resolved:
+        leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
+    return leaf
+
+
+def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
+    """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
+    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+    modes = main_poses(poses, metric)
+    return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
+
+
+def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
+    """The nodes, the shares of their branches as parts took them."""
+    calibration = Calibration.linear(table.gripper)
+    nodes = []
+    for index, node in enumerate(table.nodes):
+        taken = np.array(count_map(node, calibration))[evaluation.counts[evaluation.path == index]]
+        visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
+        total = int(visits.sum())
+        if total >= LEAST_VISITS:
+            shares = [round(PPM * int(count) / total) for count in visits]
+            branches = zip(node.branches, shares, strict=True)
+            node = node._replace(branches=tuple(b._replace(probability_ppm=share) for b, share in branches))
+        nodes.append(node)
+    return tuple(nodes)
