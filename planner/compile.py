@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.ambiguity import ambiguities
 from planner.belief import initial
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
@@ -125,11 +126,8 @@ def compile_job(
         if short + len(doubts) == 0:
             break
     table, evaluation = with_evaluation(table, evaluation, job)
-    if not any(leaf.resolved for leaf in table.leaves):
-        goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
-        error = NoPlanError(f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less")
-        error.success = float(np.mean(evaluation.within))
-        raise error
+    if not evaluation.success.any():
+        raise _no_plan(table, evaluation, job)
     return Plan(table, root, evaluation)
 
 
@@ -145,6 +143,17 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
     evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION)
     table, evaluation = with_evaluation(table, evaluation, job)
     return Plan(table, root, evaluation)
+
+
+def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:
+    """Why no leaf knows its pose: what stays open, and what would tell it apart."""
+    goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
+    reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
+    error = NoPlanError(
+        "; ".join([f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less", *reasons])
+    )
+    error.success = float(np.mean(evaluation.within))
+    return error
 
 
 def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:

@@ -148,6 +148,8 @@ class Goal:
         tolerance_mm: bounds on x and y, for "tolerances".
         tolerance_deg: bound on theta, for "tolerances" and "orientation".
         modes: how many poses a leaf may leave open, for "modes".
+        stress_trials: parts squeezed in each of some worlds a little off the planned one, to find leaves that
+            would be wrong there; 0 plans for the stated world alone.
         crash_share: share of the parts that may lie under an open finger coming down, where no placement is
             clear of all of them: an uncertainty wider than the jaws open.
     """
@@ -158,6 +160,7 @@ class Goal:
     tolerance_mm: tuple[float, float]
     tolerance_deg: float
     modes: int
+    stress_trials: int
     crash_share: float
 
 
@@ -177,8 +180,6 @@ class Search:
         particles: size of the belief that the tree is grown with.
         search_particles: size of the belief that looking ahead is done with.
         max_depth: longest path of the tree, squeezes.
-        stress_trials: parts squeezed in each of some worlds a little off the planned one, to find leaves that
-            would be wrong there; 0 plans for the stated world alone.
     """
 
     method: str
@@ -191,7 +192,6 @@ class Search:
     particles: int
     search_particles: int
     max_depth: int
-    stress_trials: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,6 +84,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "tolerance_mm": Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5]),
         "tolerance_deg": Number(0, 180, above=True, default=5.0),
         "modes": Integer(1, 8, default=1),
+        "stress_trials": Integer(0, 10_000_000, default=0),
         "crash_share": Number(0, 0.05, default=0.0),
     },
     "search": {
@@ -97,7 +98,6 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "particles": Integer(10, 10_000_000, default=6000),
         "search_particles": Integer(10, 10_000_000, default=400),
         "max_depth": Integer(1, 100, default=12),
-        "stress_trials": Integer(0, 10_000_000, default=2000),
     },
     "cell": {
         "work_area_mm": Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),

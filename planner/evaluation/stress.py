@@ -15,7 +15,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.sweep import Case, sweep, uneven
+from planner.evaluation.sweep import Case, friction, sweep, uneven
 from planner.goal import Metric, Mode
 from planner.job import Job
 from planner.scheduler import Scheduler
@@ -43,12 +43,14 @@ class Doubt(NamedTuple):
 
 
 def stress_cases(job: Job) -> list[Case]:
-    """An encoder that reads short or long, a finger that lags or leads."""
+    """An encoder that reads short or long, less and more friction, a finger that lags or leads."""
     gripper = job.gripper
     offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
     shares = (gripper.upper_finger_share - UNEVEN, gripper.upper_finger_share + UNEVEN)
     return [
         *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
+        *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < b),
         *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
     ]
 
@@ -58,16 +60,16 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
 
     Args:
         table: the table, canonical.
-        job: the job it is compiled from; `search.stress_trials` says how many parts each world gets.
+        job: the job it is compiled from; `goal.stress_trials` says how many parts each world gets.
         attempt: the random streams are named after it.
         scheduler: who runs the trials. The result does not depend on it.
     """
-    if job.search.stress_trials == 0:
+    if job.goal.stress_trials == 0:
         return []
     seed = job.seed + SEED_STRESS + attempt
     lines = sweep(
         table, job, stress_cases(job), lambda real: ContactWorlds.of_job(real, seed),
-        job.search.stress_trials, seed, scheduler,
+        job.goal.stress_trials, seed, scheduler,
     )  # fmt: skip
     return [line.evaluation for line in lines]
 

@@ -49,7 +49,7 @@ def standard_cases(job: Job) -> list[Case]:
             cases.append(Case(f"pressure {kind}", (("pressure.kind", kind),)))
     feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
     cases.append(Case("pressure on 3 feet", (("pressure.kind", "points"), ("pressure.points_mm", str(feet)))))
-    cases += [_friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))]
+    cases += [friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))]
     cases += [
         Case(f"encoder {offset:+g} mm", disturbance=Disturbance(encoder_offset_mm=offset))
         for offset in (-1.0, -0.4, 0.4, 1.0)
@@ -101,7 +101,8 @@ def sweep(
         yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
 
 
-def _friction(low: float, high: float) -> Case:
+def friction(low: float, high: float) -> Case:
+    """Finger and part rub otherwise than planned."""
     bounds = (("friction.finger_part_min", repr(low)), ("friction.finger_part_max", repr(high)))
     return Case(f"friction {low:g} to {high:g}", bounds)
 

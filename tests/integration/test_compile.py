@@ -10,8 +10,13 @@ from planner import job as job_file
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluate import REJECTED, evaluate
+from planner.evaluation.stress import stress_cases
+from planner.evaluation.sweep import sweep
+from planner.frames import wrap
+from planner.overrides import job_with
 from planner.search.expand import breadth_first
-from planner.world import make
+from planner.statistics import wilson_interval
+from planner.world import ContactWorlds, make
 from runtime.table import Calibration, count_map, dumps, load, loads
 
 TREES = Path(__file__).parents[2] / "trees"
@@ -109,13 +114,14 @@ def test_a_table_without_its_job_still_runs(plan):
 L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]"
 
 
-def l_job(proposals):
+def l_job(proposals, *overrides):
     """An L without symmetry, searched for with few particles."""
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
-    search = '[search]\nmodel = "simulation"\nparticles = 2000\nsearch_particles = 200\n'
-    return job_file.parse("\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10") + "\n" + search)
+    text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
+    few = [("search.model", "simulation"), ("search.particles", "2000"), ("search.search_particles", "200"), ("goal.stress_trials", "0")]
+    return job_with(job_file.parse(text).canonical(), [*few, *overrides])
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
@@ -123,6 +129,56 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
     assert figures["crashes"] == 0
+
+
+def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
+    with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
+        compile_job(l_job("none", ("search.max_depth", "3")), workers=2, trials=1000)
+    assert 0.3 <= caught.value.success <= 0.7
+    assert "\n" not in str(caught.value)
+
+
+def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
+    plan = compile_job(l_job("none", ("goal.kind", "modes"), ("goal.modes", "2")), workers=2, trials=2000)
+    table = loads(dumps(plan.table))
+    assert table == plan.table
+    assert (table.goal.kind, table.goal.modes) == ("modes", 2)
+    assert plan.evaluation.summary()["success_rate"] >= 0.96
+    named = np.array([1 + len(table.leaves[leaf].alternatives) for leaf in plan.evaluation.leaf])
+    assert set(named[plan.evaluation.success].tolist()) <= {1, 2}
+    assert np.mean(named[plan.evaluation.success] == 2) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
+)
+def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
+    wanted = job_with(job.canonical(), [("goal.kind", kind), ("search.particles", "2000")])
+    plan = compile_job(wanted, workers=2, trials=2000)
+    assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
+    assert plan.evaluation.summary()["success_rate"] >= 0.98
+    known = plan.evaluation.resolved
+    poses = [(leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6) for leaf in plan.table.leaves]
+    offset = plan.evaluation.poses[known] - np.array(poses)[plan.evaluation.leaf[known]]
+    offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
+    kept = np.abs(offset[:, 2]) < np.radians(5.0)
+    if kind == "tolerances":
+        kept &= np.all(np.abs(offset[:, :2]) < 2.5, axis=1)
+    assert np.array_equal(plan.evaluation.within[known], kept)
+
+
+def test_shares_of_busy_branches_are_those_that_parts_took(plan):
+    table, run = plan.table, plan.evaluation
+    at_root = np.array(count_map(table.nodes[0], Calibration.linear(table.gripper)))[run.counts[:, 0]]
+    for number, branch in enumerate(table.nodes[0].branches):
+        assert branch.probability_ppm == pytest.approx(1e6 * np.mean(at_root == number), abs=7500)
+
+
+def test_confident_wrong_answers_stay_rare_in_worlds_a_little_off(job, plan):
+    for case in stress_cases(job):
+        (line,) = sweep(plan.table, job, [case], lambda real: ContactWorlds.of_job(real, 21), 4000, 22)
+        low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 4000)
+        assert low <= 0.005, case.name
 
 
 def test_a_budget_leaves_a_valid_tree_that_knows_what_it_does_not_know(job):
