@@ -78,7 +78,7 @@ def test_the_world_may_be_another_one_than_the_tables():
     plain, other = (
         json.loads(inside(evaluate, TABLE, "--trials", 2000, "--json", *words)[1]) for words in ((), slippery)
     )
-    assert other["mean_squeezes"] < plain["mean_squeezes"] - 0.1
+    assert other["mean_squeezes"] < plain["mean_squeezes"] - 0.02
     code, out, _ = inside(evaluate, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
     assert code == 0
     assert "friction.finger_part_min=0.15" in out
