@@ -167,6 +167,18 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
     assert np.array_equal(plan.evaluation.within[known], kept)
 
 
+def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
+    near_edge = [("cell.work_area_mm", "[[-30, -30], [30, 30]]"), ("actions.centers_mm", "[[6, 0]]")]
+    quick = [("search.particles", "2000"), ("goal.stress_trials", "0")]
+    narrow = job_with(job.canonical(), [*near_edge, *quick])
+    table = compile_job(narrow, workers=2, trials=1000).table
+    assert {node.release for node in table.nodes} >= {(0, 0)}
+    worlds = ContactWorlds.of_job(narrow, 3)
+    assert evaluate(table, narrow, worlds, 1000, 4).success.mean() >= 0.98
+    left = dataclasses.replace(table, nodes=tuple(node._replace(release=None) for node in table.nodes))
+    assert evaluate(left, narrow, worlds, 1000, 4).success.mean() < 0.9
+
+
 def test_shares_of_busy_branches_are_those_that_parts_took(plan):
     table, run = plan.table, plan.evaluation
     at_root = np.array(count_map(table.nodes[0], Calibration.linear(table.gripper)))[run.counts[:, 0]]
