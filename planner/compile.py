@@ -23,7 +23,7 @@ from planner.models.learning import learned_model, learns
 from planner.models.store import Store
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
-from planner.scheduler import Scheduler
+from planner.scheduler import Scheduler, Threads
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
 from planner.search.costs import costs_of

@@ -36,7 +36,7 @@ LEAF_SIZE = 5
 MARGINS_MM = (0.2, 0.3, 0.4, 0.6, 0.8)
 """How much larger the finger is in learning: tried until false alarms no longer become fewer."""
 MISSES = 4e-4
-"""Share of colliding placements that may pass when the threshold is chosen: two fifths of what is promised."""
+"""Share of colliding placements that may pass when the threshold is chosen: 40 % of what is promised."""
 VALIDATION = 200_000
 DRAWN_AT_ONCE = 400_000
 

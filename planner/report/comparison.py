@@ -137,7 +137,7 @@ def run(
 def _judged(plan: Plan, job: Job, truth: Job, trials: int, workers: int | None) -> Figures:
     """The figures of a plan in the world of another job."""
     evaluation = evaluate(plan.table, job, ContactWorld(truth, SEED_WORLD, workers), trials, SEED_TRIALS)
-    within = int(np.sum(evaluation.error_mm < evaluation.goal_mm))
+    within = int(np.sum(evaluation.within))
     return {
         **evaluation.summary(),
         "within_rate": within / trials,

@@ -120,7 +120,12 @@ def l_job(proposals, *overrides):
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
-    few = [("search.model", "simulation"), ("search.particles", "2000"), ("search.search_particles", "200"), ("goal.stress_trials", "0")]
+    few = [
+        ("search.model", "simulation"),
+        ("search.particles", "2000"),
+        ("search.search_particles", "200"),
+        ("goal.stress_trials", "0"),
+    ]
     return job_with(job_file.parse(text).canonical(), [*few, *overrides])
 
 
