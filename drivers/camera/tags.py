@@ -68,7 +68,7 @@ def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[
 
     OpenCV 4 gives the ids as a column, OpenCV 5 as a row, and both give None for none.
     """
-    corners, ids, _ = detector.detectMarkers(picture)
+    corners, ids, _ = detector.detectMarkers(cv2.GaussianBlur(picture, (3, 3), 0.0))
     if ids is None or len(corners) == 0:
         return []
     return [
@@ -80,4 +80,8 @@ def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[
 def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    # The smallest window (3) finds the sensor's noise, thousands of contours of it, and no tag of ours.
+    parameters.adaptiveThreshWinSizeMin = 13
+    parameters.adaptiveThreshWinSizeMax = 33
+    parameters.adaptiveThreshWinSizeStep = 20
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)

@@ -137,7 +137,10 @@ def _cover(levels: Levels, optics: Optics, polygon: Array) -> None:
     edges = np.roll(polygon, -1, axis=0) - polygon
     for _, rays in _rays(optics, box):
         spot = optics.eye_mm - (optics.eye_mm[2] / rays[..., 2:]) * rays
-        sides = [e[0] * (spot[..., 1] - p[1]) - e[1] * (spot[..., 0] - p[0]) for p, e in zip(polygon, edges, strict=True)]
+        sides = [
+            e[0] * (spot[..., 1] - p[1]) - e[1] * (spot[..., 0] - p[0])
+            for p, e in zip(polygon, edges, strict=True)
+        ]
         share += np.all(np.array(sides) >= 0.0, axis=0) | np.all(np.array(sides) <= 0.0, axis=0)
     share /= SAMPLES * SAMPLES
     patch = levels[top:bottom, left:right]
