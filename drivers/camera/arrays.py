@@ -4,5 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 """A picture in grey levels, (height, width)."""

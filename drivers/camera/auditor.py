@@ -111,12 +111,12 @@ class Auditor:
             picture = self._source.picture(until)
         except CameraError as error:
             return Answer(UNKNOWN, str(error))
+        found: Measured | None = None
         try:
             found, moved_mm = self._measured(picture, predicted)
-        except CameraError as error:
-            answer, found = Answer(UNKNOWN, str(error)), None
-        else:
             answer = self._answer(found, moved_mm, predicted)
+        except CameraError as error:
+            answer = Answer(UNKNOWN, str(error))
         return self._kept(answer, part, picture, found, predicted)
 
     def _measured(self, picture: Picture, predicted: Pose) -> tuple[Measured, float]:

@@ -1,4 +1,4 @@
-"""What is known of one camera: its lens, its place, how far to trust it where, and how to see that it moved."""
+"""What is known of one camera: its lens, its place, how far to trust it, and what shows that it moved."""
 
 from dataclasses import dataclass
 from pathlib import Path

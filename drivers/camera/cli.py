@@ -18,7 +18,7 @@ REPORT = "runtime.quality.command"
 EPILOG = """\
 example:
   grasp-runtime --tree T.msgpack --port ... \\
-      --audit "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration camera.json --tag tag.json"
+      --audit "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
   grasp-audit report runs/*.jsonl -o report.html
 
 judge reads questions from its standard input, one JSON object a line, and answers each by one line:
@@ -83,8 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def judge(options: argparse.Namespace) -> bool:
     """Answer questions; returns whether to start anew.
 
-    Nothing that can be wrong with the files keeps the cell from running: it is told once, and every verdict is
-    then "unknown" for that reason.
+    Nothing that can be wrong with the files keeps the cell from running: it is told once, and every
+    verdict is then "unknown" for that reason.
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)

@@ -1,16 +1,16 @@
-"""Corners of a tag to a few hundredths of a pixel: each side as a line through its edge, corners where they cut.
+"""Corners of a tag to a few hundredths of a pixel: each side is a line through its edge, corners are crossings.
 
 Along a side, profiles are read across the edge from black to white. In each the edge is the centroid of the
-slope within half a square of it, found again until it stays; then a line is fitted to all of them, those that
-do not belong to it (a stain, a finger's shadow) weighted down. The window is symmetric about the edge, so that
-blur of any width leaves it where it is.
+slope within half a square of it, found again until it stays; then a line is fitted to all of them, without
+those that do not belong to it (a stain, a finger's shadow). The window is symmetric about the edge, so that blur
+leaves it where it is.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from drivers.camera.arrays import Array, Picture
+from drivers.camera.arrays import Array, Mask, Picture
 
 PROFILES = 28  # along a side
 INSET = 0.10  # of a side, left out at each end: there the profiles meet the next side
@@ -105,7 +105,7 @@ def sample(picture: Picture, spots: Array) -> Array | None:
     return np.asarray((1.0 - v) * upper + v * lower)
 
 
-def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Array]:
+def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
     """Where each profile rises: (..., k) levels -> offset of the edge, and whether there is one."""
     slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
     middles = 0.5 * (offsets[1:] + offsets[:-1])
@@ -123,7 +123,7 @@ def _smoothed(slope: Array) -> Array:
     return np.asarray(slope + np.roll(slope, 1, axis=-1) + np.roll(slope, -1, axis=-1))
 
 
-def _line(along: Array, edge: Array, sharp: Array) -> tuple[float, float, float, float] | None:
+def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float, float] | None:
     """Offset, slope, rms and support of a line through a side's edge; None: too little of it is seen."""
     kept = sharp.copy()
     for _ in range(4):
@@ -132,7 +132,7 @@ def _line(along: Array, edge: Array, sharp: Array) -> tuple[float, float, float,
         slope, offset = np.polyfit(along[kept], edge[kept], 1) if kept.any() else (0.0, 0.0)
         left = np.abs(edge - offset - slope * along)
         limit = max(OUTLIER_PX, 2.5 * 1.4826 * float(np.median(left[sharp])))
-        kept = sharp & (left <= limit)
+        kept = np.asarray(sharp & (left <= limit), np.bool_)
     if kept.sum() < LEAST_SHARE * len(edge):
         return None
     rms = float(np.sqrt(np.mean(left[kept] ** 2)))

@@ -53,7 +53,8 @@ def _half_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> bo
     drawn = cv2.aruco.generateImageMarker(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), tag.number, SQUARES * PX_PER_SQUARE
     )
-    pattern = cv2.copyMakeBorder(drawn, *(4 * [PX_PER_SQUARE]), cv2.BORDER_CONSTANT, value=255)
+    edges = (PX_PER_SQUARE, PX_PER_SQUARE, PX_PER_SQUARE, PX_PER_SQUARE)
+    pattern = cv2.copyMakeBorder(drawn, *edges, cv2.BORDER_CONSTANT, value=255)
     flat = _flattened(picture, view, tag, expected, len(pattern))
     if flat is None:
         return False

@@ -1,7 +1,7 @@
 """A camera above or below a table, and what it sees on the table's plane.
 
 The world's z axis points up and the table is at z = 0. A tag is measured by cutting its corners' rays with the
-plane it is known to lie in: a free pose of six parameters would trade depth for tilt, and be off by millimetres.
+plane it is known to lie in: a free pose of six parameters would trade depth for tilt and be off by millimetres.
 
 Whatever lies face down is seen from below, through the table, and handedness is settled in one place,
 `as_it_lies`: print is described as one reads it, x to the right and y down.
