@@ -1,7 +1,7 @@
 """Where pictures come from: a device, a network camera, a folder. Every picture has a deadline.
 
-A picture is always of *now*: a stream is read all the time, and what was exposed before the question was asked
-is thrown away.
+A picture is always of *now*: a stream is read all the time, and what was exposed before the question was
+asked is thrown away.
 """
 
 import threading

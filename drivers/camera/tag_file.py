@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from drivers.camera import documents
 from drivers.camera.errors import CameraFileError
@@ -68,13 +69,17 @@ def load(path: Path) -> PartTag:
     """
     told = documents.read(path, KIND, REMEDY)
     try:
-        if told["version"] != 1 or told["family"] != FAMILY:
-            raise ValueError(f"version {told['version']}, family {told['family']}; 1 and {FAMILY} are known")
-        on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
-        rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
-        tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)
-        if not tag.side_mm > 0.0:
-            raise ValueError("side_mm must be positive")
+        return _parsed(told)
     except (KeyError, TypeError, ValueError) as error:
         raise CameraFileError(f"{KIND} {path}: {error!r}; {REMEDY}") from error
+
+
+def _parsed(told: dict[str, Any]) -> PartTag:
+    if told["version"] != 1 or told["family"] != FAMILY:
+        raise ValueError(f"version {told['version']}, family {told['family']}; 1 and {FAMILY} are known")
+    on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
+    rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
+    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)
+    if not tag.side_mm > 0.0:
+        raise ValueError("side_mm must be positive")
     return tag

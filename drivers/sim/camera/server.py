@@ -63,7 +63,7 @@ def _handler(
     class Handler(BaseHTTPRequestHandler):
         """One request."""
 
-        def do_GET(self) -> None:  # noqa: N802 - the library's name
+        def do_GET(self) -> None:
             """Answer with a picture or with a stream of them."""
             try:
                 if self.path == "/picture.jpg":
