@@ -76,7 +76,7 @@ def parse(text: str) -> Board:
     """A board as the command line names it.
 
     Args:
-        text: `charuco:12x9:30:22.5` or `chessboard:12x9:30`: fields across and down, mm of a field, of a marker.
+        text: `charuco:12x9:30:22.5` or `chessboard:12x9:30`: fields across, down, mm of a field, a marker.
 
     Raises:
         RefusedError: it is not understood.

@@ -2,8 +2,8 @@
 
 Along a side, profiles are read across the edge from black to white. In each the edge is the centroid of the
 slope within half a square of it, found again until it stays; then a line is fitted to all of them, without
-those that do not belong to it (a stain, a finger's shadow), and the corners are where lines cross. The window is
-symmetric about the edge, so that blur leaves it where it is.
+those that do not belong to it (a stain, a finger's shadow), and the corners are where lines cross. The window
+is symmetric about the edge, so that blur leaves it where it is.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """A lens from views of a board: OpenCV's bundle adjustment, and how sure one may be of it.
 
-The covariance of the lens and of the table's pose follows from the same equations, with the poses of all other
-views eliminated (Schur complement); the tool reads from it how far places on the table may be trusted.
+The covariance of the lens and of the table's pose follows from the same equations, with the poses of all
+other views eliminated (Schur complement); the tool reads from it how far places on the table may be trusted.
 """
 
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
         size: width and height of the pictures.
 
     Raises:
-        RefusedError: too few views, a corner of the picture without any, too large residuals, too little tilt.
+        RefusedError: too few views, a corner of the picture without any, large residuals, little tilt.
     """
     check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]).astype(np.float32) for v in views]
@@ -61,8 +61,8 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     ]
     k1, k2, p1, p2, k3 = map(float, np.ravel(distortion)[:5])
     matrix = np.asarray(matrix, np.float64)
-    focal, centre = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
-    lens = Lens(*size, tuple(map(float, focal)), tuple(map(float, centre)), (k1, k2, p1, p2, k3))
+    values = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], k1, k2, p1, p2, k3)
+    lens = Lens(*size, (1.0, 1.0), (0.0, 0.0), (0.0,) * 5).with_parameters(np.array(values))
     poses = np.array([[*np.ravel(r), *np.ravel(t)] for r, t in zip(turns, shifts, strict=True)], np.float64)
     left = [projected(lens, pose, v.points) - v.pixels for pose, v in zip(poses, views, strict=True)]
     rms = np.array([np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in left])
@@ -96,7 +96,8 @@ def check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
             near = np.abs(seen - (right, down)) < CORNER_SHARE
             if not near.all(axis=1).any():
                 raise RefusedError(
-                    f"no view shows the board in the {vertical} {horizontal} corner of the picture; add one there"
+                    f"no view shows the board in the {vertical} {horizontal} corner of the picture; "
+                    "add one there"
                 )
 
 
@@ -110,8 +111,8 @@ def check_fit(found: LensFit, views: Sequence[BoardView]) -> None:
     if found.rms_px > LARGEST_RMS_PX or found.view_rms_px[worst] > LARGEST_VIEW_RMS_PX:
         raise RefusedError(
             f"the residual is {found.rms_px:.2f} px (limit {LARGEST_RMS_PX:g}), worst "
-            f"{found.view_rms_px[worst]:.2f} px in {views[worst].name}; leave that one out, keep the board flat "
-            "and still, and check its measures"
+            f"{found.view_rms_px[worst]:.2f} px in {views[worst].name}; leave that one out, keep the board "
+            "flat and still, and check its measures"
         )
     sigma = float(np.sqrt(max(found.covariance[0, 0], found.covariance[1, 1]))) / found.lens.focal[0]
     if not sigma <= LARGEST_FOCAL_SIGMA:

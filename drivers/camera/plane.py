@@ -1,7 +1,8 @@
 """A camera above or below a table, and what it sees on the table's plane.
 
 The world's z axis points up and the table is at z = 0. A tag is measured by cutting its corners' rays with
-the plane it is known to lie in: a free pose of six parameters would trade depth for tilt, and be millimetres off.
+the plane it is known to lie in: a free pose of six parameters would trade depth for tilt, and be off by
+millimetres.
 
 Whatever lies face down is seen from below, through the table, and handedness is settled in one place,
 `as_it_lies`: print is described as one reads it, x to the right and y down.
@@ -125,7 +126,7 @@ def rigid_fit(points: Array, seen: Array) -> Fit:
 
 
 def compose(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
-    """What pose b, given in the frame of pose a, is in the world."""
+    """The world's view of pose b, which is given in the frame of pose a."""
     c, s = float(np.cos(a[2])), float(np.sin(a[2]))
     turn = float(np.remainder(a[2] + b[2] + np.pi, 2.0 * np.pi) - np.pi)
     return (a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], turn)

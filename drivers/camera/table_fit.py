@@ -12,8 +12,10 @@ from drivers.camera.calibration import Trust
 from drivers.camera.errors import RefusedError
 from drivers.camera.lens import Lens
 from drivers.camera.lens_fit import STEPS, LensFit
-from drivers.camera.plane import View, as_it_lies, inverse, rigid_fit
+from drivers.camera.plane import View, as_it_lies, compose, inverse, rigid_fit
 from drivers.camera.tag_file import Pose
+
+Place = tuple[float, float]
 
 LEAST_TOUCHED = 3
 LEAST_SPREAD_MM = 50.0
@@ -55,7 +57,7 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
     return View(lens, rotation, pose[3:] - rotation @ np.array([0.0, 0.0, height_mm]))
 
 
-def align(touched: Sequence[tuple[float, float]], seen: Sequence[tuple[float, float]]) -> tuple[Pose, float]:
+def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose, float]:
     """The arm's world frame in the board's, and how well they agree.
 
     Args:
@@ -152,13 +154,7 @@ def part_offset(parts: Sequence[Pose], tags: Sequence[Pose]) -> tuple[Pose, floa
     """
     if len(parts) < LEAST_TOUCHED:
         raise RefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
-    offsets = []
-    for part, tag in zip(parts, tags, strict=True):
-        back = inverse(part)
-        c, s = np.cos(back[2]), np.sin(back[2])
-        offsets.append(
-            (back[0] + c * tag[0] - s * tag[1], back[1] + s * tag[0] + c * tag[1], back[2] + tag[2])
-        )
+    offsets = [compose(inverse(part), tag) for part, tag in zip(parts, tags, strict=True)]
     found = np.array(offsets)
     theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))
     place = found[:, :2].mean(axis=0)

@@ -1,7 +1,8 @@
 """The picture itself: rays cut with cards, many to a pixel, then everything that spoils a real picture.
 
 A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, as a sensor's is over
-its light: an edge is where it should be to about a hundredth of a pixel, and an error of a measurement is its own.
+its light: an edge is where it should be to about a hundredth of a pixel, and what a measurement gets wrong is
+its own.
 """
 
 from collections.abc import Iterator, Sequence
