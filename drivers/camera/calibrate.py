@@ -39,7 +39,7 @@ class Material:
         from_below: whether the camera looks up through the table.
         held: pictures of the board held before the camera.
         table: pictures of the board on the table; the first one gives the frame.
-        touched: pictures of the part's tag at places that the arm knows; empty: the board's frame is the world.
+        touched: pictures of the part's tag at places that the arm knows; empty: the board is the world.
         number: id of that tag.
         references: a picture of the fixed tags, None: there are none.
         height_mm: of the board's face above the table.

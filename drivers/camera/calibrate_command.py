@@ -23,7 +23,8 @@ example:
   grasp-calibrate pictures --camera /dev/video0 -o views      # once for each view, by Enter
   grasp-calibrate camera --name C930e-1234 --board charuco:12x9:30:22.5 --views views --table table-*.png \\
       --touched touched.csv --number 7 --references empty.png -o camera.json
-  grasp-calibrate tag --calibration camera.json --part bracket --number 7 --side 22 --poses poses.csv -o tag.json
+  grasp-calibrate tag --calibration camera.json --part bracket --number 7 --side 22 --poses poses.csv \\
+      -o tag.json
 
 touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose that the arm knows.
 

@@ -133,6 +133,6 @@ def compose(a: tuple[float, float, float], b: tuple[float, float, float]) -> tup
 
 
 def inverse(a: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The world in the frame a: `compose(a, inverse(a))` is zero."""
+    """The pose of the world in the frame of pose a."""
     c, s = float(np.cos(a[2])), float(np.sin(a[2]))
     return (-c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2])

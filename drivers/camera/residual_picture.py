@@ -1,5 +1,6 @@
 """Residuals over the work area as a picture: an SVG to be opened in any browser."""
 
+import html
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from drivers.camera.table_fit import Residuals
 BLUE, RED, GREY = "#0072B2", "#D55E00", "#a6a6a6"
 WIDTH = 960.0
 MARGIN = 46.0
+SVG = 'xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="14"'
 ARROW = 200.0  # times as long as the residual
 BANDS_MM = (0.05, 0.1, 0.2, 0.5)
 SHADES = ("#eef5fb", "#d3e5f3", "#a9cbe6", "#f6d3b8", "#efa97f")
@@ -35,8 +37,7 @@ def draw(calibration: CameraCalibration, residuals: Residuals, boards: Sequence[
     total = height + lens.height * small + 60.0
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {total:.0f}" '
-            'font-family="sans-serif" font-size="14">',
+            f'<svg {SVG} viewBox="0 0 {WIDTH:.0f} {total:.0f}">',
             f'<rect width="{WIDTH:.0f}" height="{total:.0f}" fill="white"/>',
             *_shades(calibration, low, scale, height),
             *_arrows(residuals, low, scale, height),
@@ -82,9 +83,13 @@ def _axes(low: Array, span: Array, scale: float, height: float) -> Iterator[str]
         f'fill="none" stroke="{GREY}"/>'
     )
     for x in range(100 * int(np.ceil(low[0] / 100)), int(low[0] + span[0]) + 1, 100):
-        yield f'<text x="{left + (x - low[0]) * scale:.1f}" y="{bottom + 18:.1f}" text-anchor="middle">{x}</text>'
+        yield _text(left + (x - low[0]) * scale, bottom + 18, str(x), "middle")
     for y in range(100 * int(np.ceil(low[1] / 100)), int(low[1] + span[1]) + 1, 100):
-        yield f'<text x="{left - 6:.1f}" y="{bottom - (y - low[1]) * scale + 5:.1f}" text-anchor="end">{y}</text>'
+        yield _text(left - 6, bottom - (y - low[1]) * scale + 5, str(y), "end")
+
+
+def _text(x: float, y: float, words: str, anchor: str = "start") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{html.escape(words)}</text>'
 
 
 def _coverage(boards: Sequence[Array], width: int, height: int, small: float, top: float) -> Iterator[str]:
@@ -101,14 +106,14 @@ def _coverage(boards: Sequence[Array], width: int, height: int, small: float, to
 def _words(calibration: CameraCalibration, residuals: Residuals, top: float) -> Iterator[str]:
     off = np.hypot(*residuals.off.T)
     bands = ", ".join(f"{band:g}" for band in BANDS_MM)
+    scale = f"red, {ARROW:g} times as long"
     lines = (
         f"camera {calibration.camera}, calibrated {calibration.made}",
         f"{calibration.views} views of the board, residual {calibration.rms_px:.3f} px",
-        f"boards on the table: {residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm largest "
-        f"(red, {ARROW:g} times as long)",
+        f"boards on the table: {residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm largest ({scale})",
         f"alignment with the arm: {calibration.alignment_mm:.3f} mm rms",
         f"shades: standard deviation of a place, steps at {bands} mm",
         "small picture: corners of all views in the camera's picture",
     )
     for number, line in enumerate(lines):
-        yield f'<text x="{MARGIN + 270:.0f}" y="{top + 22 * number:.1f}">{line}</text>'
+        yield _text(MARGIN + 270, top + 22 * number, line)

@@ -105,8 +105,8 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     found = Residuals(np.concatenate(places), np.concatenate(off))
     if not found.rms_mm <= LARGEST_RESIDUAL_MM:
         raise RefusedError(
-            f"boards on the table are measured {found.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g} mm); "
-            "check that they lie flat, and the board's measures"
+            f"boards on the table are measured {found.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
+            " mm); check that they lie flat, and the board's measures"
         )
     return found
 

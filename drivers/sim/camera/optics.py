@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 60
+ITERATIONS = 30
 
 
 @dataclass(frozen=True, eq=False)
