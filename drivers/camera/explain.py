@@ -14,7 +14,7 @@ WHITE_LEVEL = 250
 LEAST_RANGE = 24
 SEARCH_MM = 20.0
 PX_PER_SQUARE = 6
-LIKE_HALF_A_TAG = 0.7
+LIKE_PART_OF_A_TAG = 0.8
 
 
 def check_exposure(picture: Picture) -> None:
@@ -43,13 +43,13 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose | None
     """
     if families := families_seen(picture):
         return f"no tag {FAMILY} is seen, but one of family {families[0]}; print tag {tag.number} of {FAMILY}"
-    if expected is not None and _half_seen(picture, view, tag, expected):
+    if expected is not None and _partly_seen(picture, view, tag, expected):
         return f"tag {tag.number} is partly covered; all four of its sides must be seen"
     return f"no tag is seen; tag {tag.number} must be in view, whole, in focus and lit"
 
 
-def _half_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> bool:
-    """Whether half of the tag is seen near where it should be: each half is looked for on its own."""
+def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> bool:
+    """Whether a quarter of the tag is seen near where it should be: each is looked for on its own."""
     drawn = cv2.aruco.generateImageMarker(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), tag.number, SQUARES * PX_PER_SQUARE
     )
@@ -59,9 +59,9 @@ def _half_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> bo
     if flat is None:
         return False
     half = len(pattern) // 2
-    halves = (pattern[:half], pattern[half:], pattern[:, :half], pattern[:, half:])
-    scores = [cv2.matchTemplate(flat, np.ascontiguousarray(h), cv2.TM_CCOEFF_NORMED).max() for h in halves]
-    return max(map(float, scores)) >= LIKE_HALF_A_TAG
+    quarters = (pattern[y : y + half, x : x + half] for y in (0, half) for x in (0, half))
+    scores = [cv2.matchTemplate(flat, np.ascontiguousarray(q), cv2.TM_CCOEFF_NORMED).max() for q in quarters]
+    return max(map(float, scores)) >= LIKE_PART_OF_A_TAG
 
 
 def _flattened(picture: Picture, view: View, tag: PartTag, expected: Pose, across: int) -> Picture | None:
@@ -75,5 +75,5 @@ def _flattened(picture: Picture, view: View, tag: PartTag, expected: Pose, acros
     pixels = view.pixels_at(places, tag.height_mm)
     if not np.isfinite(pixels).all():
         return None
-    maps = pixels.reshape(size, size, 2).astype(np.float32)
-    return np.asarray(cv2.remap(picture, maps, np.empty(0), cv2.INTER_LINEAR), np.uint8)
+    x, y = (np.ascontiguousarray(pixels[:, k].reshape(size, size), np.float32) for k in (0, 1))
+    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR), np.uint8)

@@ -119,6 +119,9 @@ class Still:
         try:
             with urllib.request.urlopen(self._address, timeout=left) as answer:
                 data = answer.read(MAX_PICTURE_BYTES)
+        except urllib.error.HTTPError as error:
+            error.close()
+            raise SourceError(f"camera {self._address} answers {error.code} {error.reason}") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", None) or error
             raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error

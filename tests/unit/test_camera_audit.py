@@ -1,4 +1,4 @@
-"""The verdict: eq. 9 under the symmetry, with an error budget; and a clear sentence for all that can be wrong."""
+"""The verdict: eq. 9 under the symmetry, with an error budget; and a sentence for all that can be wrong."""
 
 import math
 import re
@@ -189,7 +189,7 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
 
 def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
     bare = rig(BELOW)
-    alone = [card for card in bare.cards(POSE)[-1:]]
+    alone = bare.cards(POSE)[-1:]
     picture = render(BELOW, alone, Flaws(), np.random.default_rng(1))
     assert "no reference tag (580, 581, 582) is seen" in audit(picture).reason
     one = render(BELOW, bare.cards(POSE)[2:], Flaws(), np.random.default_rng(1))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, rig, true_calibration, true_view
+from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, true_calibration, true_view
 
 from drivers.camera import edges, measure
 from drivers.camera.errors import TagError
@@ -108,12 +108,12 @@ def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
 @pytest.mark.parametrize("wrong", [{"side_mm": 24.0}, {"height_mm": 20.0}])
 def test_tag_of_another_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
-    with pytest.raises(TagError, match="looks .* mm large"):
+    with pytest.raises(TagError, match=r"looks .* mm large"):
         measure.measure(picture, Finder().find(picture), true_calibration(BELOW), part_tag(**wrong))
 
 
 def test_error_budget_grows_with_every_term():
-    corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + (60.0, 30.0))
+    corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + np.array([60.0, 30.0]))
     sighting = Sighting(NUMBER, corners, 0.05, 1.0)
 
     def budget(rms_px=0.05, sigma_mm=0.02, **tag):
@@ -127,5 +127,5 @@ def test_error_budget_grows_with_every_term():
     assert budget(sigma_mm=0.5)[0] > 0.5
     assert budget(sigma_mm=0.5)[1] == least[1]
     assert budget(sigma_mm=0.0)[0] < least[0]
-    glued = budget(**{"on_part": (30.0, 0.0, 0.0)})
-    assert budget(**{"on_part": (30.0, 0.0, 0.0), "sigma_rad": 0.01})[0] > max(0.3, glued[0])
+    glued = budget(on_part=(30.0, 0.0, 0.0))
+    assert budget(on_part=(30.0, 0.0, 0.0), sigma_rad=0.01)[0] > max(0.3, glued[0])
