@@ -89,11 +89,6 @@ def calibrate(material: Material, made: str) -> Made:
     found = lens_fit.fit(views, size)
     height_mm, below = material.height_mm, material.from_below
     view = table_fit.stand(found.lens, found.poses[0], below, height_mm)
-    if view.from_below != below:
-        raise RefusedError(
-            f"the camera is {'below' if view.from_below else 'above'} the table by this board; "
-            "give --above for one that looks down at a board lying face up, and leave it out otherwise"
-        )
     world, alignment_mm = ZERO, 0.0
     if material.touched:
         seen = [_tag_place(touched.picture, view, material.number) for touched in material.touched]

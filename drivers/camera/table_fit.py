@@ -82,7 +82,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose, float]
     if found.rms_mm > LARGEST_ALIGNMENT_MM:
         raise RefusedError(
             f"touched and seen places disagree by {found.rms_mm:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
-            "check which picture belongs to which place, and the arm's tool frame"
+            "check which picture belongs to which place, the arm's tool frame, and --above"
         )
     return found.pose, found.rms_mm
 
