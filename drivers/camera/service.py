@@ -26,7 +26,7 @@ from drivers.camera.tag_file import Pose
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
-HEADROOM = 2  # times the memory at which the process starts anew, nothing is given to it any more
+RESERVE_BYTES = 1 << 30  # of address space: thread stacks and allocators' pools, most of it never touched
 PAGE_BYTES = resource.getpagesize()
 
 
@@ -140,8 +140,8 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     """Bound this process's memory.
 
     Args:
-        memory_mb: resident memory beyond what it uses now at which it should start anew; at `HEADROOM` times
-            as much of address space it gets no more.
+        memory_mb: resident memory beyond what it uses now at which it should start anew; of address space it
+            gets `RESERVE_BYTES` more, and then none.
 
     Returns:
         Whether the first bound is reached.
@@ -149,7 +149,7 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    most = virtual + HEADROOM * extra
+    most = virtual + extra + RESERVE_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
     return lambda: _memory()[1] > resident + extra
 
