@@ -11,8 +11,10 @@ from math import sqrt
 
 from runtime.quality.distributions import binomial_tail, chi_square_tail
 
-WINDOW = 50  # parts that shares and frequencies are taken over
+WINDOW = 50  # parts that shares are taken over
+WINDOWS = (50, 200)  # parts that frequencies are taken over: a large change shows soon, a small one at last
 RARE = 1e-7  # probability below which what a window shows is no chance
+UNLIKELY = 1e-5  # the same for frequencies, of which a window holds many
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
 CLIP = 3.0  # standard deviations: one part that flew away is a failure, not a drift
 
@@ -32,7 +34,7 @@ class Cusum:
     """
 
     shift: float
-    limit: float = 16.0
+    limit: float = 12.0
     up: float = 0.0
     down: float = 0.0
 
@@ -59,7 +61,7 @@ class Ewma:
     """
 
     weight: float = 0.1
-    width: float = 5.5
+    width: float = 5.0
     mean: float = 0.0
 
     @property
@@ -104,16 +106,20 @@ class Frequencies:
 
     Attributes:
         shares: predicted shares of each node's branches.
+        window: number of parts.
         recent: the last parts' (node, branch) pairs.
     """
 
     shares: Sequence[Sequence[float]]
-    recent: deque[tuple[tuple[int, int], ...]] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    window: int = WINDOW
+    recent: deque[tuple[tuple[int, int], ...]] = field(default_factory=deque)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
         """Take one part in; whether this is an alarm."""
         self.recent.append(taken)
-        if len(self.recent) < WINDOW // 2 or self.fit()[2] > RARE:
+        if len(self.recent) > self.window:
+            self.recent.popleft()
+        if len(self.recent) < self.window // 2 or self.fit()[2] > UNLIKELY:
             return False
         self.recent.clear()
         return True

@@ -29,7 +29,9 @@ def binomial_tail(least: int, trials: int, share: float) -> float:
         return 1.0
     if least > trials:
         return 0.0
-    return min(1.0, sum(comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1)))
+    return min(
+        1.0, sum(comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1))
+    )
 
 
 def chi_square_tail(statistic: float, freedom: int) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from runtime.quality.charts import Cusum, Ewma, Frequencies, Share
+from runtime.quality.charts import WINDOWS, Cusum, Ewma, Frequencies, Share
 from runtime.quality.distributions import wilson
 from runtime.quality.history import History, Part, Squeezed
 from runtime.table import PPM, Leaf, Table
@@ -51,7 +51,7 @@ class Monitor:
 
     table: Table
     widths: Cusum
-    branches: Frequencies
+    branches: tuple[Frequencies, ...]
     failures: Share
     rejects: Share
     residuals: tuple[Ewma, Ewma, Ewma]
@@ -66,7 +66,7 @@ class Monitor:
         return cls(
             table,
             Cusum(WIDTH_SHIFT_UM),
-            Frequencies(shares),
+            tuple(Frequencies(shares, window) for window in WINDOWS),
             Share(max(failed, LEAST_SHARE)),
             Share(max(rejected, LEAST_SHARE)),
             (Ewma(), Ewma(), Ewma()),
@@ -78,13 +78,15 @@ class Monitor:
         if any([self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]):
             found.append("widths")
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
-        if self.branches.add(taken):
+        if any([chart.add(taken) for chart in self.branches]):
             found.append("branches")
         if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
             found.append("failures")
         if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(part.outcome == "reject"):
             found.append("rejects")
-        for name, chart, value in zip(COORDINATES, self.residuals, standardised(self.table, part), strict=False):
+        for name, chart, value in zip(
+            COORDINATES, self.residuals, standardised(self.table, part), strict=False
+        ):
             if chart.add(value):
                 found.append(f"residual {name}")
         return found
