@@ -146,7 +146,7 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
     if total == 0 or whole <= 0.0:
         return 0.0, 0
     cells: list[tuple[float, float]] = []
-    rest_seen = rest_expected = 0.0
+    rest_seen, rest_expected = 0.0, 0.0
     for seen, share in zip(counts, shares, strict=True):
         expected = total * share / whole
         if expected >= LEAST_EXPECTED:

@@ -19,9 +19,9 @@ example:
 
 exit codes:
   0  all charts are in control        2  usage, or journals of different tables
-  1  at least one chart alarms        24 a journal cannot be read, or does not verify
+  13 at least one chart alarms        24 a journal cannot be read, or does not verify
 """
-ALARMED = 1
+ALARMED = 13
 
 
 def parser() -> argparse.ArgumentParser:
@@ -68,7 +68,7 @@ def write(options: argparse.Namespace, history: History, summary: Summary) -> No
     if options.export is not None:
         alarms: dict[int, list[str]] = {}
         for alarm in summary.alarms:
-            alarms.setdefault(alarm.index, []).append(alarm.chart)
+            alarms.setdefault(alarm.place, []).append(alarm.chart)
         export.write(export.rows(history.parts, alarms), options.export)
     if options.output is not None:
         first = history.parts[0].time[:10]

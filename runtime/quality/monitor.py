@@ -22,26 +22,27 @@ class Alarm(NamedTuple):
     """A chart out of control.
 
     Attributes:
-        index: of the part in the history.
+        place: of the part in the history.
         number: of the part in its run.
         chart: which.
         sentence: what it means, and what to look at.
     """
 
-    index: int
+    place: int
     number: int
     chart: str
     sentence: str
 
 
+MOVED = "look whether camera, table or arm have moved"
 MEANING = {
-    "widths": "widths have shifted against the table: look for worn or loose fingers, and calibrate the gripper",
-    "branches": "parts take other branches than predicted: look for another lot, other friction, a moved feeder",
+    "widths": "widths have shifted: look for worn or loose fingers, and calibrate the gripper",
+    "branches": "parts take other branches than predicted: look for another lot, friction, a moved feeder",
     "failures": "more parts fail the audit than predicted: stop, and look at the overlays",
-    "rejects": "more parts are rejected than predicted: look for wrong parts, an empty feeder, a shifted width",
-    "residual x": "measured poses have shifted in x: look whether camera, table or arm have moved",
-    "residual y": "measured poses have shifted in y: look whether camera, table or arm have moved",
-    "residual theta": "measured angles have shifted: look whether camera, table or arm have moved",
+    "rejects": "more parts are rejected than predicted: look for wrong parts, other friction, shifted widths",
+    "residual x": f"measured poses have shifted in x: {MOVED}",
+    "residual y": f"measured poses have shifted in y: {MOVED}",
+    "residual theta": f"measured angles have shifted: {MOVED}",
 }
 
 
@@ -75,10 +76,12 @@ class Monitor:
     def add(self, part: Part) -> list[str]:
         """Take one part in; the names of the charts that alarm."""
         found = []
-        if any([self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]):
+        shifted = [self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]
+        if any(shifted):
             found.append("widths")
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
-        if any([chart.add(taken) for chart in self.branches]):
+        strange = [chart.add(taken) for chart in self.branches]
+        if any(strange):
             found.append("branches")
         if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
             found.append("failures")
@@ -112,7 +115,7 @@ def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
             return 0.0, inf
     else:
         nearest = branches[squeeze.branch]
-    # An interval spans all widths that planning has seen: no distribution in it scatters more than an even one.
+    # An interval spans all widths that planning has seen: nothing in it scatters more than an even spread.
     spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
     return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)
 

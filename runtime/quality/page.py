@@ -11,7 +11,8 @@ from runtime.quality.summary import LeafRow, NodeRow, Summary
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 WIDTH, HEIGHT, LEFT, EDGE = 760.0, 190.0, 46.0, 14.0
 STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; max-width: 860px; margin: 2em auto; padding: 0 1em }
+body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a }
+body { max-width: 860px; margin: 2em auto; padding: 0 1em }
 h1 { font-size: 1.35em } h2 { font-size: 1.05em; margin-top: 1.8em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .15em .8em; text-align: right; border-bottom: 1px solid #e2e2e2 }
