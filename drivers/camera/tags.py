@@ -15,6 +15,7 @@ from drivers.camera.arrays import Array, Picture
 
 FAMILY = "36h11"
 SQUARES = 8  # of a 36h11 tag along a side, its black border included
+RIM = 24  # pixels put around a picture, for tags near its edge are else overlooked
 OTHER_FAMILIES: dict[str, int] = {
     "25h9": cv2.aruco.DICT_APRILTAG_25h9,
     "36h10": cv2.aruco.DICT_APRILTAG_36h10,
@@ -68,11 +69,14 @@ def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[
 
     OpenCV 4 gives the ids as a column, OpenCV 5 as a row, and both give None for none.
     """
-    corners, ids, _ = detector.detectMarkers(cv2.GaussianBlur(picture, (3, 3), 0.0))
+    soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
+    corners, ids, _ = detector.detectMarkers(
+        cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
+    )
     if ids is None or len(corners) == 0:
         return []
     return [
-        (int(number), np.asarray(quad, np.float64).reshape(4, 2))
+        (int(number), np.asarray(quad, np.float64).reshape(4, 2) - RIM)
         for number, quad in zip(np.ravel(ids), corners, strict=True)
     ]
 
@@ -84,4 +88,6 @@ def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
     parameters.adaptiveThreshWinSizeMin = 13
     parameters.adaptiveThreshWinSizeMax = 33
     parameters.adaptiveThreshWinSizeStep = 20
+    # A stain beside the tag bulges its outline out by a square, and it has four corners all the same.
+    parameters.polygonalApproxAccuracyRate = 0.05
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)

@@ -147,7 +147,7 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
         return 0.0, 0
     cells: list[tuple[float, float]] = []
     rest_seen, rest_expected = 0.0, 0.0
-    for seen, share in zip(counts, shares, strict=True):
+    for seen, share in zip(map(float, counts), shares, strict=True):
         expected = total * share / whole
         if expected >= LEAST_EXPECTED:
             cells.append((seen, expected))

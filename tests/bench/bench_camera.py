@@ -10,6 +10,7 @@ the camera 600 mm under the table; each is measured with the true calibration an
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import platform
 import sys
@@ -27,6 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: E402
 
 from drivers.camera import calibrate_command, calibration, measure  # noqa: E402
+from drivers.camera.errors import TagError  # noqa: E402
 from drivers.camera.plane import View  # noqa: E402
 from drivers.camera.tags import Finder  # noqa: E402
 from drivers.sim.camera.cards import Card, board_cells, lying, tag_cells  # noqa: E402
@@ -170,11 +172,12 @@ def measured(
         start = time.process_time()
         seen = finder.find(picture)
         numbers = [found.number for found in seen]
-        if numbers == [number]:
-            place = measure.of_sighting(seen[0], truth, tag)
+        place = None
+        with contextlib.suppress(TagError):
+            place = measure.of_sighting(seen[0], truth, tag) if numbers == [number] else None
         spent.append(1e3 * (time.process_time() - start))
         wrong += sum(found != number for found in numbers)
-        if number not in numbers:
+        if place is None:
             missed += 1
             continue
         off.append(errors(place.pose, pose))

@@ -133,7 +133,7 @@ def test_healthy_cell_raises_no_alarm():
     [
         ({"width_shift_um": 1000.0}, {"widths"}),
         ({"width_shift_um": -1000.0}, {"widths"}),
-        ({"shares": {0: [0.45, 0.45, 0.0, 0.1]}}, {"branches"}),
+        ({"shares": {0: [0.3, 0.6, 0.0, 0.1]}}, {"branches"}),
         ({"residual_shift": (0.8, 0.0, 0.0)}, {"residual x"}),
         ({"residual_shift": (0.0, -0.8, 0.0)}, {"residual y"}),
         ({"residual_shift": (0.0, 0.0, 0.06)}, {"residual theta"}),
