@@ -1,7 +1,6 @@
-"""`grasp-audit`: judge parts by a camera, and report what the audits of many parts say."""
+"""`grasp-audit judge`: judge parts by a camera; `report` is only told of here, for it needs none."""
 
 import argparse
-import importlib
 import math
 import os
 import sys
@@ -14,7 +13,6 @@ from drivers.camera import calibration, drift, service, subject, tag_file
 from drivers.camera.auditor import Auditor
 from drivers.camera.sources import open_source
 
-REPORT = "runtime.quality.command"
 EPILOG = """\
 example:
   grasp-runtime --tree T.msgpack --port ... \\
@@ -63,8 +61,6 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run grasp-audit; returns its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words[:1] == ["report"]:
-        return int(importlib.import_module(REPORT).main(words[1:]))
     options = parser().parse_args(words)
     try:
         if judge(options):

@@ -1,78 +1,24 @@
 """Calibrations find the camera they were made of, know how far to trust themselves, and refuse the rest."""
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from cameras import NUMBER, SIDE_MM, SIZE, angle_between, camera, part_tag, rig, true_calibration, true_view
+from boards import ON_TABLE, OPTICS, VIEW, cards, corners_on_board, held, places, seen
+from cameras import SIZE, angle_between, camera, part_tag, true_calibration, true_view
 
-from drivers.camera import calibrate_command, calibration, lens_fit, table_fit, tag_file
-from drivers.camera.board import Board, BoardView, parse
+from drivers.camera import calibration, lens_fit, table_fit, tag_file
+from drivers.camera.board import Board, parse
 from drivers.camera.calibrate import load_picture
 from drivers.camera.errors import CameraFileError, RefusedError
 from drivers.camera.plane import compose, inverse
-from drivers.sim.camera.cards import Card, board_cells, lying
-from drivers.sim.camera.render import Flaws, render
-
-OPTICS = camera()
-VIEW = true_view(OPTICS)
-BOARD = Board(12, 9, 14.0, 10.5)
-ON_TABLE = (10.0, -6.0, 0.2)
-TILTS = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
-
-
-def held(tilt, spot, distance_mm):
-    """The board before the camera: its pose in the camera, and as a card in the world."""
-    ray = VIEW.lens.rays(np.array([spot]))[0]
-    turn, _ = cv2.Rodrigues(np.array([*tilt, 0.1]))
-    middle = distance_mm * np.array([*ray, 1.0])
-    back = OPTICS.rotation.T
-    return Card(
-        board_cells(12, 9),
-        14.0 / 8,
-        8.0,
-        OPTICS.eye_mm + back @ middle,
-        back @ turn[:, 0],
-        back @ turn[:, 1],
-        np.zeros(3),
-    )
-
-
-def corners_on_board():
-    x, y = np.meshgrid(np.arange(1, 12), np.arange(1, 9))
-    return (np.column_stack([x.ravel(), y.ravel()]) - (6.0, 4.5)) * 14.0
-
-
-def seen(card, name, rng=None, noise_px=0.0):
-    """The corners of a card as a perfect detector would find them, with noise."""
-    points = corners_on_board()
-    solid = card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down
-    pixels = OPTICS.project(solid)
-    if noise_px:
-        pixels = pixels + rng.normal(0.0, noise_px, pixels.shape)
-    inside = ((pixels > 3) & (pixels < np.array(SIZE) - 4)).all(axis=1)
-    return BoardView(name, points[inside], pixels[inside])
-
-
-def cards():
-    """A board on the table, and held in the middle and in all corners of the picture."""
-    table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
-    spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
-    return [table, *(held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))]
+from drivers.sim.camera.cards import board_cells, lying
 
 
 def views(noise_px=0.05, seed=1):
     rng = np.random.default_rng(seed)
     return [seen(card, f"view {k}", rng, noise_px) for k, card in enumerate(cards())]
-
-
-def places():
-    """Places of the table all over the picture, and their pixels."""
-    x, y = np.meshgrid(np.linspace(30, 930, 9), np.linspace(30, 510, 5))
-    pixels = np.column_stack([x.ravel(), y.ravel()])
-    return VIEW.on_plane(pixels), pixels
 
 
 def made_view(found):
@@ -267,97 +213,3 @@ def test_missing_and_unwritable_files_are_told(tmp_path):
         calibration.save(true_calibration(OPTICS), tmp_path / "none" / "camera.json")
     with pytest.raises(CameraFileError, match="No such file"):
         load_picture(tmp_path / "none.png")
-
-
-# -- the commands, on rendered pictures -----------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    """A folder of rendered pictures: the board on the table and held, a touched tag, the reference tags."""
-    folder = tmp_path_factory.mktemp("studio")
-    (folder / "views").mkdir()
-    rng = np.random.default_rng(6)
-    shown = rig(OPTICS)
-    for number, card in enumerate(cards()):
-        name = "table.png" if number == 0 else f"views/held-{number:02d}.png"
-        cv2.imwrite(str(folder / name), render(OPTICS, [card], Flaws(), rng))
-    lines = ["picture,x_mm,y_mm,theta_rad"]
-    for number, part in enumerate(
-        [(-60.0, -20.0, 0.4), (60.0, -30.0, 2.0), (0.0, 40.0, -1.0), (-50.0, 40.0, 3.0)]
-    ):
-        cv2.imwrite(str(folder / f"part-{number}.png"), shown.picture(part, rng))
-        lines.append(f"part-{number}.png,{part[0]},{part[1]},{part[2]}")
-        x, y, _ = compose(part, shown.on_part)
-        lines.append(f"# {x},{y}")
-    poses = [line for line in lines if not line.startswith("#")]
-    (folder / "poses.csv").write_text("\n".join(poses) + "\n")
-    spots = [line[2:] for line in lines if line.startswith("#")]
-    touched = ["picture,x_mm,y_mm", *(f"part-{k}.png,{spot}" for k, spot in enumerate(spots))]
-    (folder / "touched.csv").write_text("\n".join(touched) + "\n")
-    cv2.imwrite(str(folder / "empty.png"), shown.picture(None, rng))
-    return folder
-
-
-def run_camera(studio, *more):
-    words = ["camera", "--name", "S-1", "--board", "charuco:12x9:14:10.5", "--views", str(studio / "views")]
-    words += ["--table", str(studio / "table.png"), "-o", str(studio / "camera.json")]
-    return calibrate_command.main([*words, *more])
-
-
-@pytest.fixture(scope="module")
-def calibrated(studio):
-    touched = ["--touched", str(studio / "touched.csv"), "--number", str(NUMBER)]
-    assert run_camera(studio, *touched, "--references", str(studio / "empty.png")) == 0
-    return calibration.load(studio / "camera.json")
-
-
-def test_rendered_views_calibrate_to_a_tenth_of_a_millimetre_in_the_arms_world(calibrated):
-    where, pixels = places()
-    off = np.hypot(*(calibrated.view.on_plane(pixels) - where).T)
-    assert off.mean() < 0.1
-    assert off.max() < 0.4
-    assert [reference.number for reference in calibrated.references] == [580, 581, 582]
-    assert np.hypot(calibrated.references[0].x_mm + 90.0, calibrated.references[0].y_mm + 60.0) < 0.2
-
-
-def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
-    picture = Path(studio / "camera.svg").read_text()
-    assert picture.startswith("<svg")
-    assert picture.count("<circle") == len(corners_on_board())
-    assert calibrated.camera in picture
-
-
-def test_tag_is_found_on_its_part(studio, calibrated, capsys):
-    words = ["tag", "--part", "block", "--number", str(NUMBER), "--side", str(SIDE_MM)]
-    words += ["--calibration", str(studio / "camera.json"), "--poses", str(studio / "poses.csv")]
-    assert calibrate_command.main([*words, "-o", str(studio / "tag.json")]) == 0
-    tag = tag_file.load(studio / "tag.json")
-    assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
-    assert abs(angle_between(tag.on_part[2], 0.3)) < 0.005
-    assert "standard deviation" in capsys.readouterr().out
-    assert calibrated.made
-
-
-def test_tag_can_be_stated(tmp_path):
-    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
-    assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
-    assert tag_file.load(tmp_path / "tag.json") == part_tag()
-
-
-@pytest.mark.parametrize(
-    ("more", "code", "sentence"),
-    [
-        (["--above", "--touched", "touched.csv", "--number", "7"], 32, "disagree by"),
-        (["--views", "nowhere"], 32, "folder nowhere"),
-        (["--board", "charuco:5x4:14:10.5"], 32, "the board on the table is not seen"),
-        (["--references", "table.png"], 32, "no reference tag is seen"),
-        (["--touched", "empty.png"], 32, "poses"),
-    ],
-)
-def test_mistakes_at_calibrating_are_told_in_one_line(studio, capsys, monkeypatch, more, code, sentence):
-    monkeypatch.chdir(studio)
-    assert run_camera(studio, *more) == code
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1

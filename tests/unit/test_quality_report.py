@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from histories import TREE, drawn, history, table
 
-from drivers.camera.cli import main
+from drivers.camera.commands import audit as main
 from runtime.errors import JournalError, UsageError
 from runtime.quality import export
 from runtime.quality import history as reading
