@@ -1,4 +1,4 @@
-"""`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or one line saying why."""
+"""`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or a line saying why."""
 
 from pathlib import Path
 
