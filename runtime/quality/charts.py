@@ -7,14 +7,14 @@ After an alarm a chart begins anew, so that a fault that stays is told again and
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import log, sqrt
 
 from runtime.quality.distributions import binomial_tail, chi_square_tail
 
 WINDOW = 50  # parts that shares are taken over
 WINDOWS = (50, 200)  # parts that frequencies are taken over: a large change shows soon, a small one at last
-RARE = 1e-7  # probability below which what a window shows is no chance
-UNLIKELY = 1e-5  # the same for frequencies, of which a window holds many
+RARE = 1e-5  # probability below which what a window shows is no chance
+UNLIKELY = 1e-4  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
 CLIP = 3.0  # standard deviations: one part that flew away is a failure, not a drift
 
@@ -125,12 +125,12 @@ class Frequencies:
         return True
 
     def fit(self) -> tuple[float, int, float]:
-        """Chi-square of the window over all nodes, its degrees of freedom, and its tail probability."""
+        """Likelihood ratio of the window over all nodes, its degrees of freedom, and its tail probability."""
         counts = [[0] * len(shares) for shares in self.shares]
         for part in self.recent:
             for node, branch in part:
                 counts[node][branch] += 1
-        pairs = [chi_square(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)]
+        pairs = [likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)]
         statistic, freedom = sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs)
         return statistic, freedom, chi_square_tail(statistic, freedom)
 
@@ -142,23 +142,37 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
         counts: of each branch.
         shares: predicted, need not add up to one.
     """
+    filled = cells(counts, shares)
+    return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(len(filled) - 1, 0)
+
+
+def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
+    """Twice the logarithm of the likelihood ratio (the G statistic), chi-square distributed as Pearson's is.
+
+    In short windows it sees a branch that is no longer taken far sooner.
+    """
+    filled = cells(counts, shares)
+    gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
+    return max(gain, 0.0), max(len(filled) - 1, 0)
+
+
+def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
+    """Seen and expected counts, those of little expectation taken together."""
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
-        return 0.0, 0
-    cells: list[tuple[float, float]] = []
+        return []
+    filled: list[tuple[float, float]] = []
     rest_seen, rest_expected = 0.0, 0.0
     for seen, share in zip(map(float, counts), shares, strict=True):
         expected = total * share / whole
         if expected >= LEAST_EXPECTED:
-            cells.append((seen, expected))
+            filled.append((seen, expected))
         else:
             rest_seen, rest_expected = rest_seen + seen, rest_expected + expected
-    if rest_expected > 0.0:
-        if rest_expected < LEAST_EXPECTED and cells:
-            # What is expected hardly ever joins the smallest cell: its own ratio would be all chance.
-            smallest = min(range(len(cells)), key=lambda k: cells[k][1])
-            seen, expected = cells[smallest]
-            cells[smallest] = (seen + rest_seen, expected + rest_expected)
-        else:
-            cells.append((rest_seen, rest_expected))
-    return sum((seen - expected) ** 2 / expected for seen, expected in cells), max(len(cells) - 1, 0)
+    if rest_expected >= LEAST_EXPECTED or not filled:
+        filled.append((rest_seen, rest_expected))
+    elif rest_expected > 0.0:
+        # What is expected hardly ever joins the smallest cell: its own ratio would be all chance.
+        smallest = min(range(len(filled)), key=lambda k: filled[k][1])
+        filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
+    return filled

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from runtime.quality import distributions
-from runtime.quality.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square
+from runtime.quality.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
 from runtime.quality.history import Squeezed
 from runtime.quality.monitor import COORDINATES, MEANING, branch_counts, deviation, watch
 
@@ -49,6 +49,14 @@ def test_chi_square_is_pearsons_where_every_cell_is_well_filled():
     counts, shares = [30, 50, 20], [0.25, 0.5, 0.25]
     ours, freedom = chi_square(counts, shares)
     theirs = stats.chisquare(counts, 100 * np.array(shares))
+    assert ours == pytest.approx(theirs.statistic)
+    assert distributions.chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
+
+
+def test_likelihood_ratio_is_scipys():
+    counts, shares = [30, 50, 20], [0.2, 0.5, 0.3]
+    theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_="log-likelihood")
+    ours, freedom = likelihood_ratio(counts, shares)
     assert ours == pytest.approx(theirs.statistic)
     assert distributions.chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
 
