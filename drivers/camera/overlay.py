@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
 PREDICTED = (0, 94, 213)
 MEASURED = (178, 114, 0)
+WHITE = (255, 255, 255)
 FRACTION_BITS = 4
 MOST_PICTURES = 1000
 QUALITY = 85
@@ -76,11 +77,11 @@ def draw(
     if found is not None:
         _polygon(canvas, view, outline, found.pose, MEASURED)
         _closed(canvas, found.tag.corners, MEASURED)
-    size = canvas.shape[1] / 1920.0
-    where = (round(20 * size), canvas.shape[0] - round(24 * size))
-    for colour, thickness in (((0, 0, 0), 5), ((255, 255, 255), 2)):
-        width = max(1, round(thickness * size))
-        cv2.putText(canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, colour, width, cv2.LINE_AA)
+    # A band, not letters with a rim: how wide letters of another weight run differs between versions of OpenCV.
+    size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
+    canvas[height - round(60 * size) :] //= 4
+    where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))
+    cv2.putText(canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE, width, cv2.LINE_AA)
     return canvas
 
 
