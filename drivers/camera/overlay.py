@@ -77,7 +77,7 @@ def draw(
     if found is not None:
         _polygon(canvas, view, outline, found.pose, MEASURED)
         _closed(canvas, found.tag.corners, MEASURED)
-    # A band, not letters with a rim: how wide letters of another weight run differs between versions of OpenCV.
+    # A band, not letters with a rim: letters of another weight run wider in some versions of OpenCV.
     size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
     canvas[height - round(60 * size) :] //= 4
     where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))
