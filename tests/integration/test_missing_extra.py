@@ -17,3 +17,25 @@ def test_without_numpy_one_line_names_the_extra(command):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "squeezetree[planner]" in done.stderr
+
+
+@pytest.mark.parametrize("call", ["audit(['judge'])", "calibrate(['camera'])"])
+def test_without_opencv_one_line_names_the_audit_extra(call):
+    code = f"import sys; sys.modules['cv2'] = None; from drivers.camera.commands import *; sys.exit({call})"
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "squeezetree[audit]" in done.stderr
+
+
+def test_report_needs_neither_numpy_nor_opencv():
+    code = (
+        "import sys; sys.modules['numpy'] = sys.modules['cv2'] = None; "
+        "from drivers.camera.commands import audit; sys.exit(audit(['report', 'none.jsonl']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 24
+    assert "none.jsonl" in done.stderr

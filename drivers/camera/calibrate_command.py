@@ -1,0 +1,201 @@
+"""`grasp-calibrate camera`, `tag` and `pictures`: what the audit has to know before it can judge."""
+
+import argparse
+import datetime
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from drivers.camera import calibration, residual_picture, tag_file
+from drivers.camera.board import parse
+from drivers.camera.calibrate import Made, Material, calibrate, glue, pictures_in, read_poses
+from drivers.camera.errors import CameraFileError, RefusedError
+from drivers.camera.sources import open_source
+from drivers.camera.tag_file import PartTag, Pose
+
+PICTURE_S = 10.0
+EPILOG = """\
+example:
+  grasp-calibrate pictures --camera /dev/video0 -o views      # once for each view, by Enter
+  grasp-calibrate camera --name C930e-1234 --board charuco:12x9:30:22.5 --views views --table table-*.png \\
+      --touched touched.csv --number 7 --references empty.png -o camera.json
+  grasp-calibrate tag --calibration camera.json --part bracket --number 7 --side 22 --poses poses.csv \\
+      -o tag.json
+
+touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose that the arm knows.
+
+exit codes:
+   0  measured and written    2  usage         23  no camera
+  27  a tag is not seen      32  refused: too few views, large residuals, damaged files
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    built = argparse.ArgumentParser(
+        prog="grasp-calibrate",
+        description="Measure what the audit has to know of camera and part.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    built.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    commands = built.add_subparsers(required=True, metavar="camera | tag | pictures", dest="command")
+    _camera(commands.add_parser("camera", help="lens and place of a camera, from pictures of a board"))
+    _tag(commands.add_parser("tag", help="where a tag is on its part"))
+    _pictures(commands.add_parser("pictures", help="take pictures, one at each Enter"))
+    return built
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    options = parser().parse_args(arguments)
+    cv2.setNumThreads(1)
+    try:
+        for line in options.run(options):
+            print(line, flush=True)
+    except (KeyboardInterrupt, EOFError):
+        return 130
+    except Exception as error:
+        if options.debug:
+            raise
+        print(f"grasp-calibrate: {' '.join(str(error).split())}", file=sys.stderr)
+        return int(getattr(error, "exit_code", 1))
+    return 0
+
+
+def run_camera(options: argparse.Namespace) -> Iterator[str]:
+    """Calibrate a camera, write file and picture, and tell the residuals."""
+    material = Material(
+        options.name,
+        parse(options.board),
+        not options.above,
+        pictures_in(options.views),
+        tuple(options.table),
+        () if options.touched is None else read_poses(options.touched),
+        options.number,
+        options.references,
+        options.board_height,
+    )
+    made = calibrate(material, now())
+    calibration.save(made.calibration, options.output)
+    picture = options.output.with_suffix(".svg")
+    boards = [view.pixels for view in made.views]
+    _write(picture, residual_picture.draw(made.calibration, made.residuals, boards))
+    yield from report(made, material)
+    yield f"written to {options.output} and {picture}"
+
+
+def report(made: Made, material: Material) -> Iterator[str]:
+    """What was measured, in lines."""
+    known = made.calibration
+    off = np.hypot(*made.residuals.off.T)
+    sigma = known.trust.sigma_mm
+    yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
+    for name in made.left_out:
+        yield f"left out: {name}, the board is not found in it"
+    yield f"boards on the table: {made.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most"
+    yield f"standard deviation of a place: {np.median(sigma):.3f} mm, at worst {sigma.max():.3f} mm"
+    if material.touched:
+        yield f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(material.touched)} places"
+    else:
+        yield "no touched places were given: the board's middle and rows are the frame of all poses"
+    numbers = ", ".join(str(reference.number) for reference in known.references)
+    yield f"reference tags: {numbers or 'none, so a moved camera will not be noticed'}"
+
+
+def run_tag(options: argparse.Namespace) -> Iterator[str]:
+    """Measure or state where a tag is on its part."""
+    tag = PartTag(options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height)
+    if options.at is None:
+        if options.poses is None or options.calibration is None:
+            raise RefusedError("give --at X,Y,THETA, or --calibration and --poses to have it measured")
+        tag = glue(calibration.load(options.calibration), tag, read_poses(options.poses))
+    tag_file.save(tag, options.output, now())
+    x_mm, y_mm, theta_rad = tag.on_part
+    yield f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad"
+    yield f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad"
+    yield f"written to {options.output}"
+
+
+def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] = input) -> Iterator[str]:
+    """Take so many pictures, each when Enter is pressed."""
+    source = open_source(options.camera, options.size)
+    options.output.mkdir(parents=True, exist_ok=True)
+    try:
+        for number in range(options.count):
+            ask(f"Picture {number + 1} of {options.count}: press Enter. ")
+            picture = source.picture(time.monotonic() + PICTURE_S)
+            path = options.output / f"{options.stem}-{number:03d}.png"
+            if not cv2.imwrite(str(path), picture):
+                raise CameraFileError(f"{path}: cannot be written")
+            yield f"{path}: {picture.shape[1]} x {picture.shape[0]}"
+    finally:
+        source.close()
+
+
+def now() -> str:
+    """The time, ISO 8601."""
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+def _camera(command: argparse.ArgumentParser) -> None:
+    command.set_defaults(run=run_camera)
+    add = command.add_argument
+    add("--name", required=True, help="name or serial number of the camera: the file is for this one alone")
+    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
+    add("--views", type=Path, required=True, metavar="DIR", help="pictures of the board, held and tilted")
+    add("--table", type=Path, required=True, nargs="+", metavar="F", help="pictures of it lying on the table")
+    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
+    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default 0)")
+    add("--touched", type=Path, metavar="CSV", help="places of a tag that the arm knows, with pictures")
+    add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
+    add("--references", type=Path, metavar="F", help="a picture of the tags that stay where they are")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration; a picture beside it")
+
+
+def _tag(command: argparse.ArgumentParser) -> None:
+    command.set_defaults(run=run_tag)
+    add = command.add_argument
+    add("--part", required=True, help="name of the part")
+    add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
+    add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
+    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default 0)")
+    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
+    add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
+    add("--poses", type=Path, metavar="CSV", help="poses of the part that the arm knows, with pictures")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the tag file")
+
+
+def _pictures(command: argparse.ArgumentParser) -> None:
+    command.set_defaults(run=run_pictures)
+    add = command.add_argument
+    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
+    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default 1920x1080)")
+    add("--count", type=int, default=20, metavar="N", help="how many (default 20)")
+    add("--stem", default="view", help="what their names begin with (default view)")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
+
+
+def _pose(text: str) -> Pose:
+    x_mm, y_mm, theta_rad = map(float, text.split(","))
+    return (x_mm, y_mm, theta_rad)
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, height = map(int, text.split("x"))
+    return (width, height)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="ascii")
+    except OSError as error:
+        raise CameraFileError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,34 @@
+"""Entry points of the audit's commands; without the audit extra all but the report say what to install."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+AUDIT, CALIBRATE = "drivers.camera.cli", "drivers.camera.calibrate_command"
+REPORT = "runtime.quality.command"
+USAGE = 2
+
+
+def audit(arguments: Sequence[str] | None = None) -> int:
+    """grasp-audit: `report` from journals alone, `judge` with a camera."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["report"]:
+        return int(import_module(REPORT).main(words[1:]))
+    return _run("grasp-audit", AUDIT, words)
+
+
+def calibrate(arguments: Sequence[str] | None = None) -> int:
+    """grasp-calibrate camera, tag and pictures."""
+    return _run("grasp-calibrate", CALIBRATE, list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _run(command: str, module: str, words: Sequence[str]) -> int:
+    try:
+        loaded = import_module(module)
+    except ModuleNotFoundError as error:
+        if (error.name or "drivers").split(".")[0] in {"drivers", "runtime"}:
+            raise
+        hint = "install it with: pip install 'squeezetree[audit]'"
+        print(f"{command}: needs the audit extra ({error.name} is missing); {hint}", file=sys.stderr)
+        return USAGE
+    return int(loaded.main(words))

@@ -1,0 +1,67 @@
+"""Readable files with a checksum: JSON whose last key, `sha256`, is the digest of all before it.
+
+A file changed by hand, cut short or written for something else is refused with a sentence that says so.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from drivers.camera.errors import CameraFileError
+
+MAX_FILE_BYTES = 4 << 20
+
+
+def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
+    """Write a file, whole or not at all.
+
+    Args:
+        path: where.
+        kind: what it is about, `read`'s key.
+        body: what JSON can hold.
+
+    Raises:
+        CameraFileError: it cannot be written.
+    """
+    document = {"kind": kind, **body}
+    text = json.dumps({**document, "sha256": _digest(document)}, indent=1, allow_nan=False) + "\n"
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="ascii")
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise CameraFileError(f"{path}: cannot be written: {error.strerror}; name another file") from error
+
+
+def read(path: Path, kind: str, remedy: str) -> dict[str, Any]:
+    """Read a file of the kind, its checksum verified.
+
+    Args:
+        path: where.
+        kind: what it has to be about.
+        remedy: how such a file is made, for the sentence.
+
+    Raises:
+        CameraFileError: it cannot be read, is of another kind, or was changed.
+    """
+    try:
+        with path.open("rb") as file:
+            told = json.loads(file.read(MAX_FILE_BYTES))
+    except OSError as error:
+        raise CameraFileError(f"{kind} {path}: {error.strerror}; {remedy}") from error
+    except ValueError as error:
+        raise CameraFileError(f"{kind} {path}: damaged, it is not JSON; {remedy}") from error
+    if not isinstance(told, dict) or told.get("kind") != kind:
+        raise CameraFileError(f"{path}: is no {kind}; {remedy}")
+    if told.pop("sha256", None) != _digest(told):
+        raise CameraFileError(f"{kind} {path}: damaged or changed, its checksum does not match; {remedy}")
+    return told
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,98 @@
+"""The optics of the simulated camera: which ray each point of the picture comes from.
+
+Deliberately not the code that measures: rays are found by fixed-point iteration at pixel corners and
+interpolated in between, so that a mistake in one of the two does not hide in the other.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Optics:
+    """A pinhole with distortion somewhere above or below the table.
+
+    Attributes:
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+        focal: pixels, the same both ways.
+        centre: principal point, pixels; the centre of the first pixel is (0, 0).
+        distortion: k1, k2, p1, p2, k3 as OpenCV numbers them.
+        rotation: (3, 3) of the world as the camera sees it.
+        eye_mm: (3,) where the camera is; z < 0 below the table.
+    """
+
+    width: int
+    height: int
+    focal: float
+    centre: tuple[float, float]
+    distortion: tuple[float, float, float, float, float]
+    rotation: Array
+    eye_mm: Array
+
+    @cached_property
+    def corner_rays(self) -> Array:
+        """The world directions of the rays through all pixel corners, (height + 1, width + 1, 3)."""
+        x = (np.arange(self.width + 1) - 0.5 - self.centre[0]) / self.focal
+        y = (np.arange(self.height + 1) - 0.5 - self.centre[1]) / self.focal
+        seen_x, seen_y = np.meshgrid(x, y)
+        ray_x, ray_y = seen_x.copy(), seen_y.copy()
+        k1, k2, p1, p2, k3 = self.distortion
+        for _ in range(ITERATIONS):
+            r2 = ray_x**2 + ray_y**2
+            radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+            shift_x = 2.0 * p1 * ray_x * ray_y + p2 * (r2 + 2.0 * ray_x**2)
+            shift_y = p1 * (r2 + 2.0 * ray_y**2) + 2.0 * p2 * ray_x * ray_y
+            ray_x, ray_y = (seen_x - shift_x) / radial, (seen_y - shift_y) / radial
+        return np.stack([ray_x, ray_y, np.ones_like(ray_x)], axis=-1) @ self.rotation
+
+    def project(self, points_mm: Array) -> Array:
+        """Where points of the world are seen, (n, 3) mm -> (n, 2) pixels."""
+        seen = (np.asarray(points_mm) - self.eye_mm) @ self.rotation.T
+        x, y = seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2]
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x**2 + y**2
+        radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+        u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2)
+        v = y * radial + p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
+        return np.stack([self.focal * u + self.centre[0], self.focal * v + self.centre[1]], axis=1)
+
+
+def webcam(
+    eye_mm: tuple[float, float, float] = (0.0, 0.0, -600.0),
+    tilt_deg: tuple[float, float] = (0.0, 0.0),
+    turn_deg: float = 0.0,
+    size: tuple[int, int] = (1920, 1080),
+) -> Optics:
+    """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
+
+    Args:
+        eye_mm: where it is; below the table it looks up, above it looks down.
+        tilt_deg: by how much it looks aside, about its own x and y.
+        turn_deg: by how much it is turned about its own axis.
+        size: width and height of the picture; the lens stays the same.
+    """
+    looks_up = eye_mm[2] < 0.0
+    # Seen from below with x to the right, the world's y points down in the picture; from above, up.
+    facing = np.eye(3) if looks_up else np.diag([1.0, -1.0, -1.0])
+    a, b, c = np.radians([*tilt_deg, turn_deg])
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    about_z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    width, height = size
+    return Optics(
+        width,
+        height,
+        1105.0 * width / 1920.0,
+        (0.5 * width - 4.3, 0.5 * height + 6.1),
+        (0.10, -0.19, 0.0006, -0.0004, 0.06),
+        about_z @ about_y @ about_x @ facing,
+        np.array(eye_mm, np.float64),
+    )

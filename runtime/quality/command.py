@@ -1,0 +1,94 @@
+"""`grasp-audit report`: what the journals of many parts say about the cell."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from runtime.errors import UsageError
+from runtime.quality import export
+from runtime.quality.history import History, read
+from runtime.quality.page import page
+from runtime.quality.series import all_series
+from runtime.quality.summary import Summary, summarise
+
+EPILOG = """\
+example:
+  grasp-audit report runs/*.jsonl -o report.html --export parts.csv
+
+exit codes:
+  0  all charts are in control        2  usage, or journals of different tables
+  13 at least one chart alarms        24 a journal cannot be read, or does not verify
+"""
+ALARMED = 13
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    built = argparse.ArgumentParser(
+        prog="grasp-audit report",
+        description="Success, residuals and control charts, from journals alone.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = built.add_argument
+    add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
+    add("-o", "--output", type=Path, metavar="F.html", help="the page")
+    add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
+    add("--json", action="store_true", help="print the figures as one JSON object")
+    add("--debug", action="store_true", help="print the traceback of an error")
+    return built
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    options = parser().parse_args(arguments)
+    try:
+        history = read(options.journals)
+        summary = summarise(history)
+        write(options, history, summary)
+    except KeyboardInterrupt:
+        return 130
+    except Exception as error:
+        if options.debug:
+            raise
+        print(f"grasp-audit: {' '.join(str(error).split())}", file=sys.stderr)
+        return int(getattr(error, "exit_code", 1))
+    print(json.dumps(summary.fields()) if options.json else "\n".join(lines(summary)))
+    return ALARMED if summary.alarms else 0
+
+
+def write(options: argparse.Namespace, history: History, summary: Summary) -> None:
+    """Write the files that were asked for.
+
+    Raises:
+        UsageError: one cannot be written.
+    """
+    if options.export is not None:
+        alarms: dict[int, list[str]] = {}
+        for alarm in summary.alarms:
+            alarms.setdefault(alarm.place, []).append(alarm.chart)
+        export.write(export.rows(history.parts, alarms), options.export)
+    if options.output is not None:
+        first = history.parts[0].time[:10]
+        title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"
+        try:
+            options.output.write_text(page(title, summary, all_series(history)), encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"{options.output} cannot be written: {error.strerror}") from error
+
+
+def lines(summary: Summary) -> list[str]:
+    """The figures in words."""
+    told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
+    if summary.judged:
+        low, high = summary.interval
+        told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))
+        told.append(
+            f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
+            f"predicted {summary.predicted:.4f}"
+        )
+    told.append(f"branches  p = {summary.tail:.3g} against the table")
+    told += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
+    return told if summary.alarms else [*told, "charts    in control"]

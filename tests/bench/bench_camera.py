@@ -1,0 +1,246 @@
+"""How well the camera measures, on rendered pictures; not part of the gate.
+
+    python tests/bench/bench_camera.py [--pictures 500] [--limits 200]
+
+Prints figures and writes `results/camera.json` beside this file. Pictures are 1920 x 1080, tags 22 mm across,
+the camera 600 mm under the table; each is measured with the true calibration and with one that
+`grasp-calibrate camera` makes of rendered board views. One core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import platform
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: E402
+
+from drivers.camera import calibrate_command, calibration, measure  # noqa: E402
+from drivers.camera.errors import TagError  # noqa: E402
+from drivers.camera.plane import View  # noqa: E402
+from drivers.camera.tags import Finder  # noqa: E402
+from drivers.sim.camera.cards import Card, board_cells, lying, tag_cells  # noqa: E402
+from drivers.sim.camera.optics import Array, webcam  # noqa: E402
+from drivers.sim.camera.render import Flaws, render  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "camera.json"
+OPTICS = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
+FIELD_MM = 30.0
+CENTRE_MM = 150.0
+LIMITS: dict[str, dict[str, Any]] = {
+    "as the 500": {},
+    "blur 1.5 px, noise 4": {"blur_px": 1.5, "noise": 4.0},
+    "noise 8": {"noise": 8.0},
+    "noise 8, blur 1.3 px, JPEG 60": {"blur_px": 1.3, "noise": 8.0, "jpeg_quality": 60},
+    "JPEG 40": {"jpeg_quality": 40},
+    "a quarter of the light, noise 4": {"gain": 0.25, "noise": 4.0},
+    "gradient 1.0": {"gradient": 1.0},
+    "motion 3 px": {"motion_px": 3.0},
+    "stain 2.5 mm on a side": {"stain_mm": 2.5},
+    "beyond: blur 2.5 px": {"blur_px": 2.5},
+    "beyond: motion 8 px": {"motion_px": 8.0},
+}
+
+
+def board(pose: tuple[float, float, float]) -> Card:
+    """The board on the table."""
+    return lying(board_cells(12, 9), FIELD_MM / 8, pose, face_down=True, margin_mm=10.0)
+
+
+def held(rng: np.random.Generator, spot: tuple[float, float], tilt: tuple[float, float]) -> Card:
+    """The board held before the camera, about a pixel of the picture."""
+    ray = (np.array(spot) - OPTICS.centre) / OPTICS.focal
+    middle = rng.uniform(420.0, 620.0) * np.array([*ray, 1.0])
+    roll = rng.uniform(-0.4, 0.4) + rng.choice([0.0, 0.5 * np.pi])
+    turn = cv2.Rodrigues(np.array([*tilt, 0.0]))[0] @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
+    back = OPTICS.rotation.T
+    axes = back @ turn
+    return Card(
+        board_cells(12, 9),
+        FIELD_MM / 8,
+        10.0,
+        OPTICS.eye_mm + back @ middle,
+        axes[:, 0],
+        axes[:, 1],
+        np.zeros(3),
+    )
+
+
+def calibrated(folder: Path, seed: int) -> dict[str, Any]:
+    """Renders board views and calibrates with the command; the row of its figures."""
+    rng = np.random.default_rng(seed)
+    corners = [(x, y) for x in (380, 1540) for y in (300, 780)]
+    tilts = [(corner, tilt) for corner in corners for tilt in ((0.5, 0.0), (0.0, 0.5))]
+    middle = [((960, 540), tilt) for tilt in ((0.55, 0.2), (-0.5, -0.3), (0.1, -0.6), (-0.1, 0.6))]
+    cards = [
+        held(rng, spot, tuple(np.multiply(tilt, rng.choice([-1.0, 1.0], 2)))) for spot, tilt in tilts + middle
+    ]
+    on_table = [
+        (0.0, 0.0, 0.0),
+        (-260.0, -120.0, 0.05),
+        (260.0, 120.0, -0.1),
+        (-260.0, 120.0, 1.6),
+        (260.0, -120.0, 3.0),
+    ]
+    (folder / "views").mkdir()
+    for number, card in enumerate(cards):
+        cv2.imwrite(str(folder / "views" / f"{number:02d}.png"), render(OPTICS, [card], Flaws(), rng))
+    tables = []
+    for number, pose in enumerate(on_table):
+        tables.append(folder / f"table-{number}.png")
+        cv2.imwrite(str(tables[-1]), render(OPTICS, [board(pose)], Flaws(), rng))
+    words = ["camera", "--name", "bench", "--board", f"charuco:12x9:{FIELD_MM}:{0.75 * FIELD_MM}"]
+    words += [
+        "--views",
+        str(folder / "views"),
+        "--table",
+        *map(str, tables),
+        "-o",
+        str(folder / "camera.json"),
+    ]
+    if calibrate_command.main(words):
+        raise SystemExit("the calibration was refused")
+    made = calibration.load(folder / "camera.json")
+    return {
+        "views": made.views,
+        "rms_px": made.rms_px,
+        "focal_px": made.view.lens.focal,
+        "eye_mm": made.view.eye.tolist(),
+    }
+
+
+def poses(rng: np.random.Generator, view: View, count: int) -> list[tuple[float, float, float]]:
+    """Poses all over what the camera sees, tags and their margins inside the picture."""
+    reach = 0.5 * SIDE_MM * 1.25 * np.sqrt(2.0)
+    rim = np.array([(x, y) for x in (-reach, reach) for y in (-reach, reach)])
+    found = []
+    while len(found) < count:
+        pose = tuple(map(float, rng.uniform((-500.0, -280.0, -np.pi), (500.0, 280.0, np.pi))))
+        pixels = view.pixels_at(rim + pose[:2])
+        if pixels.min() > 2 and (pixels < (OPTICS.width - 3, OPTICS.height - 3)).all():
+            found.append(pose)
+    return found
+
+
+def shot(
+    rng: np.random.Generator, pose: tuple[float, float, float], number: int, flaws: dict[str, Any]
+) -> Any:
+    """A picture of one tag."""
+    values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
+    heading, speed = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal
+    card = lying(
+        tag_cells(number),
+        SIDE_MM / 8,
+        pose,
+        face_down=True,
+        speed_mm=(speed * float(np.cos(heading)), speed * float(np.sin(heading))),
+    )
+    stain = values.pop("stain_mm", 0.0)
+    spots: tuple[Array, ...] = ()
+    if stain:
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        along = rng.uniform(-0.35, 0.35) * SIDE_MM
+        middle = np.array([along, 0.5 * SIDE_MM]) + 0.5 * stain * np.array(
+            [(-1, -0.5), (1, -0.5), (1, 1.5), (-1, 1.5)]
+        )
+        spots = (middle @ np.array([[c, s], [-s, c]]) + pose[:2],)
+    return render(OPTICS, [card], Flaws(**values), rng, spots)
+
+
+def measured(
+    count: int, seed: int, flaws: dict[str, Any], made: calibration.CameraCalibration | None
+) -> dict[str, Any]:
+    """The figures of so many pictures."""
+    rng = np.random.default_rng(seed)
+    truth, tag = true_calibration(OPTICS, references=False), part_tag(on_part=(0.0, 0.0, 0.0))
+    finder, off, ours, wrong, missed, spent = Finder(), [], [], 0, 0, []
+    for pose in poses(rng, truth.view, count):
+        number = int(rng.integers(587))
+        picture = shot(rng, pose, number, flaws)
+        start = time.process_time()
+        seen = finder.find(picture)
+        numbers = [found.number for found in seen]
+        place = None
+        with contextlib.suppress(TagError):
+            place = measure.of_sighting(seen[0], truth, tag) if numbers == [number] else None
+        spent.append(1e3 * (time.process_time() - start))
+        wrong += sum(found != number for found in numbers)
+        if place is None:
+            missed += 1
+            continue
+        off.append(errors(place.pose, pose))
+        if made is not None:
+            with_ours = measure.of_sighting(seen[numbers.index(number)], made, tag)
+            ours.append((*errors(with_ours.pose, pose), float(np.hypot(*pose[:2])), with_ours.sigma_mm))
+    row = {"pictures": count, "missed": missed, "wrong_ids": wrong, "detection": 1.0 - missed / count}
+    row |= {"ms_mean": float(np.mean(spent)), "ms_p95": float(np.percentile(spent, 95))}
+    if off:
+        row |= summary(np.array(off).T, "true_calibration")
+    if ours:
+        place_mm, _, radius_mm, sigma_mm = values = np.array(ours).T
+        row |= summary(values[:2], "own_calibration")
+        row["own_calibration_centre_mm_mean"] = float(place_mm[radius_mm < CENTRE_MM].mean())
+        row["own_calibration_within_3_sigma"] = float(np.mean(place_mm < 3.0 * sigma_mm))
+    return row
+
+
+def errors(pose: tuple[float, ...], truth: tuple[float, ...]) -> tuple[float, float]:
+    """Error of place [mm] and of angle [deg]."""
+    off = float(np.hypot(pose[0] - truth[0], pose[1] - truth[1]))
+    return off, abs(float(np.degrees(angle_between(pose[2], truth[2]))))
+
+
+def summary(values: Array, name: str) -> dict[str, float]:
+    """Mean, 95th percentile and maximum of places and angles."""
+    figures = {"mean": np.mean, "p95": lambda v: np.percentile(v, 95), "max": np.max}
+    return {
+        f"{name}_{unit}_{figure}": float(call(row))
+        for unit, row in zip(("mm", "deg"), values, strict=True)
+        for figure, call in figures.items()
+    }
+
+
+def main() -> None:
+    """Runs the benchmark."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--pictures", type=int, default=500)
+    parser.add_argument("--limits", type=int, default=200)
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    with tempfile.TemporaryDirectory() as folder:
+        told: dict[str, Any] = {
+            "machine": {"system": platform.system(), "processor": platform.machine()},
+            "opencv": cv2.__version__,
+            "calibration": calibrated(Path(folder), 1),
+        }
+        made = calibration.load(Path(folder) / "camera.json")
+    told["work_area"] = measured(options.pictures, 2, {}, made)
+    print(json.dumps(told, indent=1), flush=True)
+    told["limits"] = {}
+    for seed, (name, flaws) in enumerate(LIMITS.items()):
+        row = told["limits"][name] = measured(options.limits, 10 + seed, flaws, None)
+        print(
+            f"{name:34} detection {row['detection']:.4f} wrong {row['wrong_ids']} "
+            f"{row.get('true_calibration_mm_mean', np.nan):.4f} mm "
+            f"{row.get('true_calibration_deg_mean', np.nan):.4f} deg {row['ms_mean']:.1f} ms",
+            flush=True,
+        )
+    RESULTS.write_text(json.dumps(told, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

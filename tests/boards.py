@@ -1,0 +1,61 @@
+"""A calibration board on the table and held before the camera of `cameras`, as cards and as exact corners."""
+
+import cv2
+import numpy as np
+from cameras import SIZE, camera, true_view
+
+from drivers.camera.board import Board, BoardView
+from drivers.sim.camera.cards import Card, board_cells, lying
+
+OPTICS = camera()
+VIEW = true_view(OPTICS)
+BOARD = Board(12, 9, 14.0, 10.5)
+ON_TABLE = (10.0, -6.0, 0.2)
+TILTS = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
+
+
+def held(tilt, spot, distance_mm):
+    """The board before the camera: its pose in the camera, and as a card in the world."""
+    ray = VIEW.lens.rays(np.array([spot]))[0]
+    turn, _ = cv2.Rodrigues(np.array([*tilt, 0.1]))
+    middle = distance_mm * np.array([*ray, 1.0])
+    back = OPTICS.rotation.T
+    return Card(
+        board_cells(12, 9),
+        14.0 / 8,
+        8.0,
+        OPTICS.eye_mm + back @ middle,
+        back @ turn[:, 0],
+        back @ turn[:, 1],
+        np.zeros(3),
+    )
+
+
+def corners_on_board():
+    x, y = np.meshgrid(np.arange(1, 12), np.arange(1, 9))
+    return (np.column_stack([x.ravel(), y.ravel()]) - (6.0, 4.5)) * 14.0
+
+
+def seen(card, name, rng=None, noise_px=0.0):
+    """The corners of a card as a perfect detector would find them, with noise."""
+    points = corners_on_board()
+    solid = card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down
+    pixels = OPTICS.project(solid)
+    if noise_px:
+        pixels = pixels + rng.normal(0.0, noise_px, pixels.shape)
+    inside = ((pixels > 3) & (pixels < np.array(SIZE) - 4)).all(axis=1)
+    return BoardView(name, points[inside], pixels[inside])
+
+
+def cards():
+    """A board on the table, and held in the middle and in all corners of the picture."""
+    table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
+    spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
+    return [table, *(held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))]
+
+
+def places():
+    """Places of the table all over the picture, and their pixels."""
+    x, y = np.meshgrid(np.linspace(30, 930, 9), np.linspace(30, 510, 5))
+    pixels = np.column_stack([x.ravel(), y.ravel()])
+    return VIEW.on_plane(pixels), pixels

@@ -1,0 +1,58 @@
+"""Simulated cameras for tests, small enough to be quick: half a webcam, at half its distance."""
+
+import numpy as np
+
+from drivers.camera.calibration import CameraCalibration, Reference, Trust
+from drivers.camera.judge import Goal
+from drivers.camera.lens import Lens
+from drivers.camera.plane import View
+from drivers.camera.tag_file import PartTag
+from drivers.sim.camera.optics import Optics, webcam
+from drivers.sim.camera.render import Flaws
+from drivers.sim.camera.rig import Rig
+
+SIZE = (960, 540)
+SIDE_MM = 22.0
+NUMBER = 7
+REFERENCES = ((580, (-90.0, -60.0, 0.0)), (581, (90.0, -60.0, 0.5)), (582, (90.0, 60.0, -0.9)))
+GOAL = Goal(3.0, 10.0, 1)
+RECTANGLE = np.array([(-15.0, -10.5), (15.0, -10.5), (15.0, 10.5), (-15.0, 10.5)])
+
+
+def camera(*, below: bool = True) -> Optics:
+    """A camera 300 mm from the table, looking at it not quite straight."""
+    return webcam((5.0, -7.0, -300.0 if below else 300.0), (2.0, -3.0), 5.0, SIZE)
+
+
+def rig(optics: Optics, **flaws: object) -> Rig:
+    """The camera with its reference tags and the part's."""
+    return Rig(optics, Flaws(**flaws), NUMBER, SIDE_MM, (2.0, -1.0, 0.3), REFERENCES)
+
+
+def true_view(optics: Optics) -> View:
+    """What a perfect calibration would find."""
+    focal = (optics.focal, optics.focal)
+    lens = Lens(optics.width, optics.height, focal, optics.centre, optics.distortion)
+    return View(lens, optics.rotation, -optics.rotation @ optics.eye_mm)
+
+
+def true_calibration(optics: Optics, sigma_mm: float = 0.02, references: bool = True) -> CameraCalibration:
+    """A perfect calibration that trusts itself to so much."""
+    places = tuple(Reference(number, x, y) for number, (x, y, _) in REFERENCES) if references else ()
+    axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
+    trust = Trust(*axes, np.full((2, 2), sigma_mm))
+    return CameraCalibration(
+        "S-1", "2026-01-01T00:00:00+00:00", true_view(optics), 0.05, 0.1, trust, places, 18
+    )
+
+
+def part_tag(**values: object) -> PartTag:
+    """The tag as `rig` glues it on."""
+    return PartTag(
+        **{"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)} | values
+    )
+
+
+def angle_between(a: float, b: float) -> float:
+    """The angle from b to a, within half a turn."""
+    return float(np.remainder(a - b + np.pi, 2.0 * np.pi) - np.pi)

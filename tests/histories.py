@@ -1,0 +1,80 @@
+"""Histories of parts drawn from a table's own predictions, healthy or with something wrong."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.quality.history import History, Part, Squeezed
+from runtime.quality.monitor import sigmas
+from runtime.table import PPM, Calibration, Table, count_map, load
+
+TREE = Path(__file__).parents[1] / "trees" / "rectangle" / "rectangle.msgpack"
+COUNT_UM = 374.0
+
+
+def table() -> Table:
+    """The rectangle's."""
+    return load(TREE)
+
+
+def drawn(
+    tree: Table,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    width_shift_um: float = 0.0,
+    shares: dict[int, list[float]] | None = None,
+    residual_shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    fail_rate: float | None = None,
+    first: int = 0,
+) -> list[Part]:
+    """Parts that behave as the table says, but for what is named.
+
+    Args:
+        tree: the table.
+        count: how many.
+        rng: of everything.
+        width_shift_um: added to each reading.
+        shares: other shares of the branches of some nodes.
+        residual_shift: added to each residual, mm, mm, rad.
+        fail_rate: share of failures, None: as predicted.
+        first: number of the first part.
+    """
+    maps = [count_map(node, Calibration.linear(tree.gripper)) for node in tree.nodes]
+    rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
+    return [
+        _part(tree, maps, number, rng, width_shift_um, shares or {}, residual_shift, rate)
+        for number in range(first, first + count)
+    ]
+
+
+def _part(tree, maps, number, rng, width_shift_um, shares, residual_shift, rate):
+    squeezes, target = [], 0
+    calibration = Calibration.linear(tree.gripper)
+    while target >= 0:
+        node = tree.nodes[target]
+        odds = np.array(shares.get(target) or [branch.probability_ppm for branch in node.branches], float)
+        branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
+        spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
+        width = rng.normal(branch.expected_um, spread) + width_shift_um
+        step = tree.gripper.opening_um / (tree.gripper.count_closed - tree.gripper.count_open)
+        reading = int(np.clip(round(tree.gripper.count_closed - width / step), 0, 255))
+        taken = maps[target][reading]
+        read_um = calibration.width_um(reading)
+        if taken < 0:
+            return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
+        squeezes.append(Squeezed(target, taken, read_um))
+        target = node.branches[taken].target
+    leaf = tree.leaves[~target]
+    if not leaf.resolved:
+        return Part(number, tuple(squeezes), "unresolved", ~target)
+    residual = rng.normal(0.0, 0.6 * np.array(sigmas(tree, leaf))) + residual_shift
+    verdict = "fail" if rng.random() < rate else "pass"
+    return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
+
+
+def history(tree: Table, *stretches: list[Part]) -> History:
+    """Stretches of parts one after the other, numbered through."""
+    parts = [part for stretch in stretches for part in stretch]
+    return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))

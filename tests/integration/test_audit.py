@@ -1,0 +1,233 @@
+"""`grasp-audit judge` as the runtime starts it: questions and answers over pipes, whatever comes."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from cameras import camera, part_tag, rig, true_calibration
+
+from drivers import connect
+from drivers.camera import calibration, service, tag_file
+from drivers.camera.auditor import Answer
+from drivers.camera.judge import PASS, UNKNOWN
+from drivers.sim.camera.server import CameraServer
+from runtime.cell_process import CellProcess
+
+ROOT = Path(__file__).parents[2]
+TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+OPTICS = camera()
+RIG = rig(OPTICS)
+POSE = (12.0, -8.0, 0.7)
+ANSWER_S = 60.0
+
+
+class Asked:
+    """The process, spoken to as the runtime does."""
+
+    def __init__(self, *words, **files):
+        arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "drivers.camera.cli", "judge", *arguments, *words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=ROOT,
+        )
+
+    def ask(self, pose=POSE, part=3):
+        x_mm, y_mm, theta_rad = pose
+        return self.say({"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad})
+
+    def say(self, question):
+        self.process.stdin.write(json.dumps(question).encode() + b"\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.stdin.close()
+        try:
+            assert self.process.wait(ANSWER_S) == 0
+        finally:
+            self.process.kill()
+            self.process.wait()
+            self.process.stdout.close()
+            self.process.stderr.close()
+
+
+@pytest.fixture
+def files(tmp_path):
+    """What the command line names, and a camera that shows the part at `POSE`."""
+    calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
+    tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
+    with CameraServer(RIG.taker(lambda: POSE, seed=1)) as server:
+        yield {
+            "tree": TREE,
+            "camera": server.url,
+            "calibration": tmp_path / "camera.json",
+            "tag": tmp_path / "tag.json",
+            "deadline": ANSWER_S,
+        }
+
+
+def test_questions_are_answered_by_what_the_camera_sees(files):
+    with Asked(**files) as audit:
+        assert audit.ask()["verdict"] == "pass"
+        half_a_turn = (POSE[0], POSE[1], POSE[2] + np.pi)  # the rectangle looks the same
+        assert audit.ask(half_a_turn)["verdict"] == "pass"
+        failed = audit.ask((POSE[0] + 4.0, POSE[1], POSE[2]))
+        assert failed["verdict"] == "fail"
+        assert abs(failed["residual_x_mm"] + 4.0) < 0.1
+        assert "not understood" in audit.say({"part": 4})["reason"]
+        assert audit.ask()["verdict"] == "pass"
+
+
+def test_overlay_of_a_failure_shows_the_parts_outline(files, tmp_path):
+    with Asked("--pictures", str(tmp_path / "kept"), **files) as audit:
+        kept = audit.ask((POSE[0] + 4.0, POSE[1], POSE[2]), part=17)["picture"]
+    assert Path(kept).name == "part-0000017-fail.jpg"
+    assert cv2.imread(kept).shape == (540, 960, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"calibration": "none.json"}, "camera calibration none.json: No such file"),
+        ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match"),
+        ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99"),
+        ({"tree": "none.msgpack"}, "table none.msgpack"),
+    ],
+)
+def test_whatever_is_missing_is_told_with_every_verdict(files, change, sentence):
+    if change == {"calibration": "spoilt"}:
+        path = files["calibration"]
+        path.write_text(path.read_text().replace("S-1", "S-2"))
+        change = {}
+    with Asked(**{**files, **change}) as audit:
+        for _ in range(2):
+            answer = audit.ask()
+            assert answer["verdict"] == "unknown"
+            assert sentence in answer["reason"]
+
+
+def test_camera_that_was_plugged_in_late_is_used(files, tmp_path):
+    folder = tmp_path / "pictures"
+    with Asked(**{**files, "camera": folder}) as audit:
+        assert "there is no camera or folder" in audit.ask()["reason"]
+        folder.mkdir()
+        cv2.imwrite(str(folder / "a.png"), RIG.picture(POSE, np.random.default_rng(1)))
+        assert audit.ask()["verdict"] == "pass"
+
+
+def test_silent_camera_is_answered_for_within_the_deadline(files):
+    with socket.create_server(("127.0.0.1", 0)) as deaf:
+        address = f"http://127.0.0.1:{deaf.getsockname()[1]}/picture.jpg"
+        with Asked(**{**files, "camera": address, "deadline": 0.2}) as audit:
+            answers = [audit.ask() for _ in range(3)]
+    assert {answer["verdict"] for answer in answers} == {"unknown"}
+
+
+def test_process_that_grew_starts_anew_and_goes_on_answering(files):
+    with Asked("--memory-mb", "1", **files) as audit:
+        first = audit.process.pid
+        assert [audit.ask()["verdict"] for _ in range(3)] == ["pass", "pass", "pass"]
+        assert audit.process.pid == first
+
+
+def test_memory_is_bounded():
+    script = "from drivers.camera import service; service.limit_memory(1); bytearray(3 << 30)"
+    ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False)
+    assert b"MemoryError" in ended.stderr
+
+
+# -- the service itself ---------------------------------------------------------------------------
+
+
+class Slow:
+    """Audits that hang for as long as they are told."""
+
+    def __init__(self, *seconds):
+        self._seconds = iter(seconds)
+
+    def audit(self, part, predicted, until):
+        time.sleep(next(self._seconds))
+        return Answer(PASS, f"part {part}")
+
+
+def test_answer_that_comes_late_is_not_taken_for_the_next_part():
+    slow = Slow(0.3, 0.0)
+    worker = service.Worker(lambda: slow)
+    assert worker.ask(1, POSE, 0.05).verdict == UNKNOWN
+    assert worker.ask(2, POSE, 20.0) == Answer(PASS, "part 2")
+
+
+def test_hanging_camera_is_told_and_holds_nothing_up():
+    slow = Slow(5.0)
+    worker = service.Worker(lambda: slow)
+    assert "was not judged within" in worker.ask(1, POSE, 0.05).reason
+    assert "still hangs" in worker.ask(2, POSE, 0.05).reason
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [(MemoryError(), "raise --memory-mb"), (ValueError("two\nlines"), r"two lines (ValueError)")],
+)
+def test_nothing_that_an_audit_raises_ends_the_service(error, sentence):
+    class Broken:
+        def audit(self, part, predicted, until):
+            raise error
+
+    worker = service.Worker(Broken)
+    for _ in range(2):
+        answer = worker.ask(1, POSE, 20.0)
+        assert answer.verdict == UNKNOWN
+        assert sentence in answer.reason
+
+
+def test_full_process_ends_between_questions_only():
+    read, write = os.pipe()
+    question = b'{"part": 1, "x_mm": 0, "y_mm": 0, "theta_rad": 0}\n'
+    try:
+        os.write(write, question + question)
+        said = []
+        lines = service.Lines(read)
+        worker = service.Worker(lambda: Slow(0.0, 0.0))
+        assert service.serve(lines, worker, said.append, 20.0, lambda: True)
+        assert len(said) == 2
+    finally:
+        os.close(write)
+        os.close(read)
+
+
+# -- a simulated cell -----------------------------------------------------------------------------
+
+
+def test_camera_under_a_simulated_cell_sees_its_parts(files):
+    with CellProcess(TREE, world="planner.world:make", seed=3, time_scale=10.0) as cell:
+        scene = connect.scene(cell.endpoints.scene)
+
+        def now():
+            truth = scene.truth()
+            return (truth.x_mm, truth.y_mm, truth.theta_rad)
+
+        try:
+            with (
+                CameraServer(RIG.taker(now, seed=2)) as server,
+                Asked(**{**files, "camera": server.url}) as audit,
+            ):
+                for _ in range(3):
+                    scene.next_part()
+                    x_mm, y_mm, theta_rad = now()
+                    assert audit.ask((x_mm, y_mm, theta_rad))["verdict"] == "pass"
+                    assert audit.ask((x_mm + 5.0, y_mm, theta_rad))["verdict"] == "fail"
+        finally:
+            scene.close()

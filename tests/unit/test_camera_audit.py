@@ -1,0 +1,239 @@
+"""The verdict: eq. 9 under the symmetry, with an error budget; and a sentence for all that can be wrong."""
+
+import math
+import re
+import time
+
+import cv2
+import numpy as np
+import pytest
+from cameras import (
+    GOAL,
+    NUMBER,
+    RECTANGLE,
+    SIDE_MM,
+    angle_between,
+    camera,
+    part_tag,
+    rig,
+    true_calibration,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.camera.auditor import Auditor, Subject
+from drivers.camera.errors import SourceError
+from drivers.camera.judge import COVERAGE, FAIL, PASS, UNKNOWN, Goal, judge
+from drivers.camera.overlay import MEASURED, PREDICTED, Album
+from drivers.sim.camera.cards import lying, tag_cells
+from drivers.sim.camera.optics import webcam
+from drivers.sim.camera.render import Flaws, render
+
+BELOW = camera()
+RIG = rig(BELOW)
+POSE = (10.0, -5.0, 0.8)
+SUBJECT = Subject(GOAL, part_tag(), RECTANGLE)
+COORDINATE = st.floats(-20.0, 20.0)
+ANGLE = st.floats(-math.pi, math.pi)
+
+
+class Shown:
+    """A source that always shows the same picture, or fails."""
+
+    def __init__(self, picture):
+        self._picture = picture
+
+    def picture(self, until):
+        if self._picture is None:
+            raise SourceError("camera /dev/video0 has not sent a picture yet; check power and cable")
+        return self._picture
+
+    def close(self):
+        pass
+
+
+def shot(part=POSE, seed=1, **kinds):
+    return RIG.picture(part, np.random.default_rng(seed), **kinds)
+
+
+def audit(picture, predicted=POSE, calibration=None, pictures=None, subject=SUBJECT):
+    known = calibration or true_calibration(BELOW)
+    auditor = Auditor(Shown(picture), known, subject, pictures=pictures)
+    return auditor.audit(3, predicted, time.monotonic() + 1.0)
+
+
+def with_cards(*extra, part=POSE, optics=BELOW):
+    return render(optics, [*RIG.cards(part), *extra], Flaws(), np.random.default_rng(1))
+
+
+def tag_at(pose, number, family="36h11"):
+    cells = tag_cells(number, family)
+    return lying(cells, SIDE_MM / len(cells), pose, face_down=True)
+
+
+# -- the verdict ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("off", "verdict"),
+    [((0.2, 0.1, 0.01), PASS), ((0.0, 0.0, 0.4), FAIL), ((2.0, 3.0, 0.0), FAIL), ((1.0, 1.0, 0.25), FAIL)],
+)
+def test_part_is_judged_by_where_it_lies(off, verdict):
+    answer = audit(shot(), tuple(np.subtract(POSE, off)))
+    assert answer.verdict == verdict
+    truth = math.hypot(*off[:2]) + GOAL.rho_mm * off[2]
+    assert abs(answer.distance - truth) < answer.error
+    assert np.abs(np.subtract(answer.residual, off)).max() < 0.05
+
+
+def test_measured_pose_is_the_parts_not_the_tags():
+    answer = audit(shot())
+    assert math.hypot(answer.measured[0] - POSE[0], answer.measured[1] - POSE[1]) < 0.05
+    assert abs(angle_between(answer.measured[2], POSE[2])) < 0.003
+
+
+def test_part_at_the_threshold_is_too_close_to_call():
+    answer = audit(shot(), (POSE[0] - GOAL.distance_mm, *POSE[1:]))
+    assert answer.verdict == UNKNOWN
+    assert "too close to call" in answer.reason
+
+
+@given(COORDINATE, COORDINATE, ANGLE, st.integers(1, 6), st.integers(-6, 6))
+def test_turn_by_the_symmetry_changes_nothing(x, y, theta, order, turns):
+    goal = Goal(3.0, 10.0, order)
+    there = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta), 0.05, 0.001)
+    again = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta + turns * math.tau / order), 0.05, 0.001)
+    assert abs(there.distance - again.distance) < 1e-9
+    assert abs(there.residual[2]) <= math.pi / order + 1e-12
+
+
+@given(COORDINATE, COORDINATE, ANGLE, st.floats(0.0, 0.5), st.floats(0.0, 0.05))
+def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad):
+    judged = judge(Goal(3.0, 10.0, 1), [(0.0, 0.0, 0.0)], (x, y, theta), sigma_mm, sigma_rad)
+    by_hand = math.hypot(x, y) + 10.0 * min(abs(theta), math.tau - abs(theta))
+    assert abs(judged.distance - by_hand) < 1e-9
+    assert abs(judged.error - COVERAGE * math.hypot(sigma_mm, 10.0 * sigma_rad)) < 1e-12
+    expected = PASS if by_hand + judged.error < 3.0 else FAIL if by_hand - judged.error >= 3.0 else UNKNOWN
+    assert judged.verdict == expected
+
+
+def test_any_of_the_poses_a_leaf_allows_will_do():
+    goal, poses = Goal(3.0, 10.0, 1, "modes"), [(0.0, 0.0, 0.0), (20.0, 0.0, 1.0)]
+    assert judge(goal, poses, (20.5, 0.0, 1.0), 0.05, 0.001).verdict == PASS
+    assert judge(goal, poses[:1], (20.5, 0.0, 1.0), 0.05, 0.001).verdict == FAIL
+
+
+@pytest.mark.parametrize(
+    ("kind", "off", "verdict"),
+    [
+        ("tolerances", (2.0, 2.0, 0.05), PASS),
+        ("tolerances", (3.0, 0.0, 0.0), FAIL),
+        ("tolerances", (0.0, 2.45, 0.0), UNKNOWN),
+        ("tolerances", (0.0, 0.0, 0.1), FAIL),
+        ("orientation", (50.0, 50.0, 0.05), PASS),
+        ("orientation", (0.0, 0.0, 0.1), FAIL),
+    ],
+)
+def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
+    goal = Goal(3.0, 10.0, 1, kind, (2.5, 2.5, math.radians(5.0)))
+    assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
+
+
+# -- what can be wrong ----------------------------------------------------------------------------
+
+HALF = np.array([(POSE[0] + x, POSE[1] + y) for x, y in ((-1, -40), (60, -40), (60, 40), (-1, 40))])
+
+
+@pytest.mark.parametrize(
+    ("picture", "sentence"),
+    [
+        pytest.param(lambda: None, "has not sent a picture", id="no camera"),
+        pytest.param(lambda: np.zeros((540, 960), np.uint8), "picture is black", id="black"),
+        pytest.param(lambda: np.full((540, 960), 255, np.uint8), "picture is white", id="white"),
+        pytest.param(lambda: np.full((540, 960), 90, np.uint8), "of one grey", id="grey"),
+        pytest.param(lambda: shot(None), "no tag is seen; tag 7 must be in view", id="no tag"),
+        pytest.param(
+            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), 9)), r"more than one tag .*7, 9", id="two tags"
+        ),
+        pytest.param(
+            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), NUMBER)), "2 times tag 7", id="the same tag twice"
+        ),
+        pytest.param(
+            lambda: with_cards(tag_at(POSE, 3, "25h9"), part=None), "family 25h9", id="wrong family"
+        ),
+        pytest.param(
+            lambda: with_cards(tag_at(POSE, 9), part=None),
+            "tag 9 is seen, but the part carries",
+            id="wrong id",
+        ),
+        pytest.param(lambda: shot(occluders=(HALF,)), "tag 7 is partly covered", id="half covered"),
+        pytest.param(
+            lambda: cv2.resize(shot(), (1280, 720)), "1280 x 720, .* for 960 x 540", id="resolution"
+        ),
+    ],
+)
+def test_what_is_wrong_gives_unknown_and_says_so(picture, sentence):
+    answer = audit(picture())
+    assert answer.verdict == UNKNOWN
+    assert answer.measured is None
+    assert re.search(sentence, answer.reason), answer.reason
+
+
+def test_camera_that_moved_by_two_millimetres_does_not_judge():
+    moved = webcam((7.0, -7.0, -300.0), (2.0, -3.0), 5.0, (960, 540))
+    answer = audit(with_cards(optics=moved))
+    assert answer.verdict == UNKNOWN
+    assert "the camera or the tag moved; calibrate again" in answer.reason
+    assert audit(shot()).moved_mm < 0.1
+
+
+def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
+    bare = rig(BELOW)
+    alone = bare.cards(POSE)[-1:]
+    picture = render(BELOW, alone, Flaws(), np.random.default_rng(1))
+    assert "no reference tag (580, 581, 582) is seen" in audit(picture).reason
+    one = render(BELOW, bare.cards(POSE)[2:], Flaws(), np.random.default_rng(1))
+    assert audit(one).verdict == PASS
+
+
+def test_camera_without_reference_tags_judges():
+    alone = render(BELOW, RIG.cards(POSE)[-1:], Flaws(), np.random.default_rng(1))
+    answer = audit(alone, calibration=true_calibration(BELOW, references=False))
+    assert (answer.verdict, answer.moved_mm) == (PASS, 0.0)
+
+
+# -- the picture ----------------------------------------------------------------------------------
+
+
+def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
+    album = tmp_path / "pictures"
+    assert audit(shot(), pictures=album).picture is None
+    failed = audit(shot(), (POSE[0] - 5.0, *POSE[1:]), pictures=album)
+    unseen = audit(shot(None), pictures=album)
+    assert [p.name for p in sorted(album.iterdir())] == ["part-0000003-fail.jpg", "part-0000003-unknown.jpg"]
+    assert failed.picture == str(album / "part-0000003-fail.jpg")
+    drawn = cv2.imread(failed.picture).astype(int)
+    assert drawn.shape == (540, 960, 3)
+    for colour in (PREDICTED, MEASURED):
+        assert (np.abs(drawn - colour).max(axis=-1) < 60).sum() > 50
+    assert unseen.fields().keys() == {"verdict", "reason", "picture"}
+
+
+def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path):
+    album = Album(tmp_path / "a", most=3)
+    picture = np.zeros((20, 20, 3), np.uint8)
+    for part in range(6):
+        assert album.keep(part, FAIL, picture) is not None
+    assert [p.name for p in sorted((tmp_path / "a").iterdir())] == [
+        f"part-{k:07d}-fail.jpg" for k in (3, 4, 5)
+    ]
+    (tmp_path / "b").write_text("in the way")
+    assert Album(tmp_path / "b").keep(0, FAIL, picture) is None
+
+
+def test_outline_of_an_answer_has_units_in_its_names():
+    told = audit(shot()).fields()
+    assert {"verdict", "reason", "distance", "error", "moved_mm"} < told.keys()
+    assert {
+        f"{kind}_{name}" for kind in ("measured", "residual") for name in ("x_mm", "y_mm", "theta_rad")
+    } < (told.keys())

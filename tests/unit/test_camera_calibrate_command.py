@@ -1,0 +1,104 @@
+"""`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or a line saying why."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from boards import OPTICS, cards, corners_on_board, places
+from cameras import NUMBER, SIDE_MM, angle_between, part_tag, rig
+
+from drivers.camera import calibrate_command, calibration, tag_file
+from drivers.camera.plane import compose
+from drivers.sim.camera.render import Flaws, render
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    """A folder of rendered pictures: the board on the table and held, a touched tag, the reference tags."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "views").mkdir()
+    rng = np.random.default_rng(6)
+    shown = rig(OPTICS)
+    for number, card in enumerate(cards()):
+        name = "table.png" if number == 0 else f"views/held-{number:02d}.png"
+        cv2.imwrite(str(folder / name), render(OPTICS, [card], Flaws(), rng))
+    lines = ["picture,x_mm,y_mm,theta_rad"]
+    for number, part in enumerate(
+        [(-60.0, -20.0, 0.4), (60.0, -30.0, 2.0), (0.0, 40.0, -1.0), (-50.0, 40.0, 3.0)]
+    ):
+        cv2.imwrite(str(folder / f"part-{number}.png"), shown.picture(part, rng))
+        lines.append(f"part-{number}.png,{part[0]},{part[1]},{part[2]}")
+        x, y, _ = compose(part, shown.on_part)
+        lines.append(f"# {x},{y}")
+    poses = [line for line in lines if not line.startswith("#")]
+    (folder / "poses.csv").write_text("\n".join(poses) + "\n")
+    spots = [line[2:] for line in lines if line.startswith("#")]
+    touched = ["picture,x_mm,y_mm", *(f"part-{k}.png,{spot}" for k, spot in enumerate(spots))]
+    (folder / "touched.csv").write_text("\n".join(touched) + "\n")
+    cv2.imwrite(str(folder / "empty.png"), shown.picture(None, rng))
+    return folder
+
+
+def run_camera(studio, *more):
+    words = ["camera", "--name", "S-1", "--board", "charuco:12x9:14:10.5", "--views", str(studio / "views")]
+    words += ["--table", str(studio / "table.png"), "-o", str(studio / "camera.json")]
+    return calibrate_command.main([*words, *more])
+
+
+@pytest.fixture(scope="module")
+def calibrated(studio):
+    touched = ["--touched", str(studio / "touched.csv"), "--number", str(NUMBER)]
+    assert run_camera(studio, *touched, "--references", str(studio / "empty.png")) == 0
+    return calibration.load(studio / "camera.json")
+
+
+def test_rendered_views_calibrate_to_a_tenth_of_a_millimetre_in_the_arms_world(calibrated):
+    where, pixels = places()
+    off = np.hypot(*(calibrated.view.on_plane(pixels) - where).T)
+    assert off.mean() < 0.1
+    assert off.max() < 0.4
+    assert [reference.number for reference in calibrated.references] == [580, 581, 582]
+    assert np.hypot(calibrated.references[0].x_mm + 90.0, calibrated.references[0].y_mm + 60.0) < 0.2
+
+
+def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
+    picture = Path(studio / "camera.svg").read_text()
+    assert picture.startswith("<svg")
+    assert picture.count("<circle") == len(corners_on_board())
+    assert calibrated.camera in picture
+
+
+def test_tag_is_found_on_its_part(studio, calibrated, capsys):
+    words = ["tag", "--part", "block", "--number", str(NUMBER), "--side", str(SIDE_MM)]
+    words += ["--calibration", str(studio / "camera.json"), "--poses", str(studio / "poses.csv")]
+    assert calibrate_command.main([*words, "-o", str(studio / "tag.json")]) == 0
+    tag = tag_file.load(studio / "tag.json")
+    assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
+    assert abs(angle_between(tag.on_part[2], 0.3)) < 0.005
+    assert "standard deviation" in capsys.readouterr().out
+    assert calibrated.made
+
+
+def test_tag_can_be_stated(tmp_path):
+    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
+    assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
+    assert tag_file.load(tmp_path / "tag.json") == part_tag()
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "sentence"),
+    [
+        (["--above", "--touched", "touched.csv", "--number", "7"], 32, "disagree by"),
+        (["--views", "nowhere"], 32, "folder nowhere"),
+        (["--board", "charuco:5x4:14:10.5"], 32, "the board on the table is not seen"),
+        (["--references", "table.png"], 32, "no reference tag is seen"),
+        (["--touched", "empty.png"], 32, "poses"),
+    ],
+)
+def test_mistakes_at_calibrating_are_told_in_one_line(studio, capsys, monkeypatch, more, code, sentence):
+    monkeypatch.chdir(studio)
+    assert run_camera(studio, *more) == code
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1

@@ -1,0 +1,215 @@
+"""Calibrations find the camera they were made of, know how far to trust themselves, and refuse the rest."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from boards import ON_TABLE, OPTICS, VIEW, cards, corners_on_board, held, places, seen
+from cameras import SIZE, angle_between, camera, part_tag, true_calibration, true_view
+
+from drivers.camera import calibration, lens_fit, table_fit, tag_file
+from drivers.camera.board import Board, parse
+from drivers.camera.calibrate import load_picture
+from drivers.camera.errors import CameraFileError, RefusedError
+from drivers.camera.plane import compose, inverse
+from drivers.sim.camera.cards import board_cells, lying
+
+
+def views(noise_px=0.05, seed=1):
+    rng = np.random.default_rng(seed)
+    return [seen(card, f"view {k}", rng, noise_px) for k, card in enumerate(cards())]
+
+
+def made_view(found):
+    view = table_fit.stand(found.lens, found.poses[0], from_below=True)
+    return view.moved(inverse(ON_TABLE))
+
+
+# -- the fit --------------------------------------------------------------------------------------
+
+
+def test_exact_corners_give_back_the_camera():
+    found = lens_fit.fit(views(noise_px=0.0), SIZE)
+    assert found.rms_px < 0.005
+    assert np.abs(found.lens.parameters[:4] - VIEW.lens.parameters[:4]).max() < 0.05
+    where, pixels = places()
+    assert np.hypot(*(made_view(found).on_plane(pixels) - where).T).max() < 0.01
+
+
+def test_trust_is_as_large_as_the_errors_are():
+    # Over many calibrations the squared error of a place, in units of its variance, is the number of
+    # directions when both are equally uncertain, and less as `Trust` states the worse of the two.
+    where, pixels = places()
+    ratios = []
+    for seed in range(12):
+        found = lens_fit.fit(views(seed=seed), SIZE)
+        view = made_view(found)
+        off = np.hypot(*(view.on_plane(pixels) - where).T)
+        trust = table_fit.trust(found, view, True, 0.0, inverse(ON_TABLE))
+        ratios.append(np.mean([(e / trust.at(*p)) ** 2 for e, p in zip(off, where, strict=True)]))
+    assert 0.4 < np.mean(ratios) < 2.0
+
+
+def test_trust_is_interpolated_and_falls_outside_of_its_grid():
+    axis = np.array([0.0, 10.0])
+    trust = calibration.Trust(axis, axis, np.array([[0.1, 0.2], [0.3, 0.4]]))
+    assert trust.at(5.0, 5.0) == pytest.approx(0.25)
+    assert trust.at(0.0, 10.0) == pytest.approx(0.3)
+    assert trust.at(20.0, 10.0) > trust.at(12.0, 10.0) > trust.at(10.0, 10.0)
+
+
+def test_camera_above_finds_itself_above():
+    optics = camera(below=False)
+    card = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=False)
+    points = corners_on_board()
+    pixels = optics.project(card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down)
+    view = true_view(optics)
+    _, turn, shift = cv2.solvePnP(
+        np.column_stack([points, np.zeros(len(points))]),
+        pixels,
+        view.lens.matrix,
+        np.array(view.lens.distortion),
+    )
+    stands = table_fit.stand(view.lens, np.concatenate([turn, shift]).ravel(), from_below=False)
+    assert not stands.from_below
+    assert np.abs(stands.moved(inverse(ON_TABLE)).eye - optics.eye_mm).max() < 0.01
+
+
+def test_alignment_finds_the_arms_frame_and_how_well_it_fits():
+    world = (30.0, -20.0, 1.1)
+    touched = [(0.0, 0.0), (80.0, 0.0), (0.0, 60.0), (70.0, 55.0)]
+    in_board = [compose(world, (*place, 0.0))[:2] for place in touched]
+    pose, rms = table_fit.align(touched, in_board)
+    assert np.abs(np.subtract(pose, world)).max() < 1e-9
+    assert rms < 1e-9
+
+
+def test_glued_tag_is_found_from_known_poses():
+    rng = np.random.default_rng(2)
+    on_part = (4.0, -3.0, 3.1)
+    parts = [(10.0, 20.0, 0.3), (-40.0, 5.0, 2.0), (30.0, -30.0, -3.0), (0.0, 0.0, 1.0)]
+    tags = [tuple(np.add(compose(part, on_part), rng.normal(0, (0.02, 0.02, 1e-3)))) for part in parts]
+    found, sigma_mm, sigma_rad = table_fit.part_offset(parts, tags)
+    assert np.hypot(found[0] - 4.0, found[1] + 3.0) < 4 * sigma_mm + 0.02
+    assert abs(angle_between(found[2], 3.1)) < 0.005
+    assert 0.0 < sigma_mm < 0.05
+    assert 0.0 < sigma_rad < 0.01
+
+
+# -- what is refused ------------------------------------------------------------------------------
+
+
+def shuffled(view):
+    return view._replace(pixels=view.pixels + np.random.default_rng(3).normal(0, 3.0, view.pixels.shape))
+
+
+def flat_views():
+    """Boards that are never tilted, near and far: focal length and distance cannot be told apart."""
+    spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
+    rng = np.random.default_rng(4)
+    flat = [held((0.0, 0.0), spots[k % 5], 230.0) for k in range(10)]
+    return [seen(card, f"view {k}", rng, 0.2) for k, card in enumerate(flat)]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda found: found[:5], "5 pictures show the board; take at least 8"),
+        (lambda found: [v for v in found * 2 if v.pixels[:, 1].max() < 420], "in the lower .* corner"),
+        (lambda found: [*found[:-1], shuffled(found[-1])], "worst .* in view 9; leave that one out"),
+        (lambda found: [shuffled(v) for v in found], "the residual is"),
+        (lambda _: flat_views(), "tilted by 30 degrees"),
+    ],
+)
+def test_views_that_make_no_calibration_are_refused(change, sentence):
+    with pytest.raises(RefusedError, match=sentence):
+        lens_fit.fit(change(views()), SIZE)
+
+
+@pytest.mark.parametrize(
+    ("touched", "sentence"),
+    [
+        ([(0, 0), (100, 0)], "2 touched places"),
+        ([(0, 0), (10, 0), (0, 10)], "within 14 mm"),
+        ([(0, 0), (100, 0), (0, 90)], "disagree by"),
+    ],
+)
+def test_touched_places_that_align_nothing_are_refused(touched, sentence):
+    with pytest.raises(RefusedError, match=sentence):
+        table_fit.align(touched, [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)][: len(touched)])
+
+
+def test_poses_of_a_part_that_contradict_one_another_are_refused():
+    with pytest.raises(RefusedError, match="2 poses"):
+        table_fit.part_offset([(0, 0, 0)] * 2, [(0, 0, 0)] * 2)
+    with pytest.raises(RefusedError, match="scatters by"):
+        table_fit.part_offset([(0, 0, 0)] * 3, [(0, 0, 0), (5, 0, 0), (0, 5, 0)])
+
+
+def test_board_that_does_not_lie_flat_is_refused():
+    bent = views(0.0)[0]
+    bent = bent._replace(pixels=bent.pixels + 4.0 * np.sin(bent.points / 9.0))
+    with pytest.raises(RefusedError, match="check that they lie flat"):
+        table_fit.board_residuals(VIEW, [bent])
+
+
+@pytest.mark.parametrize(
+    "text", ["charuco:12x9:30", "chessboard:12x9:30:20", "dots:4x4:3", "charuco:12x9:5:6", ""]
+)
+def test_board_that_is_not_understood_is_refused(text):
+    with pytest.raises(RefusedError, match="write charuco"):
+        parse(text)
+
+
+def test_boards_are_named_as_on_the_command_line():
+    assert parse("charuco:12x9:30:22.5") == Board(12, 9, 30.0, 22.5)
+    assert parse("chessboard:8x6:25") == Board(8, 6, 25.0, 0.0)
+
+
+# -- the files ------------------------------------------------------------------------------------
+
+
+def test_calibration_comes_back_from_its_file(tmp_path):
+    known = true_calibration(OPTICS)
+    calibration.save(known, tmp_path / "camera.json")
+    again = calibration.load(tmp_path / "camera.json")
+    calibration.save(again, tmp_path / "again.json")
+    assert (tmp_path / "camera.json").read_bytes() == (tmp_path / "again.json").read_bytes()
+    assert again.view.lens == known.view.lens
+    assert np.array_equal(again.view.rotation, known.view.rotation)
+    assert again.references == known.references
+    assert {"camera", "made", "sha256"} < json.loads((tmp_path / "camera.json").read_text()).keys()
+
+
+def test_tag_comes_back_from_its_file(tmp_path):
+    tag = part_tag(height_mm=0.3, sigma_mm=0.1, sigma_rad=0.002)
+    tag_file.save(tag, tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
+    assert tag_file.load(tmp_path / "tag.json") == tag
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (lambda text: text.replace("1", "2", 1), "checksum does not match"),
+        (lambda text: text[: len(text) // 2], "damaged, it is not JSON"),
+        (lambda text: text.replace("camera calibration", "part tag"), "is no camera calibration"),
+        (lambda _: "[1]", "is no camera calibration"),
+        (lambda _: "\x00\xff", "damaged, it is not JSON"),
+    ],
+)
+def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
+    path = tmp_path / "camera.json"
+    calibration.save(true_calibration(OPTICS), path)
+    path.write_text(spoil(path.read_text()))
+    with pytest.raises(CameraFileError, match=sentence):
+        calibration.load(path)
+
+
+def test_missing_and_unwritable_files_are_told(tmp_path):
+    with pytest.raises(CameraFileError, match="No such file"):
+        calibration.load(tmp_path / "none.json")
+    with pytest.raises(CameraFileError, match="cannot be written"):
+        calibration.save(true_calibration(OPTICS), tmp_path / "none" / "camera.json")
+    with pytest.raises(CameraFileError, match="No such file"):
+        load_picture(tmp_path / "none.png")

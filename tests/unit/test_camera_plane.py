@@ -1,0 +1,102 @@
+"""Pixels to millimetres: there and back, against OpenCV and the simulated optics, from above and below."""
+
+import cv2
+import numpy as np
+import pytest
+from cameras import RECTANGLE, camera, true_view
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.camera.lens import Lens
+from drivers.camera.plane import as_it_lies, compose, inverse, rigid_fit
+
+LENS = Lens(1920, 1080, (1105.0, 1090.0), (950.0, 548.0), (0.10, -0.19, 0.0006, -0.0004, 0.06))
+POSES = st.tuples(st.floats(-300, 300), st.floats(-300, 300), st.floats(-3.1, 3.1))
+
+
+def grid(width=1920, height=1080, count=13):
+    x, y = np.meshgrid(np.linspace(0, width - 1, count), np.linspace(0, height - 1, count))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def test_lens_distorts_as_opencv_does():
+    points = np.random.default_rng(1).uniform(-0.8, 0.8, (200, 2))
+    solid = np.column_stack([points, np.ones(200)])
+    theirs, _ = cv2.projectPoints(solid, np.zeros(3), np.zeros(3), LENS.matrix, np.array(LENS.distortion))
+    assert np.abs(theirs.reshape(-1, 2) - LENS.pixels(points)).max() < 1e-9
+
+
+def test_undistortion_inverts_distortion_over_the_whole_picture():
+    assert np.abs(LENS.pixels(LENS.rays(grid())) - grid()).max() < 1e-8
+
+
+def test_pixel_that_no_ray_reaches_is_not_a_number():
+    barrel = LENS.with_parameters(np.array([1000.0, 1000.0, 960.0, 540.0, -0.5, 0.0, 0.0, 0.0, 0.0]))
+    assert np.isnan(barrel.rays(np.array([[9000.0, 540.0]]))).all()
+    assert np.isfinite(barrel.rays(np.array([[960.0, 540.0]]))).all()
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_plane_and_picture_invert_one_another(below):
+    view = true_view(camera(below=below))
+    assert view.from_below is below
+    pixels = grid(960, 540, 9)
+    for height in (0.0, 7.5):
+        places = view.on_plane(pixels, height)
+        assert np.abs(view.pixels_at(places, height) - pixels).max() < 1e-7
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_simulated_optics_see_what_the_view_says(below):
+    optics = camera(below=below)
+    points = np.random.default_rng(2).uniform(-80, 80, (50, 3)) * (1, 1, 0.1)
+    assert np.abs(true_view(optics).pixels(points) - optics.project(points)).max() < 1e-9
+
+
+def test_ray_that_never_meets_the_plane_is_not_a_number():
+    view = true_view(camera(below=True))
+    assert np.isnan(view.on_plane(np.array([[480.0, 270.0]]), height_mm=-1000.0)).all()
+    assert np.isnan(view.pixels(np.array([[0.0, 0.0, -1000.0]]))).all()
+
+
+def test_another_world_frame_sees_the_same_pixels():
+    view, world = true_view(camera()), (12.0, -7.0, 0.4)
+    place = (30.0, 20.0, 0.0)
+    moved = compose(inverse(world), place)
+    there = view.moved(world).pixels_at(np.array([moved[:2]]))
+    assert np.abs(there - view.pixels_at(np.array([place[:2]]))).max() < 1e-9
+
+
+@given(POSES, POSES)
+def test_poses_compose_and_invert(a, b):
+    assert np.abs(compose(a, inverse(a))).max() < 1e-9
+    x, y, theta = compose(inverse(a), compose(a, b))
+    assert max(abs(x - b[0]), abs(y - b[1])) < 1e-9
+    assert abs(np.remainder(theta - b[2] + np.pi, 2 * np.pi) - np.pi) < 1e-9
+
+
+@given(POSES)
+def test_rigid_fit_finds_the_motion_and_leaves_nothing(pose):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    fit = rigid_fit(RECTANGLE, RECTANGLE @ np.array([[c, s], [-s, c]]) + pose[:2])
+    assert np.abs(np.subtract(fit.pose[:2], pose[:2])).max() < 1e-9
+    assert abs(np.remainder(fit.pose[2] - pose[2] + np.pi, 2 * np.pi) - np.pi) < 1e-12
+    assert fit.rms_mm < 1e-9
+    assert abs(fit.scale - 1.0) < 1e-12
+
+
+def test_rigid_fit_is_the_least_of_all_motions():
+    rng = np.random.default_rng(3)
+    seen = RECTANGLE + rng.normal(0, 0.5, RECTANGLE.shape)
+    fit = rigid_fit(RECTANGLE, seen)
+    for step in rng.normal(0, 1e-3, (50, 3)):
+        x, y, theta = np.add(fit.pose, step)
+        c, s = np.cos(theta), np.sin(theta)
+        left = seen - RECTANGLE @ np.array([[c, s], [-s, c]]) - (x, y)
+        assert np.sqrt(np.mean(np.sum(left**2, axis=1))) >= fit.rms_mm
+
+
+def test_print_keeps_its_y_axis_only_when_read_from_below():
+    print_mm = np.array([[1.0, 2.0]])
+    assert as_it_lies(print_mm, True).tolist() == [[1.0, 2.0]]
+    assert as_it_lies(print_mm, False).tolist() == [[1.0, -2.0]]

@@ -1,0 +1,88 @@
+"""The simulated camera is honest: edges fall where they are, and each flaw does what it says."""
+
+import numpy as np
+import pytest
+from cameras import SIZE, camera, rig
+
+from drivers.sim.camera.cards import lying, tag_cells
+from drivers.sim.camera.optics import webcam
+from drivers.sim.camera.render import BEHIND_TONE, Flaws, compressed, render
+
+CLEAN = Flaws(blur_px=0.0, noise=0.0, gain=0.9, gradient=0.0, jpeg_quality=None)
+STRAIGHT = webcam((0.0, 0.0, -300.0), size=SIZE)
+WHITE = np.ones((2, 2), np.uint8)
+
+
+def taken(cards, flaws=CLEAN, optics=STRAIGHT, seed=0, occluders=()):
+    return render(optics, cards, flaws, np.random.default_rng(seed), occluders)
+
+
+def test_corner_rays_come_back_to_their_pixels():
+    optics = camera()
+    rays = optics.corner_rays[::60, ::60].reshape(-1, 3)
+    back = optics.project(optics.eye_mm + 250.0 * rays)
+    x, y = np.meshgrid(np.arange(0, 961, 60) - 0.5, np.arange(0, 541, 60) - 0.5)
+    assert np.abs(back - np.column_stack([x.ravel(), y.ravel()])).max() < 1e-7
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.13, 0.31])
+def test_brightness_of_an_edge_pixel_is_the_share_of_it_that_the_card_covers(shift):
+    # The sum over a row counts the card's width in pixels, wherever between two of them it begins.
+    card = lying(WHITE, 15.0, (shift, 0.0, 0.0), face_down=True, margin_mm=0.0)
+    levels = taken([card]).astype(float)
+    behind, bright = np.rint(255 * 0.9 * np.array([BEHIND_TONE, 0.88]))
+    row = levels[round(STRAIGHT.project(np.zeros((1, 3)))[0, 1])]
+    covered = np.sum((row - behind) / (bright - behind))
+    ends = STRAIGHT.project(np.array([[-15.0 + shift, 0.0, 0.0], [15.0 + shift, 0.0, 0.0]]))
+    assert abs(covered - (ends[1, 0] - ends[0, 0])) < 0.3
+
+
+def test_pictures_depend_on_the_seed_alone():
+    cards = [lying(tag_cells(3), 2.75, (10.0, 5.0, 0.3), face_down=True)]
+    assert np.array_equal(taken(cards, Flaws(), seed=4), taken(cards, Flaws(), seed=4))
+    assert not np.array_equal(taken(cards, Flaws(), seed=4), taken(cards, Flaws(), seed=5))
+
+
+def test_noise_has_the_spread_it_says():
+    levels = taken([], Flaws(0.0, 4.0, 0.9, 0.0, None)).astype(float)
+    assert abs(levels.std() - np.hypot(4.0, 1 / np.sqrt(12))) < 0.05
+
+
+def test_light_falls_off_across_the_picture():
+    levels = taken([], Flaws(0.0, 0.0, 0.9, 0.4, None)).astype(float)
+    middle = levels[270, 480]
+    assert abs(levels[0, 0] / middle - 1.2) < 0.02
+    assert abs(levels[-1, -1] / middle - 0.8) < 0.02
+
+
+def test_blur_spreads_an_edge_without_moving_light():
+    card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
+    sharp, soft = taken([card]).astype(float), taken([card], Flaws(2.0, 0.0, 0.9, 0.0, None)).astype(float)
+    assert abs(sharp.sum() - soft.sum()) < 1e-3 * sharp.sum()
+    assert np.abs(np.diff(soft, axis=1)).max() < 0.4 * np.abs(np.diff(sharp, axis=1)).max()
+
+
+def test_motion_smears_along_its_way_only():
+    def smeared(axis, speed):
+        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0, speed_mm=speed)
+        steps = np.abs(np.diff(taken([card]).astype(float), axis=axis))
+        return steps.max()
+
+    still = smeared(1, (0.0, 0.0))
+    assert smeared(1, (3.0, 0.0)) < 0.6 * still
+    assert smeared(1, (0.0, 3.0)) > 0.9 * still
+
+
+def test_occluder_hides_what_lies_on_the_table():
+    card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
+    half = np.array([(0.0, -40.0), (40.0, -40.0), (40.0, 40.0), (0.0, 40.0)])
+    open_, covered = taken([card]).astype(float), taken([card], occluders=(half,)).astype(float)
+    left, right = (STRAIGHT.project(np.array([[x, 0.0, 0.0]]))[0].round().astype(int) for x in (-8.0, 8.0))
+    assert covered[left[1], left[0]] == open_[left[1], left[0]]
+    assert covered[right[1], right[0]] < 0.5 * open_[right[1], right[0]]
+
+
+def test_compression_loses_little_at_high_quality_and_more_at_low():
+    picture = rig(camera()).picture((0.0, 0.0, 0.3), np.random.default_rng(1))
+    lost = [np.abs(compressed(picture, q).astype(float) - picture).mean() for q in (95, 60, 20)]
+    assert lost[0] < lost[1] < lost[2]

@@ -1,0 +1,139 @@
+"""Pictures come from folders and networks, each within its deadline, and always of now."""
+
+import socket
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+from cameras import camera, rig
+
+from drivers.camera import sources
+from drivers.camera.errors import PictureError, SourceError
+from drivers.camera.sources import Folder, Still, Stream, open_source
+from drivers.sim.camera.render import jpeg
+from drivers.sim.camera.server import CameraServer
+
+
+def soon(seconds=20.0):
+    return time.monotonic() + seconds
+
+
+class Counter:
+    """Pictures whose brightness counts how often one was taken."""
+
+    def __init__(self):
+        self.taken = 0
+
+    def __call__(self):
+        self.taken += 1
+        return jpeg(np.full((48, 64), self.taken % 250, np.uint8), 95)
+
+
+@pytest.fixture
+def counter():
+    return Counter()
+
+
+@pytest.fixture
+def server(counter):
+    with CameraServer(counter, period_s=0.02) as running:
+        yield running
+
+
+def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
+    for name, level in (("b.png", 20), ("a.png", 10), ("notes.txt", 0)):
+        cv2.imwrite(str(tmp_path / name), np.full((4, 5), level, np.uint8)) if level else None
+    source = open_source(str(tmp_path))
+    assert [int(source.picture(soon())[0, 0]) for _ in range(2)] == [10, 20]
+    with pytest.raises(SourceError, match="no further picture"):
+        source.picture(time.monotonic())
+    cv2.imwrite(str(tmp_path / "c.png"), np.full((4, 5), 30, np.uint8))
+    assert source.picture(soon())[0, 0] == 30
+
+
+def test_folder_waits_for_a_picture_to_come(tmp_path):
+    later = threading.Timer(0.1, lambda: cv2.imwrite(str(tmp_path / "a.png"), np.full((4, 5), 7, np.uint8)))
+    later.start()
+    assert Folder(tmp_path).picture(soon())[0, 0] == 7
+    later.join()
+
+
+def test_file_that_is_no_picture_is_told(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"not a picture")
+    with pytest.raises(PictureError, match=r"what came is no picture \(13 bytes\)"):
+        Folder(tmp_path).picture(soon())
+
+
+@pytest.mark.parametrize(
+    ("address", "sentence"),
+    [
+        ("/dev/video99", "no camera or folder /dev/video99"),
+        ("99", "no camera or folder /dev/video99"),
+        (__file__, "neither a camera nor a folder"),
+    ],
+)
+def test_address_of_nothing_is_refused(address, sentence):
+    with pytest.raises(SourceError, match=sentence):
+        open_source(address)
+
+
+def test_still_camera_is_asked_anew_each_time(server):
+    source = open_source(server.url)
+    assert isinstance(source, Still)
+    assert [int(source.picture(soon())[0, 0]) for _ in range(3)] == [1, 2, 3]
+
+
+def test_still_camera_that_is_gone_or_silent_is_told_in_time(server):
+    server.close()
+    with pytest.raises(SourceError, match="is it on, and in this network"):
+        open_source(server.url).picture(soon())
+    with socket.create_server(("127.0.0.1", 0)) as deaf:
+        address = f"http://127.0.0.1:{deaf.getsockname()[1]}/picture.jpg"
+        with pytest.raises(SourceError, match="timed out"):
+            Still(address).picture(soon(0.1))
+
+
+def test_address_without_a_picture_is_told(server):
+    with pytest.raises(SourceError, match="404"):
+        open_source(server.url.replace("picture", "else")).picture(soon())
+
+
+def test_stream_shows_what_was_taken_after_the_question(server, counter):
+    source = open_source(server.stream_url)
+    assert isinstance(source, Stream)
+    try:
+        source.picture(soon())
+        before = counter.taken
+        level = int(source.picture(soon())[0, 0])
+        assert before - 2 <= level <= counter.taken + 2
+    finally:
+        source.close()
+
+
+def test_stream_that_cannot_be_opened_is_told_in_time():
+    source = Stream("/dev/null", cv2.CAP_V4L2, (64, 48))
+    try:
+        with pytest.raises(SourceError, match="check power and cable"):
+            source.picture(soon(0.2))
+    finally:
+        source.close()
+
+
+def test_colours_become_grey_and_grey_stays():
+    grey = np.full((2, 3), 9, np.uint8)
+    assert np.array_equal(sources.grey(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)), grey)
+    assert sources.grey(grey) is grey
+
+
+def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
+    poses = iter([(0.0, 0.0, 0.0), (60.0, 0.0, 0.0), None])
+    take = rig(camera()).taker(lambda: next(poses), seed=1)
+    with CameraServer(take) as running:
+        source = open_source(running.url)
+        first, moved, empty = (source.picture(soon()).astype(int) for _ in range(3))
+    assert first.shape == (540, 960)
+    assert np.abs(first - empty).max() > 80
+    assert np.abs(moved - empty).max() > 80
+    assert np.abs(first - moved).max() > 80

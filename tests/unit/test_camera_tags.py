@@ -1,0 +1,131 @@
+"""Tags are found, read and measured, to a few hundredths of a millimetre, down to the stated limits."""
+
+import numpy as np
+import pytest
+from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, true_calibration, true_view
+
+from drivers.camera import edges, measure
+from drivers.camera.errors import TagError
+from drivers.camera.tags import SQUARES, Finder, Sighting
+from drivers.sim.camera.cards import lying, tag_cells
+from drivers.sim.camera.render import Flaws, render
+
+BELOW, ABOVE = camera(below=True), camera(below=False)
+# What a picture may suffer and still be measured; the README of the audit states the same figures.
+LIMITS = {
+    "blur": {"blur_px": 1.5, "noise": 4.0},
+    "noise": {"noise": 8.0},
+    "compression": {"jpeg_quality": 50},
+    "dark": {"gain": 0.25},
+    "uneven light": {"gradient": 1.0},
+}
+
+
+def poses(count, seed):
+    rng = np.random.default_rng(seed)
+    return [tuple(rng.uniform((-150, -70, -np.pi), (150, 70, np.pi))) for _ in range(count)]
+
+
+def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0.0), occluders=()):
+    card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=optics.eye_mm[2] < 0, speed_mm=speed_mm)
+    return render(optics, [card], flaws or Flaws(), np.random.default_rng(seed), occluders)
+
+
+def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
+    """Errors of place (mm) and angle (deg) over tags everywhere; every one must be found and read."""
+    calibration, tag = true_calibration(optics), part_tag(on_part=(0.0, 0.0, 0.0))
+    found = []
+    for seed, pose in enumerate(poses(count, 5)):
+        picture = picture_of(optics, pose, flaws=flaws, seed=seed, speed_mm=speed_mm)
+        measured = measure.measure(picture, Finder().find(picture), calibration, tag)
+        off = np.hypot(measured.pose[0] - pose[0], measured.pose[1] - pose[1])
+        found.append((off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize("optics", [BELOW, ABOVE], ids=["below", "above"])
+def test_tags_are_measured_right_way_round_from_above_and_below(optics):
+    place, angle, sigma = errors(optics)
+    assert place.mean() < 0.05
+    assert angle.mean() < 0.15
+    assert (place < 3.0 * sigma).all()
+
+
+@pytest.mark.parametrize("flaws", LIMITS.values(), ids=LIMITS.keys())
+def test_tags_are_measured_down_to_the_stated_limits(flaws):
+    place, angle, _ = errors(BELOW, Flaws(**flaws))
+    assert place.mean() < 0.1
+    assert angle.mean() < 0.3
+
+
+def test_moving_tag_is_measured_where_it_is_in_the_middle_of_the_exposure():
+    place, _, _ = errors(BELOW, speed_mm=(1.2, 0.8))
+    assert place.mean() < 0.1
+
+
+def test_corners_are_found_to_hundredths_of_a_pixel():
+    view, off = true_view(BELOW), []
+    print_mm = measure.print_corners(SIDE_MM)
+    for seed, (x, y, theta) in enumerate(poses(6, 6)):
+        c, s = np.cos(theta), np.sin(theta)
+        truth = view.pixels_at(print_mm @ np.array([[c, s], [-s, c]]) + (x, y))
+        found = Finder().find(picture_of(BELOW, (x, y, theta), seed=seed))
+        off.append(found[0].corners - truth)
+    assert np.sqrt(np.mean(np.square(off))) < 0.06
+    assert np.abs(np.mean(off, axis=(0, 1))).max() < 0.03
+
+
+def test_stain_on_a_side_does_not_move_it():
+    pose = (20.0, 10.0, 0.0)
+    stain = np.array([(28.0, 20.0), (31.0, 20.0), (31.0, 22.2), (28.0, 22.2)])
+    clean, stained = (
+        Finder().find(picture_of(BELOW, pose, occluders=spots))[0].corners for spots in ((), (stain,))
+    )
+    assert np.abs(clean - stained).max() < 0.15
+
+
+def test_every_id_is_read_as_itself():
+    for number in np.random.default_rng(7).integers(0, 587, 12).tolist():
+        assert [tag.number for tag in Finder().find(picture_of(BELOW, (0.0, 0.0, 0.7), number))] == [number]
+
+
+def test_pattern_without_a_tag_is_not_read_as_one():
+    rng = np.random.default_rng(8)
+    for _ in range(4):
+        cells = rng.integers(0, 2, (24, 24)).astype(np.uint8)
+        card = lying(cells, 5.0, (0.0, 0.0, 0.4), face_down=True)
+        assert Finder().find(render(BELOW, [card], Flaws(), rng)) == []
+
+
+def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
+    flat = np.full((100, 100), 90, np.uint8)
+    square = np.array([(30.0, 30.0), (70.0, 30.0), (70.0, 70.0), (30.0, 70.0)])
+    assert edges.refine(flat, square, SQUARES) is None
+    assert edges.refine(flat, square - 29.0, SQUARES) is None
+    assert edges.refine(flat, 0.3 * square, SQUARES) is None
+
+
+@pytest.mark.parametrize("wrong", [{"side_mm": 24.0}, {"height_mm": 20.0}])
+def test_tag_of_another_size_or_height_is_refused(wrong):
+    picture = picture_of(BELOW, (0.0, 0.0, 0.2))
+    with pytest.raises(TagError, match=r"looks .* mm large"):
+        measure.measure(picture, Finder().find(picture), true_calibration(BELOW), part_tag(**wrong))
+
+
+def test_error_budget_grows_with_every_term():
+    corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + np.array([60.0, 30.0]))
+    sighting = Sighting(NUMBER, corners, 0.05, 1.0)
+
+    def budget(rms_px=0.05, sigma_mm=0.02, **tag):
+        seen = sighting._replace(rms_px=rms_px)
+        found = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
+        return found.sigma_mm, found.sigma_rad
+
+    least = budget()
+    assert budget(rms_px=0.5)[0] > least[0]
+    assert budget(rms_px=0.5)[1] > least[1]
+    assert budget(sigma_mm=0.5)[0] > 0.5
+    assert budget(sigma_mm=0.5)[1] == least[1]
+    assert budget(sigma_mm=0.0)[0] < least[0]
+    glued = budget(on_part=(30.0, 0.0, 0.0))
+    assert budget(on_part=(30.0, 0.0, 0.0), sigma_rad=0.01)[0] > max(0.3, glued[0])

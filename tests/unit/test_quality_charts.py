@@ -1,0 +1,184 @@
+"""Control charts: their distributions against SciPy's, their silence when well, their speed when not."""
+
+import numpy as np
+import pytest
+from histories import drawn, history, table
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from runtime.quality import distributions
+from runtime.quality.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
+from runtime.quality.history import Squeezed
+from runtime.quality.monitor import COORDINATES, MEANING, branch_counts, deviation, watch
+
+TABLE = table()
+BEFORE = 300
+
+
+@given(st.floats(1e-3, 400.0), st.integers(1, 120))
+def test_chi_square_tail_is_scipys(statistic, freedom):
+    theirs = stats.chi2.sf(statistic, freedom)
+    assert distributions.chi_square_tail(statistic, freedom) == pytest.approx(theirs, rel=1e-8, abs=1e-13)
+
+
+@given(st.integers(0, 60), st.integers(1, 60), st.floats(1e-4, 0.9))
+def test_binomial_tail_is_scipys(least, trials, share):
+    theirs = stats.binom.sf(least - 1, trials, share)
+    assert distributions.binomial_tail(least, trials, share) == pytest.approx(theirs, rel=1e-8, abs=1e-14)
+
+
+@given(st.integers(0, 200), st.integers(1, 200))
+def test_wilson_interval_is_scipys(successes, trials):
+    successes = min(successes, trials)
+    theirs = stats.binomtest(successes, trials).proportion_ci(0.95, "wilson")
+    assert distributions.wilson(successes, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-6)
+
+
+@given(st.floats(-6.0, 6.0))
+def test_normal_is_scipys(z):
+    assert distributions.normal_cdf(z) == pytest.approx(stats.norm.cdf(z), abs=1e-12)
+
+
+def test_nothing_tried_leaves_everything_open():
+    assert distributions.wilson(0, 0) == (0.0, 1.0)
+    assert distributions.chi_square_tail(5.0, 0) == 1.0
+
+
+def test_chi_square_is_pearsons_where_every_cell_is_well_filled():
+    counts, shares = [30, 50, 20], [0.25, 0.5, 0.25]
+    ours, freedom = chi_square(counts, shares)
+    theirs = stats.chisquare(counts, 100 * np.array(shares))
+    assert ours == pytest.approx(theirs.statistic)
+    assert distributions.chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
+
+
+def test_likelihood_ratio_is_scipys():
+    counts, shares = [30, 50, 20], [0.2, 0.5, 0.3]
+    theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_="log-likelihood")
+    ours, freedom = likelihood_ratio(counts, shares)
+    assert ours == pytest.approx(theirs.statistic)
+    assert distributions.chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
+
+
+def test_rare_branches_are_taken_together():
+    assert chi_square([96, 2, 1, 1], [0.96, 0.02, 0.01, 0.01]) == (pytest.approx(0.0), 1)
+    assert chi_square([99, 1], [0.99, 0.01])[1] == 0
+    assert chi_square([0, 0], [0.5, 0.5]) == (0.0, 0)
+
+
+def test_p_values_of_healthy_frequencies_are_even():
+    # Kolmogorov and Smirnov's test on the p-values of multinomial samples.
+    rng = np.random.default_rng(1)
+    shares = [0.41, 0.18, 0.13, 0.28]
+    tails = []
+    for _ in range(400):
+        statistic, freedom = chi_square(rng.multinomial(200, shares).tolist(), shares)
+        tails.append(distributions.chi_square_tail(statistic, freedom))
+    assert stats.kstest(tails, "uniform").pvalue > 0.001
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_cusum_finds_its_shift_both_ways_and_begins_anew(way):
+    rng, chart = np.random.default_rng(2), Cusum(shift=1.0)
+    assert not any(chart.add(value, 1.0) for value in rng.normal(0.0, 1.0, 20_000))
+    alarms = [chart.add(value, 1.0) for value in rng.normal(way, 1.0, 200)]
+    assert alarms.index(True) < 60
+    assert sum(alarms) > 2
+
+
+def test_what_scatters_widely_weighs_little():
+    sharp, wide = Cusum(shift=1.0), Cusum(shift=1.0)
+    sharp.add(1.5, 0.5)
+    wide.add(1.5, 50.0)
+    assert sharp.up > 100.0 * wide.up
+    wide.add(0.0, float("inf"))
+
+
+def test_ewma_is_the_weighted_mean_and_its_limit_the_asymptotic_one():
+    rng, chart = np.random.default_rng(3), Ewma(width=np.inf)
+    values = rng.normal(0.0, 1.0, 5000).clip(-CLIP, CLIP)
+    means = []
+    for value in values:
+        chart.add(value)
+        means.append(chart.mean)
+    weights = 0.1 * 0.9 ** np.arange(200)[::-1]
+    assert means[-1] == pytest.approx(float(weights @ values[-200:]), abs=1e-8)
+    assert np.std(means) == pytest.approx(Ewma(width=1.0).limit, rel=0.15)
+
+
+def test_one_part_that_flew_away_is_no_drift():
+    chart = Ewma()
+    assert not chart.add(1e6)
+    assert chart.mean <= 0.1 * CLIP
+
+
+def test_share_alarms_at_what_chance_does_not_make():
+    rng, chart = np.random.default_rng(4), Share(0.01)
+    assert not any(chart.add(bool(had)) for had in rng.random(20_000) < 0.01)
+    alarms = [chart.add(bool(had)) for had in rng.random(50) < 0.4]
+    assert True in alarms
+
+
+def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
+    rng, chart = np.random.default_rng(5), Frequencies([[0.5, 0.3, 0.2]])
+    healthy = rng.choice(3, 5000, p=[0.5, 0.3, 0.2])
+    assert not any(chart.add(((0, int(branch)),)) for branch in healthy)
+    changed = rng.choice(3, 50, p=[0.15, 0.8, 0.05])
+    assert any(chart.add(((0, int(branch)),)) for branch in changed)
+
+
+# -- all of them together, on histories drawn from a table ----------------------------------------
+
+
+def test_healthy_cell_raises_no_alarm():
+    parts = drawn(TABLE, 3000, np.random.default_rng(6))
+    assert list(watch(history(TABLE, parts))) == []
+
+
+@pytest.mark.parametrize(
+    ("drift", "charts"),
+    [
+        ({"width_shift_um": 1000.0}, {"widths"}),
+        ({"width_shift_um": -1000.0}, {"widths"}),
+        ({"shares": {0: [0.3, 0.6, 0.0, 0.1]}}, {"branches"}),
+        ({"residual_shift": (0.8, 0.0, 0.0)}, {"residual x"}),
+        ({"residual_shift": (0.0, -0.8, 0.0)}, {"residual y"}),
+        ({"residual_shift": (0.0, 0.0, 0.06)}, {"residual theta"}),
+        ({"fail_rate": 0.3}, {"failures"}),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, (set, dict)) else None,
+)
+def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, charts):
+    rng = np.random.default_rng(7)
+    found = list(watch(history(TABLE, drawn(TABLE, BEFORE, rng), drawn(TABLE, 60, rng, **drift))))
+    assert found
+    assert all(alarm.place >= BEFORE for alarm in found)
+    assert charts <= {alarm.chart for alarm in found if alarm.place < BEFORE + 50}
+
+
+def test_every_chart_says_what_to_look_at():
+    assert set(MEANING) == {
+        "widths",
+        "branches",
+        "failures",
+        "rejects",
+        *(f"residual {c}" for c in COORDINATES),
+    }
+    assert all("look" in sentence for sentence in MEANING.values())
+
+
+def test_rejected_width_counts_for_the_nearest_branch_unless_it_is_near_none():
+    branches = TABLE.nodes[0].branches
+    just_out = branches[0].low_um - 300
+    off, sigma = deviation(TABLE, Squeezed(0, None, just_out))
+    assert off == just_out - branches[0].expected_um
+    assert np.isfinite(sigma)
+    assert deviation(TABLE, Squeezed(0, None, 80_000)) == (0.0, float("inf"))
+
+
+def test_branch_counts_add_up_to_all_squeezes():
+    parts = drawn(TABLE, 200, np.random.default_rng(8))
+    counts = branch_counts(parts, TABLE)
+    assert sum(map(sum, counts)) == sum(len(part.squeezes) for part in parts)
+    assert sum(counts[0]) == len(parts)

@@ -1,0 +1,277 @@
+"""`grasp-audit report`: from journals alone to a page, a table of parts, and an exit code."""
+
+import base64
+import csv
+import hashlib
+import importlib
+import json
+import math
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from histories import TREE, drawn, history, table
+
+from drivers.camera.commands import audit as main
+from runtime.errors import JournalError, UsageError
+from runtime.quality import export
+from runtime.quality import history as reading
+from runtime.quality.page import page
+from runtime.quality.series import GROUP, all_series, failures, thinned
+from runtime.quality.summary import moments, summarise
+from runtime.table import dumps, load
+
+TABLE = table()
+STAMP = "2026-01-02T03:04:05.000Z"
+NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
+
+
+class Chain:
+    """Writes a journal's lines, each with the digest of the one before, without a sync for each of them."""
+
+    def __init__(self, path):
+        self._path = path
+        self._lines = path.read_text().splitlines() if path.exists() else []
+
+    def header(self, tree):
+        data = dumps(tree)
+        digest = hashlib.sha256(data).hexdigest()
+        embedded = base64.b64encode(data).decode()
+        self.record("header", {"journal_version": 1, "table_sha256": digest, "table_base64": embedded})
+
+    def record(self, kind, fields):
+        previous = json.loads(self._lines[-1])["digest"] if self._lines else "0" * 64
+        frame = {"seq": len(self._lines), "time": STAMP, "kind": kind, **fields, "previous": previous}
+        body = json.dumps(frame, separators=(",", ":"))
+        self._lines.append(f'{body[:-1]},"digest":"{hashlib.sha256(body.encode()).hexdigest()}"}}')
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._path.write_text("".join(line + "\n" for line in self._lines))
+
+
+def write(path, parts, tree=TABLE, ended=True):
+    """A journal as grasp-runtime writes one, with the audit's measurements in it."""
+    with Chain(path) as journal:
+        journal.header(tree)
+        for part in parts:
+            journal.record("part", {"part": part.number})
+            for number, squeeze in enumerate(part.squeezes):
+                branches = tree.nodes[squeeze.node].branches
+                target = None if squeeze.branch is None else branches[squeeze.branch].target
+                journal.record(
+                    "squeeze",
+                    {
+                        "part": part.number,
+                        "number": number + 1,
+                        "node": squeeze.node,
+                        "width_um": squeeze.width_um,
+                        "target": target,
+                    },
+                )
+            if part.verdict is not None:
+                measured = {} if part.residual is None else dict(zip(NAMES, part.residual, strict=True))
+                journal.record("audit", {"part": part.number, "verdict": part.verdict, **measured})
+            journal.record(
+                "outcome",
+                {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": part.verdict},
+            )
+        if ended:
+            journal.record("end", {"exit_code": 0})
+    return path
+
+
+def parts_of(count, seed=1, **drift):
+    return drawn(TABLE, count, np.random.default_rng(seed), **drift)
+
+
+def without_time(parts):
+    return [(p.number, p.squeezes, p.outcome, p.leaf, p.verdict, p.residual) for p in parts]
+
+
+def test_history_comes_back_from_journals(tmp_path):
+    first, second = parts_of(20), parts_of(15, seed=2, first=20)
+    paths = [write(tmp_path / "a.jsonl", first), write(tmp_path / "b.jsonl", second, ended=False)]
+    found = reading.read(paths)
+    assert found.table == load(TREE)
+    assert without_time(found.parts) == without_time([*first, *second])
+    assert {part.time for part in found.parts} == {STAMP}
+
+
+def test_two_runs_in_one_journal_are_read_as_one_history(tmp_path):
+    path = write(tmp_path / "a.jsonl", parts_of(5))
+    write(path, parts_of(4, seed=3))
+    assert len(reading.read([path]).parts) == 9
+
+
+def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
+    bare = [part for part in parts_of(10) if part.verdict]
+    with Chain(tmp_path / "a.jsonl") as journal:
+        journal.header(TABLE)
+        for part in bare:
+            journal.record("part", {"part": part.number})
+            journal.record("audit", {"part": part.number, "verdict": "pass"})
+            journal.record("outcome", {"part": part.number, "outcome": "leaf", "leaf": part.leaf})
+    found = reading.read([tmp_path / "a.jsonl"])
+    assert {(part.verdict, part.residual) for part in found.parts} == {("pass", None)}
+    assert "Nothing was measured" in page("t", summarise(found), all_series(found))
+
+
+def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
+    other = TABLE.__class__(**{name: getattr(TABLE, name) for name in TABLE.__slots__} | {"tool": "another"})
+    paths = [write(tmp_path / "a.jsonl", parts_of(2)), write(tmp_path / "b.jsonl", parts_of(2), other)]
+    with pytest.raises(UsageError, match="of another table"):
+        reading.read(paths)
+    with pytest.raises(UsageError, match="no part yet"):
+        reading.read([write(tmp_path / "c.jsonl", [])])
+
+
+def test_changed_journal_is_refused(tmp_path):
+    path = write(tmp_path / "a.jsonl", parts_of(3))
+    path.write_bytes(path.read_bytes().replace(b'"pass"', b'"fail"', 1))
+    with pytest.raises(JournalError, match="changed after it was written"):
+        reading.read([path])
+
+
+def test_summary_counts_what_the_parts_say():
+    found = history(TABLE, parts_of(400))
+    told = summarise(found)
+    assert sum(told.outcomes.values()) == 400
+    assert told.judged == sum(part.verdict in ("pass", "fail") for part in found.parts)
+    assert told.interval[0] <= told.passed / told.judged <= told.interval[1]
+    assert told.agrees
+    assert sum(row.parts for row in told.leaves) == sum(part.leaf is not None for part in found.parts)
+    assert sum(sum(row.counts) for row in told.nodes) == sum(len(part.squeezes) for part in found.parts)
+    assert told.tail > 1e-4
+    for row in told.leaves:
+        mine = [p.residual for p in found.parts if p.leaf == row.leaf and p.residual]
+        assert row.residuals[0].mean == pytest.approx(np.mean(mine, axis=0)[0])
+
+
+def test_moments_are_the_samples():
+    values = [1.0, 2.0, 4.0, 8.0]
+    assert moments(values) == pytest.approx((np.mean(values), np.std(values, ddof=1)))
+    assert moments([3.0]) == (3.0, 0.0)
+
+
+def test_success_that_is_not_the_predicted_one_is_told():
+    told = summarise(history(TABLE, parts_of(300, fail_rate=0.2)))
+    assert not told.agrees
+    assert "not as predicted" in page("t", told, ())
+
+
+def test_p_chart_groups_parts_and_draws_a_limit_that_chance_keeps():
+    healthy = failures(history(TABLE, parts_of(1000)))
+    (_, shares), (limit,) = healthy.lines[0], healthy.limits
+    assert len(shares) == math.ceil(sum(p.verdict is not None for p in parts_of(1000)) / GROUP)
+    assert max(shares) <= limit < 0.2
+
+
+def test_thinned_line_keeps_its_extremes():
+    values = [0.0] * 5000
+    values[1234] = -7.0
+    kept = thinned(values)
+    assert len(kept) <= 1200
+    assert (1234, -7.0) in kept
+    assert thinned([1.0, 2.0]) == [(0, 1.0), (1, 2.0)]
+
+
+class Balanced(HTMLParser):
+    """Checks that every element of a page is closed, and that nothing is fetched."""
+
+    VOID = frozenset({"meta", "br"})
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attributes):
+        assert not {"src", "href"} & {name for name, _ in attributes}
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_page_is_whole_and_needs_no_network():
+    rng = np.random.default_rng(4)
+    found = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=1000.0))
+    text = page("a < b", summarise(found), all_series(found))
+    parser = Balanced()
+    parser.feed(text)
+    assert parser.open == []
+    assert "http" not in text
+    assert "a &lt; b" in text
+    assert "widths have shifted" in text
+    assert text.count("<svg") == 3
+    assert "nan" not in text
+
+
+@pytest.fixture
+def journal(tmp_path):
+    return write(tmp_path / "run.jsonl", parts_of(60))
+
+
+def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, capsys):
+    words = [
+        "report",
+        str(journal),
+        "-o",
+        str(tmp_path / "r.html"),
+        "--export",
+        str(tmp_path / "p.csv"),
+        "--json",
+    ]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["parts"] == 60
+    assert told["alarms"] == []
+    assert (tmp_path / "r.html").read_text().startswith("<!DOCTYPE html>")
+    with (tmp_path / "p.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["part"]) for row in rows] == list(range(60))
+    assert tuple(rows[0]) == export.COLUMNS
+
+
+def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=1000.0, first=60)]
+    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 13
+    assert "calibrate the gripper" in capsys.readouterr().out
+
+
+def test_parquet_holds_the_same_as_csv(journal, tmp_path):
+    parquet = importlib.import_module("pyarrow.parquet")
+    assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 0
+    found = parquet.read_table(tmp_path / "p.parquet").to_pylist()
+    assert found == list(export.rows(reading.read([journal]).parts, {}))
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "sentence"),
+    [
+        (["none.jsonl"], 24, "none.jsonl"),
+        (["{journal}", "--export", "p.xlsx"], 2, "ends in .csv or .parquet"),
+        (["{journal}", "--export", "none/p.csv"], 2, "cannot be written"),
+        (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(journal, tmp_path, monkeypatch, capsys, words, code, sentence):
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", *(word.format(journal=journal) for word in words)]) == code
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
+    def absent(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(export.importlib, "import_module", absent)
+    found = reading.read([journal])
+    with pytest.raises(UsageError, match=r"install squeezetree\[parquet\]"):
+        export.write(export.rows(found.parts, {}), tmp_path / "p.parquet")
