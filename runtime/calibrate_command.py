@@ -25,7 +25,8 @@ example:
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
 
 For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
-slowly and with the least force. Keep your own fingers out.
+slowly and with the least force. Keep your own fingers out. What the audit measures of its camera is told by
+grasp-calibrate camera --help, tag --help and pictures --help.
 
 exit codes:
    0  measured and written    2  usage             21  gripper fault, or not activated
@@ -50,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     built.add_argument("--debug", action="store_true", help="print the traceback of an error")
-    subcommands = built.add_subparsers(required=True, metavar="width")
+    subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
     width = subcommands.add_parser("width", help="the gripper's counts as widths, with gauge blocks")
     add = width.add_argument
     add("--port", required=True, help="the gripper, as for grasp-runtime")

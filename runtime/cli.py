@@ -68,6 +68,12 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     """Run `grasp-calibrate`; returns its exit code."""
     from runtime import calibrate_command
 
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words[:1] in (["camera"], ["tag"], ["pictures"]):
+        from drivers.camera.commands import calibrate as of_the_audit
+
+        return of_the_audit(words)
+
     arguments = calibrate_command.parser().parse_args(argv)
     return guarded("grasp-calibrate", lambda given: calibrate_command.run(given, connect.gripper), arguments)
 
