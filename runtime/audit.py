@@ -2,7 +2,7 @@
 
 ```
 -> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
-<- {"verdict": "pass"}
+<- {"verdict": "pass", "residual_x_mm": 0.02, ...}
 ```
 
 A camera never stops the cell: whatever is wrong with it, the verdict is "unknown" and the run goes on.
@@ -14,6 +14,8 @@ import os
 import select
 import shlex
 import subprocess
+from collections.abc import Mapping
+from math import isfinite
 from types import TracebackType
 from typing import Self
 
@@ -26,15 +28,27 @@ UNKNOWN = "unknown"
 ANSWER_S = 10.0
 END_S = 2.0
 MAX_ANSWER_BYTES = 65_536
+MAX_TEXT = 500
 
 
-def verdict_of(auditor: Auditor, part: int, pose: Pose2) -> str:
-    """The auditor's word: "pass", "fail", or "unknown" where it fails or says anything else."""
+def answer_of(auditor: Auditor, part: int, pose: Pose2) -> dict[str, object]:
+    """The auditor's answer, fit for the journal: "unknown" where it fails or says anything else.
+
+    Returns:
+        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
+    """
     try:
-        verdict = auditor.judge(part, *pose)
-    except Exception:
-        return UNKNOWN
-    return verdict if verdict in VERDICTS else UNKNOWN
+        told = dict(auditor.judge(part, *pose))
+    except Exception as error:
+        return {"verdict": UNKNOWN, "reason": " ".join(str(error).split())[:MAX_TEXT]}
+    plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}
+    return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
+
+
+def _is_plain(value: object) -> bool:
+    if isinstance(value, str):
+        return len(value) <= MAX_TEXT
+    return value is None or isinstance(value, bool | int) or (isinstance(value, float) and isfinite(value))
 
 
 class AuditProcess:
@@ -61,13 +75,13 @@ class AuditProcess:
         except (OSError, ValueError, IndexError) as error:
             raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
-    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> str:
+    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> Mapping[str, object]:
         """Ask for one part's verdict.
 
         Raises:
             OSError: the process is gone.
             TimeoutError: no answer in time.
-            ValueError: an answer that is no verdict.
+            ValueError: an answer that is no JSON.
         """
         asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
         assert self._process.stdin is not None
@@ -79,7 +93,7 @@ class AuditProcess:
             answer = self._line(until)
             self._owed -= 1
         told = json.loads(answer)
-        return str(told["verdict"]) if isinstance(told, dict) else UNKNOWN
+        return told if isinstance(told, dict) else {}
 
     def close(self) -> None:
         """End the process; a deaf one is killed."""

@@ -11,7 +11,7 @@ from math import hypot
 from typing import Protocol
 
 from runtime import recovery, safety, strokes
-from runtime.audit import verdict_of
+from runtime.audit import answer_of
 from runtime.decision import Course, Policy, advance, decide, release_point
 from runtime.delivery import Delivery, deliver
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
@@ -205,8 +205,9 @@ class Executor:
         pose = predicted_pose(self._table.leaves[result.leaf])
         if self._cell.auditor is not None:
             self._watch(result.part, Phase.AUDIT, None)
-            result = result.audited(verdict_of(self._cell.auditor, result.part, pose))
-            self._cell.journal.record("audit", {"part": result.part, "verdict": result.audit})
+            answer = answer_of(self._cell.auditor, result.part, pose)
+            result = result.audited(str(answer["verdict"]))
+            self._cell.journal.record("audit", {**answer, "part": result.part})
         if self._plan.delivery is not None:
             self._watch(result.part, Phase.DELIVER, None)
             self._cell.journal.record("delivery", {"part": result.part, "begun": True})

@@ -141,8 +141,8 @@ class Scene(Protocol):
 class Auditor(Protocol):
     """Judges a predicted pose by other means than touch."""
 
-    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> str:
-        """Return "pass", "fail" or "unknown" for one part's predicted pose."""
+    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> Mapping[str, object]:
+        """Judge a predicted pose: `verdict` "pass", "fail" or "unknown", and what was measured."""
 
 
 class Clock(Protocol):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.audit import AuditProcess, verdict_of
+from runtime.audit import AuditProcess, answer_of
 from runtime.clock import SystemClock
 from runtime.errors import UsageError
 
@@ -31,6 +31,10 @@ for line in sys.stdin:
     print(json.dumps({"verdict": "fail" if json.loads(line)["part"] == 1 else "pass"}), flush=True)
 """,
 }
+
+
+def verdict_of(auditor: AuditProcess, part: int, pose: tuple[float, float, float]) -> object:
+    return answer_of(auditor, part, pose)["verdict"]
 
 
 @pytest.fixture

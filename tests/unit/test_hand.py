@@ -218,11 +218,11 @@ class Judge:
     def __init__(self, word: object) -> None:
         self.word, self.asked = word, []
 
-    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> str:
+    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> dict[str, object]:
         self.asked.append((part, x_mm, y_mm, theta_rad))
         if isinstance(self.word, Exception):
             raise self.word
-        return self.word
+        return {"verdict": self.word, "residual_x_mm": 0.25, "part": 99, "odd": [1], "endless": float("inf")}
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) 
     result = Executor(small_table(), cell, lambda part, step: None).run_part(7)
     assert (result.outcome, result.audit) == (Outcome.LEAF, verdict)
     assert judge.asked == [(7, 0.0, 0.5, 0.0)]
-    assert ("audit", {"part": 7, "verdict": verdict}) in made.journal.kept
+    assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in made.journal.kept
 
 
 def test_a_broken_auditor_knows_nothing_and_a_reject_is_not_audited() -> None:
