@@ -30,7 +30,7 @@ touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose tha
 
 exit codes:
    0  measured and written    2  usage         23  no camera
-  27  a tag is not seen      32  refused: too few views, large residuals, damaged files
+  27  a tag is not seen      33  refused: too few views, large residuals, damaged files
 """
 
 

@@ -25,7 +25,7 @@ judge reads questions from its standard input, one JSON object a line, and answe
 exit codes:
   0  done (the questions ended)     2  usage            3  file missing   23  no camera
   13 a chart of the report alarms  24  a journal does not verify
-  30 table refused                 32  calibration or tag file refused
+  30 table refused                 33  calibration or tag file refused
   130 interrupted (Ctrl-C)
 """
 

@@ -7,8 +7,8 @@
      +- PictureError             27  a picture that shows nothing: black, overexposed, of another size
      +- TagError                 27  the tag: none, two, of another family, another number, half covered
      +- MovedError               27  the reference tags are not where they were: the camera moved
-     +- CameraFileError          32  a calibration or tag file that is damaged, changed, or of another camera
-     +- RefusedError             32  a calibration that must not be made of these pictures
+     +- CameraFileError          33  a calibration or tag file that is damaged, changed, or of another camera
+     +- RefusedError             33  a calibration that must not be made of these pictures
 
 `exit_code` is what a command returns that ends with one; the audit itself goes on.
 """
@@ -41,10 +41,10 @@ class MovedError(CameraError):
 class CameraFileError(CameraError):
     """A file about the camera cannot be used."""
 
-    exit_code = 32
+    exit_code = 33
 
 
 class RefusedError(CameraError):
     """These pictures do not make a calibration that could be trusted."""
 
-    exit_code = 32
+    exit_code = 33

@@ -14,7 +14,7 @@ from runtime.quality.distributions import binomial_tail, chi_square_tail
 WINDOW = 50  # parts that shares are taken over
 WINDOWS = (50, 200)  # parts that frequencies are taken over: a large change shows soon, a small one at last
 RARE = 1e-5  # probability below which what a window shows is no chance
-UNLIKELY = 5e-5  # the same for frequencies: chi-square is not exact farther out in its tail
+UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
 CLIP = 3.0  # standard deviations: one part that flew away is a failure, not a drift
 

@@ -15,7 +15,8 @@ def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
     middle = share + z2 / (2 * trials)
     spread = z * sqrt(share * (1.0 - share) / trials + z2 / (4 * trials * trials))
     whole = 1.0 + z2 / trials
-    return max(0.0, (middle - spread) / whole), min(1.0, (middle + spread) / whole)
+    low = 0.0 if successes == 0 else (middle - spread) / whole
+    return low, 1.0 if successes == trials else (middle + spread) / whole
 
 
 def normal_cdf(z: float) -> float:

@@ -89,11 +89,11 @@ def test_tag_can_be_stated(tmp_path):
 @pytest.mark.parametrize(
     ("more", "code", "sentence"),
     [
-        (["--above", "--touched", "touched.csv", "--number", "7"], 32, "disagree by"),
-        (["--views", "nowhere"], 32, "folder nowhere"),
-        (["--board", "charuco:5x4:14:10.5"], 32, "the board on the table is not seen"),
-        (["--references", "table.png"], 32, "no reference tag is seen"),
-        (["--touched", "empty.png"], 32, "poses"),
+        (["--above", "--touched", "touched.csv", "--number", "7"], 33, "disagree by"),
+        (["--views", "nowhere"], 33, "folder nowhere"),
+        (["--board", "charuco:5x4:14:10.5"], 33, "the board on the table is not seen"),
+        (["--references", "table.png"], 33, "no reference tag is seen"),
+        (["--touched", "empty.png"], 33, "poses"),
     ],
 )
 def test_mistakes_at_calibrating_are_told_in_one_line(studio, capsys, monkeypatch, more, code, sentence):
