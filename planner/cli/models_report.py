@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ def judge(
     """
     from planner.report import subspaces  # matplotlib takes a second
 
-    simulator = Simulator.of_job(job, workers)
+    simulator = dataclasses.replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
     model, rolled = learned_model(job, simulator, store, scheduler, report)
     judged = quality(job, model, rolled, report)
     subspaces.figure(judged, simulator.outline, simulator.jaws, picture)
