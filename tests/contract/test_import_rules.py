@@ -16,8 +16,10 @@ CLEAN = {
     "runtime/__init__.py": "",
     "runtime/table.py": "",
     "runtime/executor.py": "import runtime.table\n",
-    "runtime/cli.py": "import drivers.connect\nimport runtime.executor\n",
+    "runtime/cli.py": "import drivers.camera.commands\nimport drivers.connect\nimport runtime.executor\n",
     "drivers/__init__.py": "",
+    "drivers/camera/__init__.py": "",
+    "drivers/camera/commands.py": "",
     "drivers/connect.py": "import drivers.robotiq\n",
     "drivers/robotiq.py": "",
 }
