@@ -17,10 +17,12 @@ SQUEEZES_SAVED = 160
 """Squeezes that learning saves in a tree's look-ahead, for each particle and placement to choose from."""
 SQUEEZES_SPENT = 8
 """Squeezes' worth of time that learning takes for each roll-out: with slopes, bandwidths, sorting."""
+WORTH = 4.0
+"""How often learning must pay for itself: plans made with it may need some more squeezes (decision 0011)."""
 
 
 def learns(job: Job) -> bool:
-    """Whether a job's look-ahead uses a learned model: it says so, or "auto" expects to save time.
+    """Whether a job's look-ahead uses a learned model: it says so, or "auto" expects to save much time.
 
     Both what is saved and what is spent are squeezes of the same part, so the machine's speed does not
     matter; and what the cache happens to hold must not, for it would change the table's bytes.
@@ -30,7 +32,7 @@ def learns(job: Job) -> bool:
     actions = actions_of(job)
     proposed = 0 if actions.proposals is None else len(actions.proposals.relative)
     choices = (len(actions) + proposed) * job.search.search_particles
-    return SQUEEZES_SAVED * choices > SQUEEZES_SPENT * job.search.rollouts
+    return SQUEEZES_SAVED * choices > WORTH * SQUEEZES_SPENT * job.search.rollouts
 
 
 def learned_model(
