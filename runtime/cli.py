@@ -20,6 +20,7 @@ from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects
 from runtime.errors import CellError, StoppedError, exit_code_of
 from runtime.executor import Cell, Plan
+from runtime.incidents import Incidents, Report
 from runtime.interrupts import StopRequests
 from runtime.journal import Journal
 from runtime.lock import PortLock
@@ -126,10 +127,12 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     if _is_begun(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
         begun = crash.look(journal, data, header, policy, console)
-    devices = _connect(arguments, table, console, stack)
+    incidents = Incidents()
+    devices = _connect(arguments, table, console, stack, incidents.record)
     # Not before the devices answer: a run that never was leaves no record, and no file.
     journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
     crash.begin(journal, begun, data, header, policy)
+    incidents.hand_over(journal)
     auditor = None
     if arguments.audit is not None:
         auditor = stack.enter_context(AuditProcess(arguments.audit, SystemClock()))
@@ -181,14 +184,16 @@ def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Con
 def _dry_run(
     arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack
 ) -> int:
-    devices = _connect(arguments, table, console, stack)
+    devices = _connect(arguments, table, console, stack, Incidents().record)
     for sentence in dry_run.tell(table, devices.gripper, devices.arm, plan):
         console.note(sentence)
     console.note("dry run: nothing was written to the gripper, and nothing but questions to the arm")
     return 0
 
 
-def _connect(arguments: argparse.Namespace, table: Table, console: Console, stack: ExitStack) -> Devices:
+def _connect(
+    arguments: argparse.Namespace, table: Table, console: Console, stack: ExitStack, report: Report
+) -> Devices:
     """Connect to the devices; for a simulated cell start it first and then talk to it as to hardware."""
     gripper_port, arm_url, scene_url = arguments.port, arguments.arm, None
     if arguments.port == SIMULATED:
@@ -202,7 +207,7 @@ def _connect(arguments: argparse.Namespace, table: Table, console: Console, stac
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
-    gripper = connect.gripper(gripper_port, time_scale=scale, read_only=only)
+    gripper = connect.gripper(gripper_port, time_scale=scale, read_only=only, report=report)
     stack.callback(gripper.close)
     arm = connect.arm(arm_url, time_scale=scale, read_only=only)
     stack.callback(arm.close)

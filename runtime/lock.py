@@ -24,8 +24,7 @@ class PortLock:
     """
 
     def __init__(self, port: str, folder: Path | None = None) -> None:
-        name = port if "://" in port else os.path.realpath(port)
-        digest = hashlib.sha256(name.encode()).hexdigest()[:16]
+        digest = hashlib.sha256(_device(port).encode()).hexdigest()[:16]
         self.path = (folder or _folder()) / f"squeezetree-{digest}.lock"
         try:
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
@@ -57,6 +56,13 @@ class PortLock:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _device(port: str) -> str:
+    """The device's own name: an address without its settings, or the file that a link leads to."""
+    if "://" in port or port.startswith("can:"):
+        return port.partition("?")[0]
+    return os.path.realpath(port)
 
 
 def _folder() -> Path:

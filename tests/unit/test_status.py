@@ -154,6 +154,9 @@ def test_a_port_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
         assert refused.value.exit_code == 23
         with PortLock("tcp://h:1", tmp_path), PortLock("tcp://h:2", tmp_path):
             pass
+        for one, other in (("tcp://h:1?tool=0,0,1", "tcp://h:1"), ("can:can0", "can:can0?node=12")):
+            with PortLock(one, tmp_path), pytest.raises(PortBusyError):
+                PortLock(other, tmp_path)
     with PortLock(str(link), tmp_path) as again:
         again.close()
 

@@ -1,0 +1,58 @@
+"""What goes wrong on the way to the gripper is in the journal of the run it went wrong in, and only there."""
+
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+from soaking import small_setting
+
+from drivers.sim.cell import Cell
+from drivers.sim.faults import Fault, Listed
+from runtime import cli
+from runtime.errors import JournalError
+from runtime.incidents import MOST_KEPT, Incidents
+from runtime.journal import Journal, records, verify
+from runtime.journal_command import main as grasp_journal
+from runtime.table import dump
+
+SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
+
+
+def test_retries_are_journalled_with_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    dump(small_table(), tmp_path / "small.msgpack")
+    faults = Listed([Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)])
+    with Cell(small_setting(), 2, SCALE, faults) as cell:
+        ports = ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
+        words = [
+            "--tree",
+            "small.msgpack",
+            *ports,
+            "--activate",
+            "--tips",
+            "straight",
+            "--journal",
+            "j.jsonl",
+        ]
+        assert cli.main(words) in (0, 10, 11)
+    kept = list(records(tmp_path / "j.jsonl"))
+    assert verify(tmp_path / "j.jsonl").closed
+    assert kept[0]["kind"] == "header"
+    told = [(entry["incident"], entry["transaction"]) for entry in kept if entry["kind"] == "link"]
+    assert told[0] == ("no answer", 1)  # while connecting, before there was a journal
+    assert len(told) >= 3
+    assert grasp_journal(["replay", "j.jsonl"]) == 0
+
+
+def test_what_is_told_before_there_is_a_journal_is_kept_and_not_without_end(tmp_path: Path) -> None:
+    incidents = Incidents()
+    for number in range(MOST_KEPT + 5):
+        incidents.record("link", {"number": number})
+    with Journal(tmp_path / "j.jsonl", lambda: "now") as journal:
+        journal.header(b"table", {})
+        incidents.hand_over(journal)
+        incidents.record("link", {"number": -1})
+    numbers = [entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"]
+    assert numbers == [*range(MOST_KEPT), -1]
+    with pytest.raises((JournalError, OSError)):
+        incidents.record("link", {"number": 0})
