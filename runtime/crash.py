@@ -107,4 +107,5 @@ def _check_same(broken: BrokenRun, table: bytes, fields: Mapping[str, object]) -
 def _where(broken: BrokenRun) -> str:
     if broken.part is None:
         return f"after {broken.parts} parts"
-    return f"at part {broken.part.part}, after {len(broken.part.steps)} squeezes"
+    squeezes = len(broken.part.steps)
+    return f"at part {broken.part.part}, after {squeezes} squeeze{'' if squeezes == 1 else 's'}"

@@ -1,10 +1,12 @@
 """Ctrl-C and SIGTERM as one stop request that is heard once, so that nothing interrupts the safe sequence."""
 
+import contextlib
+import os
 import signal
-import sys
 from types import FrameType, TracebackType
 from typing import Self
 
+STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -28,7 +30,8 @@ class StopRequests:
     def _hear(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         if self._asked:
-            print("stopping already", file=sys.stderr, flush=True)
+            with contextlib.suppress(OSError):  # whoever read it may be gone
+                os.write(STDERR, b"stopping already\n")
             return
         self._asked = True
         raise KeyboardInterrupt

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from runtime.errors import JournalError
 
@@ -29,6 +29,14 @@ VERSION = 1
 GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
+
+
+class _End(NamedTuple):
+    """Where a journal ends: the last record's digest, the number of records, of bytes."""
+
+    head: str
+    records: int
+    size: int
 
 
 class Journal:
@@ -54,7 +62,7 @@ class Journal:
         self.path = path
         self.cut_bytes = 0
         self._stamp = stamp
-        self._previous, self._seq, self._size = GENESIS, 0, 0
+        self._end = _End(GENESIS, 0, 0)
         self._failed = False
         try:
             self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -75,16 +83,17 @@ class Journal:
             raise JournalError(self.path, "is being written by another process; name another file") from None
         except OSError as error:
             raise _unwritable(self.path, error) from error
-        if self._size:
+        if self._end.size:
             held = verify(self.path)
-            self._previous, self._seq = held.head, held.records
+            self._end = _End(held.head, held.records, self._end.size)
 
     def _cut_torn_line(self) -> None:
         size = os.fstat(self._file).st_size
-        self._size = _end_of_last_line(self._file, size)
-        self.cut_bytes = size - self._size
+        whole = _end_of_last_line(self._file, size)
+        self._end = _End(GENESIS, 0, whole)
+        self.cut_bytes = size - whole
         if self.cut_bytes:
-            os.ftruncate(self._file, self._size)
+            os.ftruncate(self._file, whole)
             os.fsync(self._file)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
@@ -115,25 +124,28 @@ class Journal:
             raise JournalError(self.path, "could not be written before; what it holds since is not known")
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
-        frame = {"seq": self._seq, "time": self._stamp(), "kind": kind, **fields, "previous": self._previous}
+        end = self._end
+        frame = {"seq": end.records, "time": self._stamp(), "kind": kind, **fields, "previous": end.head}
         body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
         digest = hashlib.sha256(body).hexdigest()
         line = body[:-1] + _tail(digest)
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
+            # One assignment: a stop request comes before it or after it, never in between.
+            self._end = _End(digest, end.records + 1, end.size + len(line))
         except OSError as error:
-            self._give_up()
+            self._failed = True  # a failed sync cannot be repeated
+            self._take_back()
             raise _unwritable(self.path, error) from error
-        self._previous = digest
-        self._seq += 1
-        self._size += len(line)
+        except BaseException:  # a stop request
+            self._take_back()
+            raise
 
-    def _give_up(self) -> None:
-        """Take back a line that was written in part, and write no other: a failed sync cannot be repeated."""
-        self._failed = True
+    def _take_back(self) -> None:
+        """Take back a line that was written in part, or wholly but is not counted yet."""
         with contextlib.suppress(OSError):
-            os.ftruncate(self._file, self._size)
+            os.ftruncate(self._file, self._end.size)
 
     def close(self) -> None:
         """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""

@@ -161,7 +161,10 @@ class Replay:
             missed = entry.get("delivery") == "missed"
             if entry.get("exit_code") != EXIT_CODES[outcome] and not missed:
                 yield f"reports exit code {entry.get('exit_code')}, {outcome.name} has {EXIT_CODES[outcome]}"
-        self.parts += 1
+        if self.part is None and outcome is not None:
+            yield f"reports {outcome.name}; no part is under way"
+        # A stop request may come just after a part's own outcome, and tell of that part once more.
+        self.parts += self.part is not None
         self.over = self.policy.ends_run(Outcome(entry["outcome"]))
         self._begin(None)
 

@@ -215,6 +215,9 @@ class CountedJournal(Journal):
             journal._write_all = whole
         self._life.moment_passes()
 
+    def _take_back(self) -> None:
+        """A process that is gone takes nothing back."""
+
     def _torn(self, file: int, data: bytes) -> None:
         import os
 

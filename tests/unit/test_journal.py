@@ -1,7 +1,9 @@
 """The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
 
+import itertools
 import json
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -131,6 +133,44 @@ def test_a_record_that_fails_is_taken_back_and_none_follows(
         with pytest.raises(JournalError, match="could not be written before"):
             journal.record("end", {})
     assert not verify(path).closed
+
+
+def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path: Path) -> None:
+    """Ctrl-C may come between any two steps; the safe sequence then writes on."""
+    module = Journal.record.__code__.co_filename
+    interrupted = 0
+    for last in itertools.count():
+        path = tmp_path / f"{last}.jsonl"
+        with Journal(path, STAMP) as journal:
+            journal.header(b"table", {})
+            left = [last]
+
+            def trace(frame, event, argument, left=left):
+                if frame.f_code.co_filename != module:
+                    return None
+                frame.f_trace_opcodes = True
+                left[0] -= 1
+                if left[0] < 0:
+                    sys.settrace(None)
+                    raise KeyboardInterrupt
+                return trace
+
+            before = sys.gettrace()
+            try:
+                sys.settrace(trace)
+                journal.record("squeeze", {"part": 1})
+            except KeyboardInterrupt:
+                interrupted += 1
+            finally:
+                sys.settrace(before)
+            journal.record("outcome", {"part": 1})
+            journal.record("end", {})
+        assert verify(path).closed
+        kinds = [entry["kind"] for entry in records(path)]
+        assert kinds in (["header", "outcome", "end"], ["header", "squeeze", "outcome", "end"])
+        if left[0] >= 0:
+            break
+    assert interrupted > 100
 
 
 def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) -> None:

@@ -1,0 +1,122 @@
+"""What is refused before it is sent, and where a motion has to have ended."""
+
+import math
+
+import pytest
+from fake_cell import Log, State, fake_cell
+from sample_tables import small_table
+
+from runtime import safety
+from runtime.errors import GripperStateError, MotionRefusedError
+from runtime.interrupts import StopRequests
+from runtime.safe_state import reach_safe_state
+
+LIMITS = small_table().limits
+X_MIN, Y_MIN, X_MAX, Y_MAX = (edge / 1000 for edge in LIMITS.work_area_um)
+LOW, HIGH = LIMITS.squeeze_height_um / 1000, LIMITS.retreat_height_um / 1000
+INSIDE = (0.0, 0.0, (LOW + HIGH) / 2, 0.3)
+
+
+def but(**changed: float) -> tuple[float, float, float, float]:
+    """A pose inside the limits, with something changed."""
+    x, y, z, angle = (changed.get(name, value) for name, value in zip("xyza", INSIDE, strict=True))
+    return x, y, z, angle
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        INSIDE,
+        but(x=X_MIN, y=Y_MIN, z=LOW, a=-math.tau),
+        but(x=X_MAX, y=Y_MAX, z=HIGH, a=math.tau),
+    ],
+)
+def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, float]) -> None:
+    safety.check_target(pose, LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("pose", "told"),
+    [
+        (but(x=X_MAX + 0.01), "outside the work area"),
+        (but(x=X_MIN - 0.01), "outside the work area"),
+        (but(y=Y_MAX + 0.01), "outside the work area"),
+        (but(y=Y_MIN - 0.01), "outside the work area"),
+        (but(z=LOW - 0.01), "height"),
+        (but(z=HIGH + 0.01), "height"),
+        (but(a=math.tau + 0.01), "whole turn"),
+        (but(a=-math.tau - 0.01), "whole turn"),
+        *((but(**{name: bad}), "no place") for name in "xyza" for bad in (math.nan, math.inf)),
+    ],
+)
+def test_anything_else_is_refused(pose: tuple[float, float, float, float], told: str) -> None:
+    with pytest.raises(MotionRefusedError, match=told) as refused:
+        safety.check_target(pose, LIMITS)
+    assert refused.value.exit_code == 22
+
+
+@pytest.mark.parametrize(("off_mm", "fits"), [(0.0, True), (0.49, True), (0.51, False), (math.nan, False)])
+def test_an_arm_that_stands_elsewhere_is_noticed(off_mm: float, fits: bool) -> None:
+    arm = fake_cell([]).arm
+    arm.at, arm.off_mm = INSIDE, off_mm
+    if fits:
+        safety.check_placed(arm, INSIDE)
+    else:
+        with pytest.raises(MotionRefusedError, match="off the place"):
+            safety.check_placed(arm, INSIDE)
+
+
+def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not() -> None:
+    arm = fake_cell([]).arm
+    arm.at = but(a=0.3 - math.tau)
+    safety.check_placed(arm, INSIDE)
+    arm.at = but(a=0.311)
+    with pytest.raises(MotionRefusedError):
+        safety.check_placed(arm, INSIDE)
+
+
+@pytest.mark.parametrize(
+    ("state", "told"),
+    [
+        (State(fault=0x0E), "0x0E"),
+        (State(activated=False), "not activated"),
+        (State(moving=True), "without having been asked"),
+    ],
+)
+def test_a_gripper_that_is_not_ready_is_not_moved(state: State, told: str) -> None:
+    gripper = fake_cell([]).gripper
+    gripper.now = state
+    with pytest.raises(GripperStateError, match=told):
+        safety.ready_gripper(gripper)
+
+
+def test_a_silence_that_is_over_is_no_fault() -> None:
+    gripper = fake_cell([]).gripper
+    gripper.now = State(fault=safety.NO_COMMUNICATION)
+    assert safety.ready_gripper(gripper) == gripper.now
+
+
+@pytest.mark.parametrize("arm_known", [True, False])
+@pytest.mark.parametrize("fail_at", range(-1, 5))
+def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
+    arm_known: bool, fail_at: int
+) -> None:
+    made = fake_cell([], Log(fail_at, ConnectionError("gone")))
+    notes = reach_safe_state(made.gripper, made.arm, LIMITS, arm_known=arm_known)
+    assert len(notes) == 2
+    assert made.log.calls[0].name == "stop"
+    assert bool(made.log.named("pose")) == arm_known
+    assert ("NOT KNOWN" in notes[0]) == (fail_at in (0, 1))
+    for call in made.log.named("move_linear"):
+        assert arm_known
+        assert call.arguments[:2] == made.arm.at[:2]
+        assert call.arguments[2] == HIGH
+
+
+def test_a_second_stop_request_is_only_acknowledged(capfd: pytest.CaptureFixture[str]) -> None:
+    requests = StopRequests()
+    with requests:
+        with pytest.raises(KeyboardInterrupt):
+            requests._hear(2, None)
+        requests._hear(2, None)
+    assert capfd.readouterr().err == "stopping already\n"
