@@ -23,7 +23,7 @@ class Sighting:
     Attributes:
         true: mm, mm, rad; None in a rehearsal, whose part has no pose.
         error_mm: distance by the goal's metric, or None without a prediction.
-        crashes: times open fingers were placed onto this cell's parts so far.
+        crashes: times open fingers were placed onto this part.
     """
 
     true: Pose2 | None

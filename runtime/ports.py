@@ -122,7 +122,7 @@ class Truth(Protocol):
 
     @property
     def crashes(self) -> int:
-        """Times open fingers were placed onto a part."""
+        """Times open fingers were placed onto this part."""
 
 
 class Scene(Protocol):

@@ -17,7 +17,7 @@ class Tally:
         exit_code: the gravest of the parts' codes, which are numbered by gravity; 0 if every part reached a
             leaf.
         within: parts whose leaf met the goal, None where no truth was ever known.
-        crashes: open fingers placed onto this cell's parts, None on a real cell.
+        crashes: times open fingers were placed onto a part, None on a real cell.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Tally:
         self.exit_code = max(self.exit_code, result.exit_code)
         if seen is None:
             return
-        self.crashes = seen.crashes
+        self.crashes = (self.crashes or 0) + seen.crashes
         if seen.true is not None:
             self.within = (self.within or 0) + (is_within(table, seen) is True)
 

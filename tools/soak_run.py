@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults import Schedule, Seeded
+from drivers.sim.faults import SCENE_KINDS, Schedule, Seeded
 from drivers.sim.scene import Setting
 from drivers.sim.virtual import VirtualCell
 from drivers.sim.virtual_clock import VirtualClock
@@ -32,6 +32,12 @@ GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
 SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeeze, and for the safe sequence
+
+# What makes a part lie, or be, other than the counts read say: the fingers may then come down on it.
+MOVED = {
+    *(kind.name for kind in SCENE_KINDS),
+    *("count_frozen", "count_spike", "encoder_offset", "grip_lost"),
+}
 
 # What runs are handled by, one drawn a run: the command's default first.
 REGULATED = Handling(regulated=True)
@@ -202,10 +208,13 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
     pulse = Pulse(cell.clock)
     executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan, pulse)
     for _ in range(soak.parts):
+        before = len(cell.works.desk.met)
         part = cell.scene.next_part()
         began = cell.clock.now()
         result = executor.run_part(part)
         _count(soak.table, cell, result, told)
+        if cell.scene.truth().crashes and not MOVED & set(cell.works.desk.met[before:]):
+            told.findings.append(f"part {part}: open fingers came down on a part that nothing had moved")
         told.findings += _judge(soak, part, result, cell.clock.now() - began)
         if result.outcome is Outcome.FAULT:
             break

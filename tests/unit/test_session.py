@@ -108,6 +108,14 @@ def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.Captur
     assert leaf.keys() == reject.keys()
 
 
+def test_crashes_of_all_parts_add_up(capsys: pytest.CaptureFixture[str]) -> None:
+    made, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
+    scene = FakeScene(SimpleNamespace(**{**vars(TRUTH), "crashes": 2}))
+    tally = tally_of(table, session.run_parts(table, made.cell, scene, Lines(table), 3))
+    Lines(table).summary(tally, JOURNAL)
+    assert "6 crashes" in capsys.readouterr().out
+
+
 def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
