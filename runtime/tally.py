@@ -16,7 +16,7 @@ class Tally:
         squeezes: over all parts.
         exit_code: the gravest of the parts' codes, which are numbered by gravity; 0 if every part reached a
             leaf.
-        within: parts whose leaf met the goal, None where no truth was ever known.
+        within: parts whose leaf met the goal, None where no truth is known, or the parts were taken away.
         crashes: times open fingers were placed onto a part, None on a real cell.
     """
 
@@ -35,7 +35,7 @@ class Tally:
         if seen is None:
             return
         self.crashes = (self.crashes or 0) + seen.crashes
-        if seen.true is not None:
+        if seen.true is not None and result.delivery is None:
             self.within = (self.within or 0) + (is_within(table, seen) is True)
 
     def fields(self) -> dict[str, object]:
