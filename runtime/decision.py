@@ -17,10 +17,27 @@ MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
 
 class Decision(NamedTuple):
-    """What a reading means at a node: the branch taken, or `REJECT` and the reason."""
+    """What a reading means at a node.
+
+    Attributes:
+        branch: the branch taken, or `REJECT`.
+        refused: for `REJECT`, the node none of whose branches fits.
+        empty: for `REJECT`, whether the gripper says that it met nothing.
+    """
 
     branch: int
-    reason: str | None
+    refused: Node | None = None
+    empty: bool = False
+
+    @property
+    def reason(self) -> str | None:
+        """Why it is `REJECT`, None where it is not; put into words when asked, not while deciding."""
+        if self.refused is None:
+            return None
+        if self.empty:
+            return "the fingers closed on nothing"
+        widths = ", ".join(f"{b.low_um / 1000:.2f}..{b.high_um / 1000:.2f}" for b in self.refused.branches)
+        return f"no outcome of this squeeze has this width (planned: {widths} mm)"
 
 
 def decide(node: Node, outcomes: tuple[int, ...], count: int, object_flag: int) -> Decision:
@@ -42,12 +59,8 @@ def decide(node: Node, outcomes: tuple[int, ...], count: int, object_flag: int) 
         raise GripperStateError(
             f"object flag {object_flag} after a closing motion; the reading is not believed"
         )
-    if outcomes[count] != REJECT:
-        return Decision(outcomes[count], None)
-    if object_flag == ARRIVED:
-        return Decision(REJECT, "the fingers closed on nothing")
-    widths = ", ".join(f"{b.low_um / 1000:.2f}..{b.high_um / 1000:.2f}" for b in node.branches)
-    return Decision(REJECT, f"no outcome of this squeeze has this width (planned: {widths} mm)")
+    branch = outcomes[count]
+    return Decision(branch) if branch != REJECT else Decision(REJECT, node, object_flag == ARRIVED)
 
 
 def release_point(node: Node, branch: int) -> tuple[int, int] | None:

@@ -79,7 +79,7 @@ def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
 
     def careless(node, outcomes, count, object_flag):
         decision = sound(node, outcomes, count, object_flag)
-        return decision._replace(branch=0, reason=None) if decision.branch != REJECT else decision
+        return decision._replace(branch=0) if decision.branch != REJECT else decision
 
     monkeypatch.setattr(executor, "decide", careless)
     assert "the table says" in runs(20)
