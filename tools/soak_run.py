@@ -208,15 +208,7 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
     pulse = Pulse(cell.clock)
     executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan, pulse)
     for _ in range(soak.parts):
-        before = len(cell.works.desk.met)
-        part = cell.scene.next_part()
-        began = cell.clock.now()
-        result = executor.run_part(part)
-        _count(soak.table, cell, result, told)
-        if cell.scene.truth().crashes and not MOVED & set(cell.works.desk.met[before:]):
-            told.findings.append(f"part {part}: open fingers came down on a part that nothing had moved")
-        told.findings += _judge(soak, part, result, cell.clock.now() - began)
-        if result.outcome is Outcome.FAULT:
+        if _run_part(soak, cell, executor, told) is Outcome.FAULT:
             break
     if not soak.faults and (told.outcomes["fault"] or told.crashes):
         told.findings.append(f"without faults: {told.outcomes['fault']} faults, {told.crashes} crashes")
@@ -229,6 +221,19 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
     told.virtual_s = cell.clock.now()
     told.digest = records.digest.hexdigest()
     return told
+
+
+def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, told: Told) -> Outcome:
+    """One part, added up and judged."""
+    before = len(cell.works.desk.met)
+    part = cell.scene.next_part()
+    began = cell.clock.now()
+    result = executor.run_part(part)
+    _count(soak.table, cell, result, told)
+    if cell.scene.truth().crashes and not MOVED & set(cell.works.desk.met[before:]):
+        told.findings.append(f"part {part}: open fingers came down on a part that nothing had moved")
+    told.findings += _judge(soak, part, result, cell.clock.now() - began)
+    return result.outcome
 
 
 def _unobserved(part: int, step: Step) -> None:
