@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 
 from runtime.geometry import Pose2, placement, predicted_pose
 from runtime.results import Outcome, PartResult, Step
-from runtime.table import PPM, Table
+from runtime.table import PPM, GoalSpec, Table
 
 if TYPE_CHECKING:
     from runtime.tally import Tally
@@ -22,12 +22,14 @@ class Sighting:
 
     Attributes:
         true: mm, mm, rad; None in a rehearsal, whose part has no pose.
-        error_mm: distance by the goal's metric, or None without a prediction.
+        error_mm: distance by the goal's metric; None without a prediction, or where the goal has none.
+        within: whether the prediction meets the goal, None without one.
         crashes: times open fingers were placed onto this part.
     """
 
     true: Pose2 | None
     error_mm: float | None
+    within: bool | None
     crashes: int
 
 
@@ -83,7 +85,7 @@ class Lines:
         """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
         told = [f"{tally.outcomes[outcome]} {outcome.name}" for outcome in Outcome if tally.outcomes[outcome]]
         if tally.within is not None:
-            told.append(f"{tally.within} within {self._table.goal.distance_um / 1000:g} mm")
+            told.append(f"{tally.within} within {_goal(self._table.goal)}")
         if tally.crashes is not None:
             told.append(f"{tally.crashes} crashes")
         told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
@@ -153,7 +155,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
         "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
-        "within_goal": is_within(table, seen),
+        "within_goal": None if seen is None else seen.within,
         "crashes": None if seen is None else seen.crashes,
         "reason": result.reason,
         "safe_state": list(result.safe_state),
@@ -162,11 +164,12 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
     }
 
 
-def is_within(table: Table, seen: Sighting | None) -> bool | None:
-    """Whether a simulated part meets the goal; None where that is not known."""
-    if seen is None or seen.error_mm is None:
-        return None
-    return seen.error_mm < table.goal.distance_um / 1000
+def _goal(goal: GoalSpec) -> str:
+    if goal.kind in ("pose", "modes"):
+        return f"{goal.distance_um / 1000:g} mm"
+    x_um, y_um, theta_urad = goal.tolerance
+    turn = f"{degrees(theta_urad / 1e6):g} deg"
+    return turn if goal.kind == "orientation" else f"{x_um / 1000:g} mm, {y_um / 1000:g} mm, {turn}"
 
 
 def _reached(step: Step) -> str:

@@ -41,3 +41,35 @@ def goal_distance_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
     """
     turn = abs(remainder(predicted[2] - true[2], tau / goal.symmetry))
     return hypot(predicted[0] - true[0], predicted[1] - true[1]) + goal.rho_um / 1000 * turn
+
+
+def poses_of(leaf: Leaf) -> list[Pose2]:
+    """Where the part may lie at a leaf: the predicted pose, and those it cannot tell from it."""
+    others = [(x_um / 1000, y_um / 1000, theta_urad / 1e6) for x_um, y_um, theta_urad in leaf.alternatives]
+    return [predicted_pose(leaf), *others]
+
+
+def error_mm(goal: GoalSpec, leaf: Leaf, true: Pose2) -> float | None:
+    """How far off a leaf is, by the goal's distance; None where the goal asks for the orientation alone."""
+    if goal.kind == "orientation":
+        return None
+    told = poses_of(leaf) if goal.kind == "modes" else [predicted_pose(leaf)]
+    return min(goal_distance_mm(goal, pose, true) for pose in told)
+
+
+def meets(goal: GoalSpec, leaf: Leaf, true: Pose2) -> bool:
+    """Whether a leaf's prediction meets the goal.
+
+    Args:
+        goal: of any kind.
+        leaf: the prediction.
+        true: where the part lies, mm, mm, rad.
+    """
+    if goal.kind in ("pose", "modes"):
+        distance_mm = error_mm(goal, leaf, true)
+        return distance_mm is not None and distance_mm < goal.distance_um / 1000
+    x, y, theta = predicted_pose(leaf)
+    off = [abs(x - true[0]), abs(y - true[1]), abs(remainder(theta - true[2], tau / goal.symmetry))]
+    bounds = [goal.tolerance[0] / 1000, goal.tolerance[1] / 1000, goal.tolerance[2] / 1e6]
+    first = 2 if goal.kind == "orientation" else 0
+    return all(value < bound for value, bound in zip(off[first:], bounds[first:], strict=True))

@@ -7,7 +7,7 @@ from math import isfinite
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, exit_code_of
 from runtime.executor import Cell, Executor, Plan
-from runtime.geometry import goal_distance_mm, predicted_pose
+from runtime.geometry import error_mm, meets
 from runtime.phases import Watcher, unwatched
 from runtime.ports import Gripper, Scene
 from runtime.recovery import BrokenRun
@@ -76,7 +76,7 @@ def run_journalled(
         if broken is None or broken.part is None:
             prepare_gripper(cell.gripper, console, activate=activate)
         for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
-            tally.add(table, result, seen)
+            tally.add(result, seen)
     except BaseException as error:
         with suppress(JournalError):
             cell.journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
@@ -130,13 +130,13 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     """Compare a part's predicted pose with the truth."""
     truth = scene.truth()
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)
-    error_mm = None
     if not all(map(isfinite, true)):
-        return Sighting(None, None, truth.crashes)
-    # One that was taken away by the last grasp lies elsewhere now.
-    if result.outcome is Outcome.LEAF and result.leaf is not None and result.delivery is None:
-        error_mm = goal_distance_mm(table.goal, predicted_pose(table.leaves[result.leaf]), true)
-    return Sighting(true, error_mm, truth.crashes)
+        return Sighting(None, None, None, truth.crashes)
+    # A part that was taken away by the last grasp lies elsewhere now.
+    if result.outcome is not Outcome.LEAF or result.leaf is None or result.delivery is not None:
+        return Sighting(true, None, None, truth.crashes)
+    leaf = table.leaves[result.leaf]
+    return Sighting(true, error_mm(table.goal, leaf, true), meets(table.goal, leaf, true), truth.crashes)
 
 
 def _reason(error: BaseException) -> str:

@@ -2,9 +2,8 @@
 
 from collections import Counter
 
-from runtime.console import Sighting, is_within
+from runtime.console import Sighting
 from runtime.results import Outcome, PartResult
-from runtime.table import Table
 
 
 class Tally:
@@ -26,7 +25,7 @@ class Tally:
         self.within: int | None = None
         self.crashes: int | None = None
 
-    def add(self, table: Table, result: PartResult, seen: Sighting | None) -> None:
+    def add(self, result: PartResult, seen: Sighting | None) -> None:
         """One more part."""
         self.parts += 1
         self.squeezes += len(result.steps)
@@ -36,7 +35,7 @@ class Tally:
             return
         self.crashes = (self.crashes or 0) + seen.crashes
         if seen.true is not None and result.delivery is None:
-            self.within = (self.within or 0) + (is_within(table, seen) is True)
+            self.within = (self.within or 0) + (seen.within is True)
 
     def fields(self) -> dict[str, object]:
         """The sum as a journal record holds it."""

@@ -16,7 +16,6 @@ from drivers.sim.scene import Setting
 from drivers.sim.virtual import VirtualCell
 from drivers.sim.virtual_clock import VirtualClock
 from runtime import strokes
-from runtime.console import is_within
 from runtime.decision import Policy
 from runtime.delivery import Delivery
 from runtime.executor import Cell, Executor, Plan
@@ -250,7 +249,7 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
     told.last = result
     if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
         return
-    told.outside += is_within(table, sight(table, cell.scene, result)) is False
+    told.outside += sight(table, cell.scene, result).within is False
     told.expected += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
 
 

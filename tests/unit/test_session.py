@@ -17,7 +17,7 @@ from runtime.console import Lines, Objects, say
 from runtime.delivery import Delivery
 from runtime.errors import GripperStateError
 from runtime.executor import Plan
-from runtime.table import Calibration, Table, dump
+from runtime.table import Calibration, dump
 from runtime.tally import Tally
 
 CALIBRATION = Calibration.linear(GRIPPER)
@@ -26,10 +26,10 @@ JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
 
 
-def tally_of(table: Table, results: Iterable[session.Result]) -> Tally:
+def tally_of(results: Iterable[session.Result]) -> Tally:
     tally = Tally()
     for result, seen in results:
-        tally.add(table, result, seen)
+        tally.add(result, seen)
     return tally
 
 
@@ -83,9 +83,7 @@ def test_ctrl_c_between_parts_is_recorded() -> None:
 def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    console.summary(
-        tally_of(table, session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1)), JOURNAL
-    )
+    console.summary(tally_of(session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1)), JOURNAL)
     squeeze, part, summary = capsys.readouterr().out.splitlines()
     assert squeeze == (
         "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
@@ -111,7 +109,7 @@ def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.Captur
 def test_crashes_of_all_parts_add_up(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
     scene = FakeScene(SimpleNamespace(**{**vars(TRUTH), "crashes": 2}))
-    tally = tally_of(table, session.run_parts(table, made.cell, scene, Lines(table), 3))
+    tally = tally_of(session.run_parts(table, made.cell, scene, Lines(table), 3))
     Lines(table).summary(tally, JOURNAL)
     assert "6 crashes" in capsys.readouterr().out
 
@@ -145,7 +143,7 @@ def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[
     nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0)
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    tally = tally_of(table, session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
+    tally = tally_of(session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
     console.summary(tally, JOURNAL)
     told = capsys.readouterr().out
     assert "error" not in told
