@@ -39,3 +39,8 @@ def evaluate() -> int:
 def identify() -> int:
     """plan-identify."""
     return _run("identify")
+
+
+def report() -> int:
+    """plan-report."""
+    return _run("report")

@@ -29,12 +29,14 @@ class Visit:
         before: (n, 3) their poses in the world before the squeeze [mm, mm, rad].
         after: (n, 3) and after it.
         width_mm: (n,) true opening at which the fingers stopped.
+        counts: (n,) what the encoder reads of it.
         branch: (n,) where the encoder's reading sends each, `REJECT` where it fits no branch.
     """
 
     before: Array
     after: Array
     width_mm: Array
+    counts: IntArray
     branch: IntArray
 
     def through(self, branch: int) -> Array:
@@ -93,12 +95,13 @@ def _visit(
 ) -> Visit:
     """One squeeze of all that came to a node."""
     if len(before) == 0:
-        return Visit(before, before, np.empty(0), np.empty(0, np.int64))
+        nothing = np.empty(0, np.int64)
+        return Visit(before, before, np.empty(0), nothing, nothing)
     placement = placement_of(node.squeeze)
     rolled = world.squeeze_many(to_hand(before, placement))
     outcome = np.array(count_map(node, calibration), dtype=np.int64)
-    branch = outcome[encoder.read(rolled.width_mm, rng)]
-    return Visit(before, to_world(rolled.poses, placement), rolled.width_mm, branch)
+    counts = encoder.read(rolled.width_mm, rng)
+    return Visit(before, to_world(rolled.poses, placement), rolled.width_mm, counts, outcome[counts])
 
 
 __all__ = ["REJECT", "Replay", "Visit", "replay"]

@@ -83,7 +83,7 @@ class _Page:
     def __init__(self, table: Table, job: Job, beliefs: Replay, layout: Layout) -> None:
         self.table, self.beliefs, self.layout = table, beliefs, layout
         self.outline, self.jaws = job.part.outline_mm, canvas.jaws_of(job)
-        self.scale = 0.5 * PANEL / _reach(table, self.outline, self.jaws, beliefs)  # px per mm
+        self.scale = 0.5 * PANEL / reach(table, self.outline, self.jaws, beliefs)  # px per mm
         self.width = max(2 * EDGE + layout.width, LEGEND_PX)
         self.left = 0.5 * (self.width - layout.width)
         self.legend_y = EDGE + (layout.rows - 1) * (PANEL + GAP)
@@ -162,7 +162,7 @@ class _Page:
 
     def _fingers(self, spot: Spot, node: Node, branch: Branch) -> None:
         boxes = canvas.finger_boxes(self.jaws, branch.expected_um / 1e3)
-        for box in _in_world(boxes, node):
+        for box in in_world(boxes, node):
             self._polygon(spot, box, canvas.RED, 0.8, 0.2, 3)
 
     def _frame(self, spot: Spot, color: str, width: float, dashes: str) -> None:
@@ -196,14 +196,14 @@ class _Page:
         self.axes.add_patch(line)
         interval = f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}"
         self._write(x1, y0 + BUS + 10.0, interval, ha="center", ground=True)
-        self._write(x1, y0 + BUS + 21.0, _percent(share), DIM, ha="center", ground=True)
+        self._write(x1, y0 + BUS + 21.0, percent(share), DIM, ha="center", ground=True)
 
     def _leaf_text(self, spot: Spot, leaf: Leaf) -> None:
         x, y = self._middle(spot)
         y += 0.5 * PANEL + 9.0
         period = 360.0 / self.table.goal.symmetry
         angle = round(float(np.degrees(leaf.theta_urad / 1e6)), 1) % period
-        place = f"{_signed(leaf.x_um / 1e3)}, {_signed(leaf.y_um / 1e3)}"
+        place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}"
         lines = [(place, canvas.BLACK), (f"{angle:.1f}°", canvas.BLACK)]
         if not leaf.resolved:
             lines = [("not", canvas.BLACK), ("resolved", canvas.BLACK)]
@@ -241,30 +241,31 @@ class _Page:
         return np.asarray(self._middle(spot) + self.scale * points * np.array([1.0, -1.0]))
 
 
-def _in_world(boxes: Array, node: Node) -> Array:
+def in_world(boxes: Array, node: Node) -> Array:
     """Boxes (2, 4, 2) from the frame of a node's hand to the world."""
     return to_world(np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1), placement_of(node.squeeze))[
         ..., :2
     ]
 
 
-def _reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:
+def reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:
     """Half the side of a square in the world that holds nearly all beliefs and all closed fingers [mm]."""
     part = float(np.max(np.hypot(*outline.T)))
     reach = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9)) + part
     for node in table.nodes:
         for branch in node.branches:
-            boxes = _in_world(canvas.finger_boxes(jaws, branch.expected_um / 1e3), node)
+            boxes = in_world(canvas.finger_boxes(jaws, branch.expected_um / 1e3), node)
             reach = max(reach, float(np.max(np.abs(boxes))))
     return 1.03 * reach
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """A share of all parts, with a digit more where it is small."""
     if 0.0 < share < 0.001:
         return "< 0.1 %"
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
 
 
-def _signed(value: float) -> str:
+def signed(value: float) -> str:
     """One decimal, with a minus sign of the right length and no negative zero."""
     return f"{round(value, 1) + 0.0:.1f}".replace("-", "\N{MINUS SIGN}")

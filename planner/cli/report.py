@@ -1,0 +1,65 @@
+"""plan-report: a table as one page of HTML that needs no network."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from planner.cli import shell
+from planner.cli.evaluate import job_of
+from planner.errors import UsageError
+from planner.report import dossier, run_log
+from runtime.table import digest, load
+
+NAME = "plan-report"
+MAX_TRIALS = 1_000_000
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    parser = shell.parser(
+        NAME,
+        "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
+        "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
+        f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
+    )
+    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
+    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    parser.add_argument(
+        "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
+    )
+    parser.add_argument(
+        "--trials", type=shell.positive, default=dossier.TRIALS,
+        help="parts sent through the table to draw its beliefs (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=shell.natural, default=0, help="of these parts (default: %(default)s)")
+    arguments = parser.parse_args(argv)
+
+    def body() -> int:
+        output = shell.writable(arguments.output)
+        if arguments.trials > MAX_TRIALS:
+            raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
+        table = load(arguments.tree)
+        job = job_of(table, arguments.tree, arguments.job)
+        data = arguments.tree.read_bytes()
+        log = run_log.read(arguments.journal, digest(table).hex()) if arguments.journal else None
+        source = dossier.Source(arguments.tree.name, data, log)
+        text = dossier.page(table, job, source, arguments.trials, arguments.seed)
+        with shell.writing(output) as draft:
+            draft.write_text(text, encoding="utf-8")
+        size = output.stat().st_size
+        if arguments.json:
+            shell.print_json(
+                {"output": str(output), "bytes": size, "nodes": len(table.nodes), "leaves": len(table.leaves)}
+            )
+        else:
+            drawn = f"drew {len(table.nodes)} nodes and {len(table.leaves)} leaves"
+            print(f"{drawn}; wrote {output}, {size:,} bytes")
+        return 0
+
+    return shell.run(NAME, arguments.debug, body)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

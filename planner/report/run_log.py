@@ -1,0 +1,160 @@
+"""The journal of a run, read for a picture: what each part was squeezed to, and how it ended.
+
+Its form is that of `grasp-journal`: JSON lines, each with the SHA-256 of itself without that field and that
+of the line before. Here it is checked line by line, and that the runs are those of one table; whether every
+decision follows from its counts is what `grasp-journal verify` tells.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from planner.errors import InputFileError
+
+GENESIS = "0" * 64
+MARK = b',"digest":"'
+TAIL = len(MARK) + 64 + len(b'"}\n')
+MAX_BYTES = 256 << 20
+
+
+class Squeezed(NamedTuple):
+    """One squeeze: the node, the settled encoder count, and the target (None where it was rejected)."""
+
+    node: int
+    count: int
+    target: int | None
+
+
+@dataclass(slots=True)
+class PartLog:
+    """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
+
+    part: int
+    squeezes: list[Squeezed] = field(default_factory=list)
+    outcome: str = "cut short"
+    leaf: int | None = None
+    reason: str = ""
+    audit: str | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether it did not end in a resolved leaf, or the auditor found it elsewhere."""
+        return self.outcome != "leaf" or self.audit == "fail"
+
+
+class RunLog(NamedTuple):
+    """All parts of the runs of one table, in order.
+
+    Attributes:
+        parts: one each.
+        runs: how many runs of this table.
+        others: runs of other tables in the same file, which are left out.
+        first: date of the first record.
+        last: and of the last.
+    """
+
+    parts: list[PartLog]
+    runs: int
+    others: int
+    first: str
+    last: str
+
+    def branch_counts(self) -> Counter[tuple[int, int | None]]:
+        """How often each node led to each target; None for rejected readings."""
+        return Counter((step.node, step.target) for part in self.parts for step in part.squeezes)
+
+    def outcomes(self) -> Counter[str]:
+        """How many parts ended how."""
+        return Counter(part.outcome for part in self.parts)
+
+
+def read(path: Path, table_sha256: str) -> RunLog:
+    """Reads a journal.
+
+    Args:
+        path: the file.
+        table_sha256: digest of the table's bytes, in hexadecimal; runs of other tables are left out.
+
+    Raises:
+        InputFileError: it cannot be read, does not verify, or tells of no run of this table.
+    """
+    parts: list[PartLog] = []
+    runs, others, ours = 0, 0, False
+    entries = _entries(path)
+    for line, entry in enumerate(entries, 1):
+        if entry["kind"] == "header":
+            ours = entry.get("table_sha256") == table_sha256
+            runs, others = runs + ours, others + (not ours)
+        elif ours:
+            try:
+                _take(entry, parts)
+            except (KeyError, TypeError, ValueError) as error:
+                raise InputFileError(
+                    f"line {line} lacks {error}; is it a journal?", where=str(path)
+                ) from None
+    if not runs:
+        raise InputFileError(
+            "holds no run of this table; name the table that it was written with", where=str(path)
+        )
+    return RunLog(parts, runs, others, str(entries[0]["time"]), str(entries[-1]["time"]))
+
+
+def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
+    kind = entry["kind"]
+    if kind == "part":
+        parts.append(PartLog(int(entry["part"])))
+    elif kind == "resume" and parts and entry["how"] == "restart":
+        parts[-1].squeezes.clear()
+    elif kind == "squeeze":
+        target = entry["target"]
+        parts[-1].squeezes.append(
+            Squeezed(
+                int(entry["node"]), int(entry["position_counts"]), None if target is None else int(target)
+            )
+        )
+    elif kind == "outcome":
+        part = parts[-1]
+        part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")
+        part.reason = str(entry.get("reason") or "")
+        part.audit = entry.get("audit")
+
+
+def _entries(path: Path) -> list[dict[str, Any]]:
+    """All records, each checked against its digest and the line before."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=str(path))
+        lines = path.read_bytes().splitlines(keepends=True)
+    except OSError as error:
+        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=str(path)) from error
+    head, found = GENESIS, []
+    if lines and not lines[-1].endswith(b"\n"):  # a crash cut it short; its record was never acted upon
+        lines.pop()
+    for number, line in enumerate(lines, 1):
+        entry = _checked(line, head)
+        if entry is None:
+            problem = f"line {number} does not verify; `grasp-journal verify` says why"
+            raise InputFileError(problem, where=str(path))
+        found.append(entry)
+        head = str(entry["digest"])
+    if not found:
+        raise InputFileError("is empty; name the journal of a run", where=str(path))
+    return found
+
+
+def _checked(line: bytes, previous: str) -> dict[str, Any] | None:
+    body = line[:-TAIL] + b"}"
+    digest = hashlib.sha256(body).hexdigest()
+    if line[-TAIL:] != MARK + digest.encode("ascii") + b'"}\n':
+        return None
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return None
+    sound = isinstance(entry, dict) and entry.get("previous") == previous and {"kind", "time"} <= entry.keys()
+    return entry if sound else None
