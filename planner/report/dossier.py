@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from planner.evaluate import evaluate
 from planner.job import Job
@@ -77,7 +77,7 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
 
 
 @cache
-def _template() -> Any:
+def _template() -> Template:
     loader = PackageLoader("planner.report", "templates")
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -137,7 +137,7 @@ def _strips(table: Table) -> list[Any]:
 
 def _job_text(job: Job) -> str:
     """The job, one value a line, the outline's rows as they are."""
-    lines = []
+    lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
         if not isinstance(table, dict):
             lines.insert(0, f"{section} = {json.dumps(table)}")
@@ -159,7 +159,7 @@ def _log(log: RunLog) -> dict[str, Any]:
         "branches": [[node, target, n] for (node, target), n in log.branch_counts().items()],
         "parts": [
             [part.part, part.outcome, part.leaf, part.reason, part.audit,
-             [[step.node, step.count, step.target] for step in part.squeezes]]
+             [[step.node, step.reading, step.target] for step in part.squeezes]]
             for _, part in shown
         ],
     }  # fmt: skip

@@ -200,10 +200,12 @@ def leaf_label(index: int, leaf: Leaf) -> str:
 def leaf_lines(leaf: Leaf) -> list[str]:
     """What stands below a leaf."""
     if not leaf.resolved:
-        return ["unresolved", f"{leaf.trials} trials"]
-    turn = round(float(np.degrees(leaf.theta_urad / 1e6))) + 0
-    place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}, {turn}°".replace("-", "\N{MINUS SIGN}")
-    return [place, f"{100 * leaf.success_ppm / PPM:.1f} % of {leaf.trials}"]
+        return ["unresolved", f"of {leaf.trials}" if leaf.trials else "untried"]
+    place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}"
+    lines = [place, f"{signed(float(np.degrees(leaf.theta_urad / 1e6)))}°"]
+    if not leaf.trials:
+        return [*lines, "untried"]
+    return [*lines, f"{100 * leaf.success_ppm / PPM:.1f} %", f"of {leaf.trials}"]
 
 
 def _arrows(node: Node) -> list[str]:

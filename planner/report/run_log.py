@@ -23,10 +23,10 @@ MAX_BYTES = 256 << 20
 
 
 class Squeezed(NamedTuple):
-    """One squeeze: the node, the settled encoder count, and the target (None where it was rejected)."""
+    """One squeeze: the node, the settled encoder count read there, the target (None where rejected)."""
 
     node: int
-    count: int
+    reading: int
     target: int | None
 
 

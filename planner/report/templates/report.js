@@ -8,14 +8,15 @@ const targetOf = key => key.startsWith("node-") ? Number(key.slice(5)) : ~Number
 const nameOf = target => target >= 0 ? `node ${target}` : `leaf ${~target}`;
 const mm = um => (um / 1000).toFixed(2), degrees = urad => (urad / 1e6 * 180 / Math.PI).toFixed(1);
 const percent = share => `${(100 * share).toFixed(share > 0 && share < 0.01 ? 2 : 1)} %`;
-const widthAt = count => Math.min(Math.max(data.counts[1] - count, 0) * data.counts[2] / (data.counts[1] - data.counts[0]), data.counts[2]);
+const [countOpen, countClosed, opening] = data.counts;
+const widthAt = count => Math.min(Math.max((countClosed - count) / (countClosed - countOpen), 0), 1) * opening / 1000;
 
 // View: the part of the drawing that is seen.
 const whole = plan.getAttribute("viewBox").split(" ").map(Number);
 let view = [...whole];
 function look(next) {
   const least = Math.min(80, whole[2]);
-  const width = Math.min(Math.max(next[2], least), Math.max(whole[2], 600) * 1.5), height = width * next[3] / next[2];
+  const width = Math.min(Math.max(next[2], least), 1.5 * Math.max(whole[2], 600)), height = width * next[3] / next[2];
   view = [next[0], next[1], width, height];
   plan.setAttribute("viewBox", view.join(" "));
 }
@@ -30,7 +31,7 @@ document.getElementById("in").addEventListener("click", () => zoom(1 / 1.4));
 document.getElementById("out").addEventListener("click", () => zoom(1.4));
 document.getElementById("fit").addEventListener("click", () => look([...whole]));
 plan.addEventListener("wheel", event => {
-  if (!event.ctrlKey && !event.metaKey && Math.abs(event.deltaY) < 1) return;
+  if (!event.ctrlKey && !event.metaKey && !plan.contains(document.activeElement)) return;  // the page scrolls
   event.preventDefault();
   zoom(Math.exp(Math.max(-0.3, Math.min(0.3, event.deltaY / 400))), ...placeOf(event));
 }, {passive: false});
@@ -155,7 +156,7 @@ function nodeDetails(index, mark) {
     const cells = [String(number), `${mm(low)}\u2013${mm(high)}`, mm(expected), runs, percent(ppm / 1e6), String(logged(index, target) ?? seen)];
     return make("tr", {}, ...cells.map(text => make("td", {}, text)), make("td", {}, link(target)));
   });
-  const heads = ["", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
+  const heads = ["branch", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
   const rejected = logged(index, null) ?? node.rejected;
   const up = parents.get(index);
   return [
@@ -192,4 +193,8 @@ function leafDetails(index) {
 }
 const tally = new Map((data.log?.branches ?? []).map(([node, target, number]) => [`${node}:${target}`, number]));
 const logged = (node, target) => data.log ? tally.get(`${node}:${target}`) ?? 0 : undefined;
+if (plan.clientWidth < 600 && whole[2] > 500) {  // on a phone, begin where one can read
+  const root = document.getElementById("node-0").transform.baseVal.consolidate().matrix;
+  look([root.e - 218, 0, 500, 500 * plan.clientHeight / plan.clientWidth]);
+}
 choose(/^#(node|leaf)-\d+$/.test(location.hash) ? location.hash.slice(1) : "node-0", {show: location.hash.length > 1});
