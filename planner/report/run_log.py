@@ -93,10 +93,9 @@ def read(path: Path, table_sha256: str) -> RunLog:
         elif ours:
             try:
                 _take(entry, parts)
-            except (KeyError, TypeError, ValueError) as error:
-                raise InputFileError(
-                    f"line {line} lacks {error}; is it a journal?", where=str(path)
-                ) from None
+            except (KeyError, IndexError, TypeError, ValueError) as error:
+                problem = f"line {line} is no record of a run; `grasp-journal verify` says why"
+                raise InputFileError(problem, where=str(path)) from error
     if not runs:
         raise InputFileError(
             "holds no run of this table; name the table that it was written with", where=str(path)

@@ -118,8 +118,8 @@ function shape(name, attributes = {}, ...children) {
 }
 const placed = ([x, y, turn]) => `translate(${x} ${y})rotate(${turn * 180 / Math.PI})`;
 const poseOf = ([x, y, turn]) => [x / 1000, y / 1000, turn / 1e6];
-function scene(belief, label, ...more) {
-  const r = data.reach, fill = 1 - Math.pow(0.3, 1 / Math.max(belief.length, 1));
+function scene(r, belief, label, ...more) {
+  const fill = 1 - Math.pow(0.3, 1 / Math.max(belief.length, 1));
   const outlines = belief.map(([x, y, turn]) => shape("use", {href: "#part", transform: placed([x / 100, y / 100, turn / 1000])}));
   const group = shape("g", {class: "belief", "fill-opacity": fill, "stroke-opacity": Math.min(0.8, 4 * fill)}, ...outlines);
   return shape("svg", {viewBox: `${-r} ${-r} ${2 * r} ${2 * r}`, role: "img", "aria-label": label}, shape("g", {transform: "scale(1 -1)"}, group, ...more));
@@ -145,7 +145,7 @@ function histogram(node, mark) {
     return shape("rect", {class: run ? `c${run[2] % 6}` : "", x: count, y: 62 - height, width: 1, height});
   });
   const names = node.map.filter(([first, last]) => last - first > 6).map(([first, last, branch]) => shape("text", {x: (first + last + 1) / 2, y: 10, "text-anchor": "middle"}, String(branch)));
-  const axis = [0, 64, 128, 192, 255].map(count => shape("text", {x: count, y: 74, "text-anchor": count ? count === 255 ? "end" : "middle" : "start"}, `${count}: ${widthAt(count).toFixed(0)} mm`));
+  const axis = [0, 128, 255].map(count => shape("text", {x: count, y: 74, "text-anchor": count ? count === 255 ? "end" : "middle" : "start"}, `${count}: ${widthAt(count).toFixed(0)} mm`));
   const line = mark === undefined ? [] : [shape("path", {d: `M${mark + .5} 0V62`, stroke: "#1a1a1a", "stroke-width": 1.5})];
   return shape("svg", {viewBox: "0 0 256 78", role: "img", "aria-label": "Encoder counts read in the replay, and the branch that each count means"}, ...bands, ...bars, ...names, ...line, ...axis);
 }
@@ -161,7 +161,7 @@ function nodeDetails(index, mark) {
   const up = parents.get(index);
   return [
     make("h3", {}, `Node ${index}`, ...(up ? [" after ", link(up[0])] : [])),
-    scene(node.belief, "Where the part may lie, and the open fingers", hand(node.place, node.opening / 1000, "open")),
+    scene(Math.max(data.reach, node.opening / 2000 + data.jaws[2]), node.belief, "Where the part may lie, and the open fingers", hand(node.place, node.opening / 1000, "open")),
     facts([
       ["hand", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`], ["opening", `${mm(node.opening)} mm`],
       ["force, speed", `${(node.force / 1000).toFixed(0)} N, ${(node.speed / 1000).toFixed(0)} mm/s`],
@@ -169,7 +169,7 @@ function nodeDetails(index, mark) {
       ["parts here", `${node.visits} of ${data.trials} replayed (${percent(node.visits / data.trials)})`], ["rejected here", String(rejected)],
     ]),
     histogram(node, mark),
-    make("table", {}, make("thead", {}, make("tr", {}, ...heads.map(text => make("th", {scope: "col"}, text)))), make("tbody", {}, ...rows)),
+    make("div", {class: "wide", tabindex: "0", role: "region", "aria-label": "Branches"}, make("table", {}, make("thead", {}, make("tr", {}, ...heads.map(text => make("th", {scope: "col"}, text)))), make("tbody", {}, ...rows))),
   ];
 }
 function leafDetails(index) {
@@ -178,7 +178,7 @@ function leafDetails(index) {
   const [xx, , yy, , , tt] = leaf.covariance;
   return [
     make("h3", {}, `Leaf ${index}`, ...(up ? [" after ", link(up[0])] : [])),
-    scene(leaf.belief, "Where parts that end here lie, and the predicted pose", outline(leaf.pose, ""), ...leaf.alternatives.map(pose => outline(pose, "other"))),
+    scene(data.reach, leaf.belief, "Where parts that end here lie, and the predicted pose", outline(leaf.pose, ""), ...leaf.alternatives.map(pose => outline(pose, "other"))),
     facts([
       ["says", leaf.resolved ? "the part is located" : "unresolved: it does not know"],
       ["pose", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`],
@@ -193,8 +193,9 @@ function leafDetails(index) {
 }
 const tally = new Map((data.log?.branches ?? []).map(([node, target, number]) => [`${node}:${target}`, number]));
 const logged = (node, target) => data.log ? tally.get(`${node}:${target}`) ?? 0 : undefined;
-if (plan.clientWidth < 600 && whole[2] > 500) {  // on a phone, begin where one can read
+const readable = 1.5 * plan.clientWidth;
+if (whole[2] > readable) {  // begin at the root, where one can read
   const root = document.getElementById("node-0").transform.baseVal.consolidate().matrix;
-  look([root.e - 218, 0, 500, 500 * plan.clientHeight / plan.clientWidth]);
+  look([root.e + 32 - readable / 2, 0, readable, readable * plan.clientHeight / plan.clientWidth]);
 }
 choose(/^#(node|leaf)-\d+$/.test(location.hash) ? location.hash.slice(1) : "node-0", {show: location.hash.length > 1});

@@ -1,0 +1,86 @@
+"""A journal read for a picture is the one that the runtime writes, and nothing that was tampered with."""
+
+import hashlib
+
+import pytest
+from run_logs import chained, header, part
+
+from planner.errors import InputFileError
+from planner.report import run_log
+from runtime.journal import Journal
+
+TABLE = b"some table"
+DIGEST = hashlib.sha256(TABLE).hexdigest()
+PARTS = [
+    *part(1, [(0, 132, 4), (4, 175, ~7)], "leaf", 7),
+    *part(2, [(0, 10, None)], "reject", reason="width 82.4 mm fits no branch"),
+    *part(3, [(0, 132, 4)], "fault", reason="the gripper does not answer"),
+]
+
+
+def written(tmp_path, data):
+    path = tmp_path / "j.jsonl"
+    path.write_bytes(data)
+    return path
+
+
+def test_parts_squeezes_and_outcomes_are_found(tmp_path):
+    log = run_log.read(written(tmp_path, chained([header(TABLE), *PARTS])), DIGEST)
+    assert [p.part for p in log.parts] == [1, 2, 3]
+    assert [p.failed for p in log.parts] == [False, True, True]
+    assert log.parts[0].squeezes == [(0, 132, 4), (4, 175, -8)]
+    assert log.branch_counts() == {(0, 4): 2, (4, -8): 1, (0, None): 1}
+    assert log.outcomes() == {"leaf": 1, "reject": 1, "fault": 1}
+    assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
+
+
+def test_it_reads_what_the_runtime_writes(tmp_path):
+    path = tmp_path / "j.jsonl"
+    with Journal(path, lambda: "2026-01-01T00:00:00") as journal:
+        journal.header(TABLE, {})
+        for entry in PARTS:
+            journal.record(entry["kind"], {key: value for key, value in entry.items() if key != "kind"})
+    assert len(run_log.read(path, DIGEST).parts) == 3
+
+
+def test_runs_of_other_tables_are_left_out_and_counted(tmp_path):
+    data = chained([header(b"other"), *PARTS, header(TABLE), *PARTS[:4]])
+    log = run_log.read(written(tmp_path, data), DIGEST)
+    assert (log.runs, log.others, len(log.parts)) == (1, 1, 1)
+
+
+def test_a_part_that_a_crash_cut_short_says_so(tmp_path):
+    data = chained([header(TABLE), *PARTS[:2]])
+    log = run_log.read(written(tmp_path, data + b'{"seq":9,"ti'), DIGEST)
+    assert log.parts[0].outcome == "cut short"
+    assert log.parts[0].failed
+
+
+def test_a_part_begun_anew_loses_its_squeezes(tmp_path):
+    again = [*PARTS[:2], {"kind": "resume", "part": 1, "how": "restart"}, *PARTS[1:4]]
+    log = run_log.read(written(tmp_path, chained([header(TABLE), *again])), DIGEST)
+    assert log.parts[0].squeezes == [(0, 132, 4), (4, 175, -8)]
+
+
+GOOD = chained([header(TABLE), *PARTS])
+LINES = GOOD.splitlines(keepends=True)
+DAMAGED = {
+    "empty": (b"", "is empty"),
+    "no journal": (b"hello\n", "line 1 does not verify"),
+    "a count changed": (GOOD.replace(b'"position_counts":10,', b'"position_counts":11,'), "line 7 does not"),
+    "a line missing": (b"".join(LINES[:3] + LINES[4:]), "line 4 does not verify"),
+    "lines exchanged": (b"".join([LINES[0], LINES[2], LINES[1]]), "line 2 does not verify"),
+    "another table": (chained([header(b"other"), *PARTS]), "holds no run of this table"),
+    "a field missing": (
+        chained([header(TABLE), {"kind": "part", "part": 1}, {"kind": "squeeze", "part": 1}]), "line 3 is no record"
+    ),
+    "a squeeze of no part": (chained([header(TABLE), PARTS[1]]), "line 2 is no record"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_journal_is_refused_in_one_line(tmp_path, name):
+    data, sentence = DAMAGED[name]
+    with pytest.raises(InputFileError, match=sentence) as caught:
+        run_log.read(written(tmp_path, data), DIGEST)
+    assert "\n" not in str(caught.value)
