@@ -18,8 +18,8 @@ from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, count_map
 
 MOST = 60
 """Most outlines of one belief."""
-BUDGET = 60_000
-"""Outlines of all beliefs together: at some 15 bytes each, less than 1 MB."""
+BUDGET = 30_000
+"""Outlines of all beliefs together: at some 15 bytes each, half a MB."""
 
 
 class Run(NamedTuple):

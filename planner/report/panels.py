@@ -22,7 +22,7 @@ from runtime.table import PPM, Leaf, Node, Table
 EDGE = 8.0
 MOST = 40
 """Most outlines in one panel."""
-BUDGET = 6000
+BUDGET = 4000
 """Outlines that a page draws at once without a wait; shared by all panels."""
 
 
