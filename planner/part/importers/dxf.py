@@ -1,0 +1,149 @@
+"""DXF drawings, by ezdxf: lines, arcs, polylines, splines, ellipses, in blocks or not, of the model space."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import ezdxf
+import numpy as np
+from ezdxf import disassemble, path, recover, units
+from ezdxf.layouts import BlockLayout, Modelspace
+
+from planner.arrays import Array
+from planner.errors import InputFileError, OutlineError
+from planner.part.importers.pieces import (
+    LARGEST_MM,
+    MAX_SHAPES,
+    Pieces,
+    need_units,
+    sorted_out,
+    too_much,
+)
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
+    from ezdxf.entities import DXFEntity, DXFGraphic
+
+SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
+UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254, 13: 1e-3, 14: 100.0}
+"""$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
+MAX_DEPTH = 50
+
+
+def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+    """The shapes of a DXF file.
+
+    Args:
+        data: the file's bytes.
+        where: its name, for errors.
+        unit_mm: what one unit of the drawing is; None to believe the file.
+        tolerance_mm: largest distance of a chord from its curve.
+
+    Raises:
+        UsageError: it does not tell its unit.
+        InputFileError: it is no DXF file, or too damaged to repair.
+        OutlineError: it is too large to be a part's drawing.
+    """
+    document = _document(data, where)
+    scale, notes = _scale(document, where, unit_mm)
+    space = document.modelspace()
+    if _size(document, space, where) > MAX_SHAPES:
+        raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its blocks written out")
+    curves, strays = [], Counter[str]()
+    for entity in _visible(document, space):
+        if entity.dxftype() in SHAPES:
+            curves.append(_points(entity, scale, tolerance_mm, where))
+        else:
+            strays[entity.dxftype()] += 1
+    if strays:
+        notes.append(
+            "not outlines, ignored: " + ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+        )
+    rings, strokes = sorted_out([curve for curve in curves if len(curve)], tolerance_mm, where)
+    return Pieces(rings, strokes, notes)
+
+
+def _document(data: bytes, where: str) -> Drawing:
+    if not data.strip():
+        raise InputFileError("is empty; export the drawing again", where=where)
+    try:
+        document, _ = recover.read(io.BytesIO(data))
+    except InputFileError:
+        raise
+    except Exception as error:  # the parser meets damage of all kinds in all its corners
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        problem = f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
+        raise InputFileError(problem, where=where) from error
+    return document
+
+
+def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float, list[str]]:
+    """Millimetres a unit, and what to say about it."""
+    stated = int(document.header.get("$INSUNITS", 0))
+    known = UNITS_MM.get(stated)
+    name = str(units.unit_name(stated)).lower() if known else ""
+    if unit_mm is None:
+        if known is None:
+            raise need_units(where, "does not say its units ($INSUNITS)")
+        return known, [f"units: {name}, as the file says"]
+    if known is not None and known != unit_mm:
+        return unit_mm, [f"the file says {name}, overruled by --units"]
+    return unit_mm, []
+
+
+def _size(document: Drawing, space: Modelspace, where: str) -> int:
+    """How many shapes a drawing has when its blocks are written out, each as often as it is inserted."""
+    known: dict[str, int] = {}
+
+    def count(layout: BlockLayout | Modelspace, above: tuple[str, ...]) -> int:
+        total = 0
+        for entity in layout:
+            if entity.dxftype() != "INSERT":
+                total += 1
+                continue
+            name = str(entity.dxf.name).lower()
+            if name in above or len(above) > MAX_DEPTH:
+                raise OutlineError(
+                    f"block {entity.dxf.name!r} contains itself; repair the drawing", where=where
+                )
+            block = document.blocks.get(name)
+            if block is None:
+                continue
+            if name not in known:
+                known[name] = count(block, (*above, name))
+            copies = max(1, entity.dxf.get("row_count", 1)) * max(1, entity.dxf.get("column_count", 1))
+            total += copies * known[name]
+        return total
+
+    return count(space, ())
+
+
+def _visible(document: Drawing, space: Modelspace) -> Iterator[DXFEntity]:
+    """The entities of the model space on layers that are switched on."""
+    hidden = {
+        layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()
+    }  # fmt: skip
+    for entity in disassemble.recursive_decompose(space):
+        if str(entity.dxf.get("layer", "0")).lower() not in hidden:
+            yield entity
+
+
+def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:
+    """An entity as a polyline (n, 2) [mm], seen from above."""
+    try:
+        curve = path.make_path(entity)  # type: ignore[arg-type]
+        control = np.array([tuple(point)[:2] for point in curve.control_vertices()], dtype=np.float64)
+        if len(control) == 0:
+            return np.empty((0, 2))
+        if not np.isfinite(control).all() or np.abs(control).max() * scale > LARGEST_MM:
+            return np.full((1, 2), np.inf)  # refused by `sorted_out`, before it is flattened
+        points = [(point.x, point.y) for point in curve.flattening(tolerance_mm / scale)]
+    except (ezdxf.DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
+        problem = (
+            f"its {entity.dxftype()} #{entity.dxf.get('handle', '?')} cannot be drawn; repair the drawing"
+        )
+        raise OutlineError(problem, where=where) from error
+    return np.array(points, dtype=np.float64) * scale

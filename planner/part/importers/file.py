@@ -1,0 +1,125 @@
+"""Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.errors import InputFileError, OutlineError, UsageError
+from planner.part import outline, symmetry
+from planner.part.importers import contours, dxf, mesh, svg, table
+from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
+
+READERS = {".dxf": dxf.read, ".svg": svg.read, ".csv": table.read}
+SUFFIXES = (*READERS, ".stl")
+SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
+"""Extents of what fingers could close on, generously; beyond, the unit is wrong."""
+MOST_VERTICES = 2000
+
+
+class Options(NamedTuple):
+    """How to read a file.
+
+    Attributes:
+        units: one of `UNITS_MM`, or None to believe the file.
+        contour: number of the contour, from 1, or None where there is only one.
+        tolerance_mm: largest distance of the outline from the curves drawn.
+        height_mm: of the cut through a solid, or None for half-way up.
+    """
+
+    units: str | None = None
+    contour: int | None = None
+    tolerance_mm: float = TOLERANCE_MM
+    height_mm: float | None = None
+
+
+class Imported(NamedTuple):
+    """An outline from a file.
+
+    Attributes:
+        outline_mm: (N, 2) counter-clockwise, centroid at the origin, read-only.
+        symmetry: its rotational order.
+        size_mm: (2,) extent of its bounding box, as drawn.
+        notes: what a reader should know, one sentence each.
+    """
+
+    outline_mm: Array
+    symmetry: int
+    size_mm: Array
+    notes: tuple[str, ...]
+
+
+def read_outline(path: Path, options: Options) -> Imported:
+    """Reads an outline.
+
+    Args:
+        path: ends in one of `SUFFIXES`.
+        options: how.
+
+    Raises:
+        UsageError: the file does not tell its unit or which contour is meant, and the options neither; or its
+            suffix is not known.
+        InputFileError: it is missing, too large, or not what its suffix says.
+        OutlineError: it holds no closed contour, or one that crosses itself.
+        ValueRangeError: a line of a CSV file is not two numbers.
+    """
+    where = str(path)
+    if not 1e-4 <= options.tolerance_mm <= 1.0:
+        raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
+    data = _bytes(path)
+    with time_limit(where):
+        pieces = _pieces(data, path.suffix.lower(), where, options)
+        found, notes = contours.contours(pieces, options.tolerance_mm, where)
+        contour, more = contours.choose(found, options.contour, where)
+        return _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+
+
+def _bytes(path: Path) -> bytes:
+    where = str(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(f"{where}: not one of {', '.join(SUFFIXES)}; export the outline as one of these")
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
+    if len(data) > MAX_BYTES:
+        raise InputFileError(
+            f"is larger than {MAX_BYTES >> 20} MB; export the part's outline alone", where=where
+        )
+    return data
+
+
+def _pieces(data: bytes, suffix: str, where: str, options: Options) -> Pieces:
+    unit_mm = UNITS_MM[options.units] if options.units else None
+    half = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
+    if suffix == ".stl":
+        return mesh.read(data, where, unit_mm, half, options.height_mm)
+    return READERS[suffix](data, where, unit_mm, half)
+
+
+def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]) -> Imported:
+    size = np.ptp(points, axis=0)
+    if not SMALLEST_MM <= size.max() <= LARGEST_MM:
+        problem = (
+            f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units"
+        )
+        raise OutlineError(problem, where=where)
+    try:
+        drawn = outline.canonical(_apart(points)).outline_mm
+        simple = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm)).outline_mm
+    except OutlineError as error:
+        raise OutlineError(error.problem, where=where) from None
+    if len(simple) > MOST_VERTICES:
+        problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
+        raise OutlineError(problem, where=where)
+    return Imported(simple, symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM)), size, notes)
+
+
+def _apart(points: Array) -> Array:
+    """The points without those that repeat the one before."""
+    gaps = np.hypot(*(points - np.roll(points, 1, axis=0)).T)
+    return np.asarray(points[gaps > 10 * outline.REPEAT_MM])

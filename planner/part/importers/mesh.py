@@ -1,0 +1,59 @@
+"""STL solids, by trimesh: the cross-section at one height, where the fingers close on the part."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from planner.errors import InputFileError, OutlineError, UsageError
+from planner.part.importers.pieces import MAX_SHAPES, Pieces, need_units, sorted_out, too_much
+
+
+def read(
+    data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, height_mm: float | None
+) -> Pieces:
+    """The cuts of a solid with a horizontal plane; arguments as `dxf.read`.
+
+    Args:
+        data: the file's bytes, binary or text.
+        where: its name, for errors.
+        unit_mm: what one unit is; STL files never say.
+        tolerance_mm: see `sorted_out`.
+        height_mm: of the plane above the solid's lowest point; None for half its height.
+
+    Raises:
+        UsageError: the unit is not stated, the height lies beside the solid, or trimesh is not installed.
+        InputFileError: it is no STL file.
+        OutlineError: it is too large.
+    """
+    if unit_mm is None:
+        raise need_units(where, "is an STL file, which never says its units")
+    try:
+        import trimesh
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f"{where}: STL files need trimesh; install it with: pip install 'squeezetree[mesh]'"
+        ) from error
+    try:
+        solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
+        vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
+        faces = np.asarray(solid.faces)
+    except Exception as error:  # damage shows in many places of the parser
+        raise InputFileError("is no STL file that can be read; export it again", where=where) from error
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        raise InputFileError("holds no triangles; export it again", where=where)
+    low, high = float(vertices[:, 2].min()), float(vertices[:, 2].max())
+    height = 0.5 * (high - low) if height_mm is None else height_mm
+    if not 0.0 < height < high - low:
+        raise UsageError(
+            f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm; choose another"
+        )
+    moved = trimesh.Trimesh(vertices, faces, process=False)
+    cuts = trimesh.intersections.mesh_plane(moved, (0.0, 0.0, 1.0), (0.0, 0.0, low + height))
+    if len(cuts) > MAX_SHAPES:
+        raise too_much(where, f"is cut in more than {MAX_SHAPES} places")
+    if len(cuts) == 0:
+        raise OutlineError("has no outline at that height; choose another --height", where=where)
+    rings, strokes = sorted_out([np.asarray(cut)[:, :2] for cut in cuts], 0.0, where)
+    return Pieces(rings, strokes, [f"cut {height:.4g} mm above its lowest point, of {high - low:.4g} mm"])

@@ -1,0 +1,67 @@
+"""CSV outlines: one vertex a line, two columns; a header such as `x_mm,y_mm` names their unit."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from planner.errors import InputFileError, OutlineError, ValueRangeError
+from planner.part.importers.pieces import UNITS_MM, Pieces, need_units, sorted_out
+
+MAX_ROWS = 100_000
+HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORECASE)
+
+
+def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+    """The one ring of a CSV file; arguments as `dxf.read`.
+
+    Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines that
+    begin with # are skipped.
+
+    Raises:
+        UsageError: neither header nor caller tells the unit.
+        InputFileError: it is not text.
+        ValueRangeError: a line is not two numbers.
+        OutlineError: it is far too long.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputFileError("not UTF-8 text; save it as CSV", where=where) from error
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    rows = [(k, _cells(line)) for k, line in lines if line and not line.startswith("#")]
+    if len(rows) > MAX_ROWS:
+        raise OutlineError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
+    stated = None
+    if rows and (header := HEADER.match(rows[0][1][0])):
+        stated = UNITS_MM[header[1].lower()] if header[1] else None
+        rows = rows[1:]
+    scale = unit_mm if unit_mm is not None else stated
+    if scale is None:
+        raise need_units(where, "does not name its unit (a header x_mm,y_mm would)")
+    notes = ["the header names another unit, overruled by --units"] if stated not in (None, scale) else []
+    points = np.array([_vertex(cells, line, where) for line, cells in rows]).reshape(-1, 2) * scale
+    closed = np.concatenate([points, points[:1]])
+    if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= tolerance_mm:
+        closed = points
+    rings, strokes = sorted_out([closed] if len(closed) > 3 else [], tolerance_mm, where)
+    return Pieces(rings, strokes, notes)
+
+
+def _cells(line: str) -> list[str]:
+    if ";" in line:
+        return [cell.strip().replace(",", ".") for cell in line.split(";")]
+    return [cell for cell in re.split(r"\s*,\s*|\s+", line) if cell]
+
+
+def _vertex(cells: list[str], line: int, where: str) -> tuple[float, float]:
+    try:
+        x, y = map(float, cells[:2]) if len(cells) == 2 else (math.nan, math.nan)
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        problem = f"line {line} is not two numbers, x and y; write one vertex a line"
+        raise ValueRangeError(problem, where=where, value=cells)
+    return x, y
