@@ -6,13 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from planner.arrays import Array
 from planner.errors import OutlineError, UsageError
-from planner.part.importers.pieces import Pieces
+from planner.part.importers.pieces import Pieces, too_much
 
 LISTED = 12
+MOST = 2000
+"""Most contours of one drawing."""
 
 
 class Contour(NamedTuple):
@@ -46,6 +50,8 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     rings = [ring for ring in (*pieces.rings, *joined) if _encloses(ring, join_mm)]
     if not rings:
         raise _no_contour(pieces, loose, where)
+    if len(rings) > MOST:
+        raise too_much(where, f"has more than {MOST} contours")
     notes = list(pieces.notes)
     if loose:
         notes.append(f"{len(loose)} open lines ignored")
@@ -72,7 +78,7 @@ def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contou
     notes = []
     if contour.holes:
         notes.append(
-            f"{contour.holes} {'hole' if contour.holes == 1 else 'holes'} ignored: fingers close on the outside"
+            f"{contour.holes} inner {'contour' if contour.holes == 1 else 'contours'} (holes) ignored"
         )
     if len(found) > 1:
         notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
@@ -112,10 +118,10 @@ def _joined(strokes: list[Array], join_mm: float) -> tuple[list[Array], list[Arr
 
 def _clusters(points: Array, radius: float) -> Array:
     """A number for each point; points that neighbours of `radius` connect have the same one. (n,)."""
-    names = np.arange(len(points))
-    for a, b in sorted(cKDTree(points).query_pairs(radius)):
-        names[names == names[b]] = names[a]
-    return np.asarray(np.unique(names, return_inverse=True)[1])
+    cells, member = np.unique(np.rint(points / (0.1 * radius)), axis=0, return_inverse=True)
+    pairs = cKDTree(cells).query_pairs(10.0, output_type="ndarray")  # crowds on one point are one cell
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
+    return np.asarray(connected_components(links, directed=False)[1][member.ravel()])
 
 
 def _encloses(ring: Array, join_mm: float) -> bool:
@@ -124,16 +130,14 @@ def _encloses(ring: Array, join_mm: float) -> bool:
 
 def _without_copies(rings: list[Array], tolerance_mm: float) -> list[Array]:
     """The rings without those that lie upon an earlier one."""
-    kept: list[Array] = []
-    lines: list[shapely.LinearRing] = []
-    for ring in rings:
-        line = shapely.LinearRing(ring)
-        box = np.array(line.bounds)
-        alike = (other for other in lines if np.abs(box - other.bounds).max() <= tolerance_mm)
-        if not any(line.hausdorff_distance(other) <= tolerance_mm for other in alike):
-            kept.append(ring)
-            lines.append(line)
-    return kept
+    lines = [shapely.LinearRing(ring) for ring in rings]
+    boxes = shapely.bounds(lines)
+    kept: list[int] = []
+    for k, line in enumerate(lines):
+        alike = np.flatnonzero(np.abs(boxes[kept] - boxes[k]).max(axis=1, initial=0.0) <= tolerance_mm)
+        if not any(line.hausdorff_distance(lines[kept[j]]) <= tolerance_mm for j in alike):
+            kept.append(k)
+    return [rings[k] for k in kept]
 
 
 def _nested(rings: list[Array]) -> list[Contour]:

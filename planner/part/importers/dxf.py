@@ -5,12 +5,17 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import ezdxf
 import numpy as np
 from ezdxf import disassemble, path, recover, units
-from ezdxf.layouts import BlockLayout, Modelspace
+from ezdxf.entities.spline import Spline
+from ezdxf.layouts.blocklayout import BlockLayout
+from ezdxf.layouts.layout import Modelspace
+from ezdxf.lldxf.const import DXFError
+from scipy.interpolate import BSpline
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError
@@ -18,6 +23,7 @@ from planner.part.importers.pieces import (
     LARGEST_MM,
     MAX_SHAPES,
     Pieces,
+    flattened,
     need_units,
     sorted_out,
     too_much,
@@ -25,12 +31,14 @@ from planner.part.importers.pieces import (
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
-    from ezdxf.entities import DXFEntity, DXFGraphic
+    from ezdxf.entities.dxfentity import DXFEntity
 
 SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
 UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254, 13: 1e-3, 14: 100.0}
 """$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
 MAX_DEPTH = 50
+ABSURD: Array = np.full((1, 2), np.inf)
+"""Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
@@ -134,16 +142,43 @@ def _visible(document: Drawing, space: Modelspace) -> Iterator[DXFEntity]:
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:
     """An entity as a polyline (n, 2) [mm], seen from above."""
     try:
-        curve = path.make_path(entity)  # type: ignore[arg-type]
-        control = np.array([tuple(point)[:2] for point in curve.control_vertices()], dtype=np.float64)
-        if len(control) == 0:
-            return np.empty((0, 2))
-        if not np.isfinite(control).all() or np.abs(control).max() * scale > LARGEST_MM:
-            return np.full((1, 2), np.inf)  # refused by `sorted_out`, before it is flattened
-        points = [(point.x, point.y) for point in curve.flattening(tolerance_mm / scale)]
-    except (ezdxf.DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
+        if isinstance(entity, Spline) and len(entity.control_points):
+            points = _spline(entity, tolerance_mm / scale)
+        else:
+            curve = path.make_path(entity)
+            control = np.array([tuple(point)[:2] for point in curve.control_vertices()], dtype=np.float64)
+            if not _sane(control, scale):
+                return ABSURD
+            points = np.array([(point.x, point.y) for point in curve.flattening(tolerance_mm / scale)])
+        return points.reshape(-1, 2) * scale if _sane(points, scale) else ABSURD
+    except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
         problem = (
             f"its {entity.dxftype()} #{entity.dxf.get('handle', '?')} cannot be drawn; repair the drawing"
         )
         raise OutlineError(problem, where=where) from error
-    return np.array(points, dtype=np.float64) * scale
+
+
+def _spline(entity: Spline, tolerance: float) -> Array:
+    """A B-spline as a polyline (n, 2), over its own domain: from knot p to the last but p, p its degree.
+
+    Closed splines of some programs have knots beyond it, which are no part of the curve.
+    """
+    degree, knots = entity.dxf.degree, np.array(entity.knots)
+    control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
+    weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
+    if not _sane(control, 1.0) or not np.isfinite(knots).all() or not (weights > 0.0).all():
+        raise ValueError("no spline")
+    homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
+    spans = np.unique(knots[degree : len(control) + 1])
+
+    def piece(low: float, high: float, parameters: Array) -> Array:
+        values = homogeneous(low + (high - low) * parameters)
+        return np.asarray(values[:, :2] / values[:, 2:])
+
+    return np.concatenate(
+        [flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
+    )
+
+
+def _sane(points: Array, scale: float) -> bool:
+    return bool(np.isfinite(points).all()) and float(np.abs(points).max(initial=0.0)) * scale <= LARGEST_MM

@@ -97,7 +97,7 @@ def _pieces(data: bytes, suffix: str, where: str, options: Options) -> Pieces:
     unit_mm = UNITS_MM[options.units] if options.units else None
     half = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
     if suffix == ".stl":
-        return mesh.read(data, where, unit_mm, half, options.height_mm)
+        return mesh.read(data, where, unit_mm, options.height_mm)
     return READERS[suffix](data, where, unit_mm, half)
 
 
@@ -109,7 +109,7 @@ def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, .
         )
         raise OutlineError(problem, where=where)
     try:
-        drawn = outline.canonical(_apart(points)).outline_mm
+        drawn = outline.canonical(_apart(points, where)).outline_mm
         simple = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm)).outline_mm
     except OutlineError as error:
         raise OutlineError(error.problem, where=where) from None
@@ -119,7 +119,17 @@ def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, .
     return Imported(simple, symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM)), size, notes)
 
 
-def _apart(points: Array) -> Array:
-    """The points without those that repeat the one before."""
+def _apart(points: Array, where: str) -> Array:
+    """The points without those that repeat the one before.
+
+    Raises:
+        OutlineError: a point comes twice elsewhere, so that the contour touches itself.
+    """
     gaps = np.hypot(*(points - np.roll(points, 1, axis=0)).T)
-    return np.asarray(points[gaps > 10 * outline.REPEAT_MM])
+    fresh = points[gaps > 10 * outline.REPEAT_MM]
+    places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)
+    if times.max(initial=0) > 1:
+        x, y = places[np.argmax(times)] * 10 * outline.REPEAT_MM
+        problem = f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
+        raise OutlineError(problem, where=where)
+    return np.asarray(fresh)

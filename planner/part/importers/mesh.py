@@ -10,16 +10,13 @@ from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers.pieces import MAX_SHAPES, Pieces, need_units, sorted_out, too_much
 
 
-def read(
-    data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, height_mm: float | None
-) -> Pieces:
+def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
     """The cuts of a solid with a horizontal plane; arguments as `dxf.read`.
 
     Args:
         data: the file's bytes, binary or text.
         where: its name, for errors.
         unit_mm: what one unit is; STL files never say.
-        tolerance_mm: see `sorted_out`.
         height_mm: of the plane above the solid's lowest point; None for half its height.
 
     Raises:
@@ -50,7 +47,9 @@ def read(
             f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm; choose another"
         )
     moved = trimesh.Trimesh(vertices, faces, process=False)
-    cuts = trimesh.intersections.mesh_plane(moved, (0.0, 0.0, 1.0), (0.0, 0.0, low + height))
+    cuts = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
+        moved, (0.0, 0.0, 1.0), (0.0, 0.0, low + height)
+    )
     if len(cuts) > MAX_SHAPES:
         raise too_much(where, f"is cut in more than {MAX_SHAPES} places")
     if len(cuts) == 0:

@@ -109,7 +109,7 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         yield
         return
 
-    def stop(signum: int, frame: FrameType | None) -> NoReturn:
+    def stop(_signum: int, _frame: FrameType | None) -> NoReturn:
         raise InputFileError(
             f"takes longer than {seconds:g} s to read; export the part's outline alone", where=where
         )

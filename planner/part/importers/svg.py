@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from functools import partial
 from xml.etree import ElementTree as Tree
 
 import numpy as np
@@ -159,7 +160,7 @@ def _polyline(part: svgelements.Subpath, tolerance: float) -> Array:
         coarse = _at(segment, np.linspace(0.0, 1.0, 9))
         if not np.isfinite(coarse).all() or np.abs(coarse).max() > LARGEST_MM / tolerance * 0.02:
             raise OutlineError("has a coordinate that is not finite or absurdly large; repair the drawing")
-        points.append(flattened(lambda t, curve=segment: _at(curve, t), tolerance))
+        points.append(flattened(partial(_at, segment), tolerance))
     if not points:
         return np.empty((0, 2))
     every = np.concatenate(points)

@@ -17,8 +17,8 @@ HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORE
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
     """The one ring of a CSV file; arguments as `dxf.read`.
 
-    Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines that
-    begin with # are skipped.
+    Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
+    that begin with # are skipped.
 
     Raises:
         UsageError: neither header nor caller tells the unit.
@@ -35,7 +35,8 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     if len(rows) > MAX_ROWS:
         raise OutlineError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
     stated = None
-    if rows and (header := HEADER.match(rows[0][1][0])):
+    first = next((line for _, line in lines if line and not line.startswith("#")), "")
+    if header := HEADER.match(re.split(r"[,;\t]", first)[0].strip()):
         stated = UNITS_MM[header[1].lower()] if header[1] else None
         rows = rows[1:]
     scale = unit_mm if unit_mm is not None else stated

@@ -1,0 +1,147 @@
+"""CSV and STL files as outlines; the time limit; the order of a symmetric part."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputFileError, OutlineError, PlannerError, UsageError, ValueRangeError
+from planner.part import outline as outlines
+from planner.part.importers.file import Options, read_outline
+from planner.part.importers.pieces import MAX_BYTES, flattened, time_limit
+
+
+def read(path, **options):
+    return read_outline(path, Options(**options))
+
+
+CSV = {
+    "header in mm": ("x_mm,y_mm\n0,0\n30,0\n30,21\n0,21\n", None, 1.0),
+    "header in inches": ("x (in),y (in)\n0,0\n30,0\n30,21\n0,21\n", None, 25.4),
+    "no header": ("0,0\n30,0\n30,21\n0,21\n", "mm", 1.0),
+    "plain header": ("x,y\n0,0\n30,0\n30,21\n0,21\n", "cm", 10.0),
+    "closed": ("0 0\n30 0\n30 21\n0 21\n0 0\n", "mm", 1.0),
+    "clockwise": ("0\t0\n0\t21\n30\t21\n30\t0\n", "mm", 1.0),
+    "decimal commas": ("0,0;0,0\n30,0;0\n30;21,0\n0;21\n", "mm", 1.0),
+    "comments and a byte order mark": ("\ufeff# a part\r\n0,0\r\n\r\n30,0\r\n30,21\r\n0,21\r\n", "mm", 1.0),
+}
+
+
+@pytest.mark.parametrize("name", CSV)
+def test_csv_outlines(tmp_path, name):
+    text, units, scale = CSV[name]
+    path = tmp_path / "part.csv"
+    path.write_text(text)
+    found = read(path, units=units)
+    assert outlines.area(found.outline_mm) == pytest.approx(630 * scale**2)
+    assert found.symmetry == 2
+
+
+BAD_CSV = {
+    "no unit": (b"0,0\n30,0\n30,21\n", None, UsageError, "--units"),
+    "no unit in the header": (b"x,y\n0,0\n30,0\n30,21\n", None, UsageError, "--units"),
+    "three columns": (b"1,2,3\n", "mm", ValueRangeError, "line 1"),
+    "words": (b"0,0\n1,a\n", "mm", ValueRangeError, "line 2"),
+    "not a number": (b"0,0\n1,nan\n", "mm", ValueRangeError, "line 2"),
+    "two points": (b"0,0\n1,1\n", "mm", OutlineError, "no closed contour"),
+    "nothing": (b"", "mm", OutlineError, "no closed contour"),
+    "binary": (b"\xff\x00\x80", "mm", InputFileError, "UTF-8"),
+    "back and forth": (b"0,0\n10,0\n" * 2000, "mm", OutlineError, "one line|no closed|itself"),
+    "too long": (b"0,0\n" * 200_000, "mm", OutlineError, "200000 lines"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CSV)
+def test_bad_csv_files_are_refused_in_a_sentence(tmp_path, name):
+    data, units, kind, sentence = BAD_CSV[name]
+    path = tmp_path / "part.csv"
+    path.write_bytes(data)
+    with pytest.raises(kind, match=sentence) as caught:
+        read(path, units=units)
+    assert "\n" not in str(caught.value)
+
+
+def solid(tmp_path, mesh, **how):
+    path = tmp_path / "part.stl"
+    path.write_bytes(trimesh.exchange.stl.export_stl(mesh, **how))
+    return path
+
+
+def test_a_block_is_cut_into_its_rectangle(tmp_path):
+    path = solid(tmp_path, trimesh.creation.box((30, 21, 8)))
+    found = read(path, units="mm")
+    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-4)
+    assert len(found.outline_mm) == 4
+    assert any("cut 4 mm above" in note for note in found.notes)
+    with pytest.raises(UsageError, match="never says its units"):
+        read(path)
+
+
+def test_the_height_of_the_cut_matters(tmp_path):
+    path = solid(tmp_path, trimesh.creation.cone(20.0, 40.0, sections=64))
+    low, high = (read(path, units="mm", height_mm=height).size_mm.max() for height in (10.0, 30.0))
+    assert low == pytest.approx(30.0, rel=1e-2)
+    assert high == pytest.approx(10.0, rel=1e-2)
+    with pytest.raises(UsageError, match="--height 50"):
+        read(path, units="mm", height_mm=50.0)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"solid nothing\nendsolid", b"\0" * 84, b"\xff" * 200, b"solid x\nfacet"]
+)
+def test_bad_solids_are_refused(tmp_path, data):
+    path = tmp_path / "bad.stl"
+    path.write_bytes(data)
+    with pytest.raises(PlannerError) as caught:
+        read(path, units="mm")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_too_large_is_not_read(tmp_path):
+    path = tmp_path / "large.svg"
+    with path.open("wb") as file:
+        file.truncate(MAX_BYTES + 1)
+    with pytest.raises(InputFileError, match="larger than"):
+        read(path)
+
+
+def test_reading_ends_when_its_time_is_over():
+    with pytest.raises(InputFileError, match="longer than"), time_limit("x.dxf", 0.05):
+        time.sleep(20)
+    with time_limit("x.dxf", 0.2):
+        pass
+    time.sleep(0.3)  # the alarm is off
+
+
+def test_no_alarm_outside_the_main_thread():
+    done = []
+
+    def body():
+        with time_limit("x.dxf", 1.0):
+            done.append(True)
+
+    thread = threading.Thread(target=body)
+    thread.start()
+    thread.join()
+    assert done
+
+
+@pytest.mark.parametrize("tolerance", [1.0, 0.01, 1e-4])
+def test_chords_stay_within_the_tolerance(tolerance):
+    def curve(t):
+        return np.stack([10 * np.cos(6 * t), 10 * np.sin(6 * t)], axis=-1)
+
+    points = flattened(curve, tolerance)
+    middles = 0.5 * (points[1:] + points[:-1])
+    assert np.abs(10 - np.hypot(*middles.T)).max() <= tolerance
+    assert np.allclose(points[[0, -1]], curve(np.array([0.0, 1.0])))
+
+
+@pytest.mark.parametrize("order", [3, 5, 6])
+def test_symmetry_is_found(tmp_path, order):
+    angles = 2 * np.pi * np.arange(order) / order
+    path = tmp_path / "part.csv"
+    path.write_text("\n".join(f"{20 * np.cos(a) + 7},{20 * np.sin(a) - 3}" for a in angles))
+    assert read(path, units="mm").symmetry == order

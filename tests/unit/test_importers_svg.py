@@ -1,0 +1,179 @@
+"""Odd, damaged and hostile SVG files: the right outline, or a sentence that says what to do."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.errors import InputFileError, OutlineError, UsageError
+from planner.part import outline as outlines
+from planner.part.importers.file import Options, read_outline
+
+NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
+RECT = '<rect x="5" y="5" width="30" height="21"/>'
+
+
+def written(tmp_path, body, size=MM, before=""):
+    path = tmp_path / "part.svg"
+    path.write_text(f"{before}<svg {NAME} {size}>{body}</svg>")
+    return path
+
+
+def read(path, **options):
+    return read_outline(path, Options(**options))
+
+
+def is_rectangle(found, scale=1.0):
+    assert np.allclose(sorted(found.size_mm), (21 * scale, 30 * scale), rtol=1e-5)
+    assert len(found.outline_mm) == 4
+    assert found.symmetry == 2
+
+
+SIZES = {
+    "millimetres": (MM, 1.0),
+    "centimetres": ('width="10cm" height="10cm" viewBox="0 0 100 100"', 1.0),
+    "inches": ('width="4in" height="4in" viewBox="0 0 4 4"', 25.4),
+    "points": ('width="72pt" height="72pt" viewBox="0 0 72 72"', 25.4 / 72),
+    "half scale": ('width="50mm" height="50mm" viewBox="0 0 100 100"', 0.5),
+    "width alone": ('width="100mm" viewBox="0 0 100 100"', 1.0),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_physical_sizes_are_believed(tmp_path, name):
+    size, scale = SIZES[name]
+    is_rectangle(read(written(tmp_path, RECT, size)), scale)
+
+
+UNITLESS = {
+    "pixels": 'width="100" height="100" viewBox="0 0 100 100"',
+    "px": 'width="100px" height="100px" viewBox="0 0 100 100"',
+    "percent": 'width="100%" height="100%" viewBox="0 0 100 100"',
+    "nothing": "",
+    "view box alone": 'viewBox="0 0 100 100"',
+    "no view box": 'width="100mm" height="100mm"',
+    "bad view box": 'width="100mm" height="100mm" viewBox="a b c d"',
+    "empty view box": 'width="100mm" height="100mm" viewBox="0 0 0 0"',
+}
+
+
+@pytest.mark.parametrize("name", UNITLESS)
+def test_what_tells_no_scale_asks_for_units(tmp_path, name):
+    path = written(tmp_path, RECT, UNITLESS[name])
+    with pytest.raises(UsageError, match="--units mm, cm, in or m"):
+        read(path)
+    is_rectangle(read(path, units="mm"))
+
+
+def test_units_overrule_the_file_and_say_so(tmp_path):
+    found = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
+    is_rectangle(found)
+    assert any("overruled" in note for note in found.notes)
+
+
+def test_a_stretched_drawing_is_refused(tmp_path):
+    size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
+    with pytest.raises(OutlineError, match="two different scales"):
+        read(written(tmp_path, RECT, size))
+
+
+def test_it_is_not_mirrored(tmp_path):
+    found = read(written(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>'))  # right angle at the upper left
+    top = found.outline_mm[:, 1].max()
+    assert np.count_nonzero(np.isclose(found.outline_mm[:, 1], top)) == 2
+    left = found.outline_mm[:, 0].min()
+    assert np.count_nonzero(np.isclose(found.outline_mm[:, 0], left)) == 2
+
+
+@pytest.mark.parametrize("body", [
+    '<g transform="translate(10 10) rotate(30)"><rect width="30" height="21" transform="scale(1)"/></g>',
+    '<defs><rect id="r" width="30" height="21"/></defs><use href="#r" x="5" y="5"/>',
+    '<defs><rect id="r" width="30" height="21"/></defs><use xlink:href="#r" transform="rotate(45)"/>',
+    '<polygon points="0,0 30,0 30,21 0,21"/>',
+    '<path d="m 1 1 h 30 v 21 h -30 z"/>',
+    '<line x1="0" y1="0" x2="30" y2="0"/><polyline points="30,0 30,21 0,21 0,0"/>',
+])  # fmt: skip
+def test_shapes_transforms_and_copies(tmp_path, body):
+    found = read(written(tmp_path, body))
+    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-5)
+    assert outlines.min_width(found.outline_mm) == pytest.approx(21, rel=1e-5)
+
+
+@pytest.mark.parametrize("tolerance", [0.01, 0.05])
+def test_curves_are_flattened_to_the_tolerance(tmp_path, tolerance):
+    found = read(written(tmp_path, '<circle cx="50" cy="50" r="15"/>'), tolerance_mm=tolerance)
+    vertices = found.outline_mm
+    middles = 0.5 * (vertices + np.roll(vertices, 1, axis=0))
+    assert np.abs(np.hypot(*np.concatenate([vertices, middles]).T) - 15).max() <= tolerance
+    body = '<path d="M0 0 A 20 10 0 0 1 40 0 A 20 10 0 0 1 0 0 Z"/>'
+    area = outlines.area(read(written(tmp_path, body)).outline_mm)
+    assert area == pytest.approx(200 * math.pi, rel=2e-3)
+
+
+def test_a_cubic_keeps_its_area(tmp_path):
+    body = '<path d="M0 0 C 0 20 30 20 30 0 Z"/>'  # below it: 3/5 of 30 x 15, by its Bernstein integral
+    area = outlines.area(read(written(tmp_path, body)).outline_mm)
+    t = np.linspace(0, 1, 100_001)
+    x, y = 30 * (3 * t**2 * (1 - t) + t**3), 60 * t * (1 - t)
+    assert area == pytest.approx(float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x))), rel=2e-3)
+
+
+def test_holes_of_one_path_are_ignored_with_a_note(tmp_path):
+    body = '<path d="M0 0 h30 v21 h-30 z M5 5 h5 v5 h-5 z" fill-rule="evenodd"/>'
+    found = read(written(tmp_path, body))
+    is_rectangle(found)
+    assert any("1 inner contour (holes) ignored" in note for note in found.notes)
+
+
+def test_several_contours_are_listed(tmp_path):
+    path = written(tmp_path, RECT + '<circle cx="80" cy="80" r="5"/>')
+    with pytest.raises(UsageError, match="1: 30 x 21 mm; 2: 10 x 10 mm"):
+        read(path)
+    is_rectangle(read(path, contour=1))
+
+
+REFUSED = {
+    "billion laughs": (
+        '<!DOCTYPE svg [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>',
+        "<text>&c;</text>", "holds XML entities",
+    ),
+    "a file of the machine": (
+        '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>', "<text>&x;</text>", "holds XML entities"
+    ),
+    "copies of copies": (
+        "",
+        '<defs><rect id="u0" width="1" height="1"/>'
+        + "".join(f'<g id="u{k}">' + f'<use href="#u{k - 1}"/>' * 10 + "</g>" for k in range(1, 10))
+        + '</defs><use href="#u9"/>',
+        "more than 20000 shapes",
+    ),
+    "a copy of itself": ("", '<g id="a"><use href="#a"/></g>', "in itself"),
+    "nested too deeply": ("", "<g>" * 500 + "</g>" * 500, "nested too deeply"),
+    "no shapes": ("", "<text>part</text>", "no closed contour"),
+    "an open path": ("", '<path d="M0 0 h30 v21 h-30"/>', r"open at .* 21 mm away"),
+    "a crossed path": ("", '<path d="M0 0 L30 20 V0 L0 20 Z"/>', "crosses itself"),
+    "huge numbers": ("", '<path d="M0 0 H1e30 V1e30 Z"/>', "beyond 100 km"),
+    "a huge curve": ("", '<path d="M0 0 C 1e30 0 1e30 1e30 0 1e30 Z"/>', "absurdly large"),
+    "a tiny part": ("", '<rect width="0.001" height="0.001"/>', "no closed contour|is the unit right"),
+    "a line": ("", '<path d="M0 0 L30 0 Z"/>', "no closed contour"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, name):
+    before, body, sentence = REFUSED[name]
+    with pytest.raises((InputFileError, OutlineError), match=sentence) as caught:
+        read(written(tmp_path, body, before=before))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"<svg", b"<html></html>", b"\xff\xfe\x00", b"{}", b"<svg xmlns='x'></g>"]
+)
+def test_what_is_no_svg_is_refused(tmp_path, data):
+    path = tmp_path / "bad.svg"
+    path.write_bytes(data)
+    with pytest.raises(InputFileError) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
