@@ -44,3 +44,8 @@ def identify() -> int:
 def report() -> int:
     """plan-report."""
     return _run("report")
+
+
+def init() -> int:
+    """plan-init."""
+    return _run("init")

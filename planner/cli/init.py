@@ -1,0 +1,185 @@
+"""plan-init: a job file from a drawing and a few answers."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from planner.cli import shell
+from planner.drafts import Answers, draft, room_mm
+from planner.errors import UsageError
+from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
+from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
+from planner.presets import FINGERS, GRIPPERS
+
+NAME = "plan-init"
+T = TypeVar("T")
+FITTING = 0.8
+"""Share of the room between open fingers that is proposed for the uncertainty."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+    return shell.run(NAME, arguments.debug, lambda: _init(arguments))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = shell.parser(
+        NAME,
+        "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on a\n"
+        "terminal. The file that comes out explains every field.",
+        f"{NAME} bracket.dxf -o job.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber",
+    )
+    parser.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
+    parser.add_argument("--force", action="store_true", help="overwrite it if it is there")
+    drawing = parser.add_argument_group("the drawing")
+    drawing.add_argument("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
+    drawing.add_argument(
+        "--contour", type=shell.positive, metavar="N", help="which one, if there are several"
+    )
+    drawing.add_argument(
+        "--tolerance", type=_number, default=TOLERANCE_MM, metavar="MM",
+        help="of curves made polygons (default: %(default)s)",
+    )  # fmt: skip
+    drawing.add_argument(
+        "--height", type=_number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
+    )
+    answers = parser.add_argument_group("the answers")
+    answers.add_argument("--name", help="of the part")
+    answers.add_argument(
+        "--radius", type=_number, metavar="MM", help="its centre lies in a disc of this radius"
+    )
+    answers.add_argument(
+        "--turn", type=_number, metavar="DEG", help="it is turned by at most this (default: any angle)"
+    )
+    answers.add_argument("--gripper", choices=GRIPPERS, help="which one")
+    answers.add_argument("--fingers", choices=FINGERS, help="what they are faced with")
+    answers.add_argument(
+        "--distance", type=_number, default=3.0, metavar="MM",
+        help="how well the part must be located (default: %(default)s)",
+    )  # fmt: skip
+    return parser
+
+
+def _number(text: str) -> float:
+    """A finite number, for argparse."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number")
+    return value
+
+
+def _init(arguments: argparse.Namespace) -> int:
+    output = shell.writable(arguments.output)
+    if output.exists() and not arguments.force:
+        raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
+    asking = sys.stdin.isatty() and not arguments.json
+    options = Options(arguments.units, arguments.contour, arguments.tolerance, arguments.height)
+    imported = _imported(arguments.outline, options, asking)
+    if not arguments.json:
+        _show(imported)
+    answers = _answers(arguments, imported, asking)
+    text = draft(imported, arguments.outline.name, answers)
+    with shell.writing(output) as file:
+        file.write_text(text, encoding="utf-8")
+    if arguments.json:
+        shell.print_json(
+            {
+                "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
+                "size_mm": imported.size_mm.tolist(), "notes": list(imported.notes),
+            }
+        )  # fmt: skip
+    else:
+        print(f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}")
+    return 0
+
+
+def _imported(path: Path, options: Options, asking: bool) -> Imported:
+    """The outline; on a terminal, a missing unit is asked for."""
+    try:
+        return read_outline(path, options)
+    except UsageError as error:
+        if not asking or options.units or "--units" not in str(error):
+            raise
+        print(error)
+        return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
+
+
+def _show(imported: Imported) -> None:
+    """What was found, for comparison with the part."""
+    width, height = imported.size_mm
+    order = imported.symmetry
+    told = "none" if order == 1 else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
+    print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
+    for note in imported.notes:
+        print(f"note: {note}")
+
+
+def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:
+    """The flags, and questions for what they leave out.
+
+    Raises:
+        UsageError: something is left out, and there is nobody to ask.
+    """
+    needed = ("radius", "gripper", "fingers")
+    missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
+    if missing and not asking:
+        raise UsageError(f"{', '.join(missing)} must be stated where there is no terminal to ask at")
+    name = arguments.name
+    if name is None:
+        stem = arguments.outline.stem
+        name = _ask(f"name of the part [{stem}]: ", lambda text: text or stem) if asking else stem
+    gripper = arguments.gripper or _choice("gripper", GRIPPERS)
+    fingers = arguments.fingers or _choice("fingers", FINGERS)
+    room = room_mm(imported, GRIPPERS[gripper])
+    radius = arguments.radius
+    if radius is None:
+        proposed = max(1.0, float(math.floor(min(10.0, FITTING * room))))
+        radius = _ask(
+            f"its centre lies in a disc of radius [{proposed:g} mm]: ",
+            lambda text: _number(text) if text else proposed,
+        )
+    if radius > room and arguments.turn is None:
+        print(
+            f"{NAME}: warning: open fingers clear the part at any angle only within {max(room, 0.0):.1f} mm of the "
+            "hand; a smaller --radius, a --turn or a wider gripper may be needed",
+            file=sys.stderr,
+        )
+    return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance)
+
+
+def _choice(question: str, choices: Iterable[str]) -> str:
+    """One of some words, asked for until it is one."""
+    names = list(choices)
+
+    def parse(text: str) -> str:
+        if text not in names:
+            raise ValueError(f"one of {', '.join(names)}")
+        return text
+
+    return _ask(f"{question} ({', '.join(names)}): ", parse)
+
+
+def _ask(question: str, parse: Callable[[str], T]) -> T:
+    """An answer that `parse` takes, asked for until there is one.
+
+    Raises:
+        UsageError: the input ended.
+    """
+    while True:
+        try:
+            return parse(input(question).strip())
+        except EOFError:
+            raise UsageError("the input ended before all was answered; state the rest as flags") from None
+        except (ValueError, argparse.ArgumentTypeError) as error:
+            print(f"  {error}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

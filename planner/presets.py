@@ -1,0 +1,65 @@
+"""Grippers and finger materials to begin a job with: starting values, to be measured in the cell.
+
+Strokes, forces and speeds are the makers' (Robotiq 2F-85 and 2F-140 instruction manual, Hand-E instruction
+manual, "Specifications"); sizes of the fingertips are those that the grippers come with.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class GripperPreset(NamedTuple):
+    """A gripper as it comes.
+
+    Attributes:
+        model: its name.
+        finger_length_mm: extent of a fingertip across the closing direction.
+        finger_width_mm: along it.
+        opening_mm: stroke.
+        count_open: encoder reading, jaws open.
+        count_closed: encoder reading, jaws closed on nothing.
+        speed_mm_s: closing speed to begin with, moderate.
+        force_n: grip force to begin with, low.
+        max_force_n: what it can.
+        max_speed_mm_s: what it can.
+    """
+
+    model: str
+    finger_length_mm: float
+    finger_width_mm: float
+    opening_mm: float
+    count_open: int
+    count_closed: int
+    speed_mm_s: float
+    force_n: float
+    max_force_n: float
+    max_speed_mm_s: float
+
+
+GRIPPERS = {
+    preset.model: preset
+    for preset in (
+        GripperPreset("robotiq-2f-85", 27.5, 9.5, 85.0, 3, 230, 60.0, 40.0, 235.0, 150.0),
+        GripperPreset("robotiq-2f-140", 27.0, 13.5, 140.0, 3, 230, 80.0, 40.0, 125.0, 250.0),
+        GripperPreset("hand-e", 22.0, 10.0, 50.0, 0, 255, 50.0, 40.0, 185.0, 150.0),
+    )
+}
+
+
+class Fingers(NamedTuple):
+    """What the fingers are faced with: bounds on the dry coefficient of friction against metals and plastics."""
+
+    low: float
+    high: float
+    told: str
+
+
+FINGERS = {
+    "rubber": Fingers(0.5, 0.9, "rubber or polyurethane pads"),
+    "silicone": Fingers(0.6, 1.0, "silicone pads"),
+    "aluminium": Fingers(0.25, 0.5, "bare aluminium"),
+    "steel": Fingers(0.15, 0.4, "bare steel"),
+    "plastic": Fingers(0.2, 0.4, "nylon, POM or printed plastic"),
+    "unknown": Fingers(0.2, 0.8, "nobody knows: a wide interval costs squeezes, not truth"),
+}
