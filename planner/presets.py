@@ -48,7 +48,7 @@ GRIPPERS = {
 
 
 class Fingers(NamedTuple):
-    """What the fingers are faced with: bounds on the dry coefficient of friction against metals and plastics."""
+    """What the fingers are faced with: bounds on its dry friction against metals and plastics."""
 
     low: float
     high: float

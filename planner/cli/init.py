@@ -31,8 +31,8 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = shell.parser(
         NAME,
-        "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on a\n"
-        "terminal. The file that comes out explains every field.",
+        "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on\n"
+        "a terminal. The file that comes out explains every field.",
         f"{NAME} bracket.dxf -o job.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber",
     )
     parser.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
@@ -147,8 +147,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         )
     if radius > room and arguments.turn is None:
         print(
-            f"{NAME}: warning: open fingers clear the part at any angle only within {max(room, 0.0):.1f} mm of the "
-            "hand; a smaller --radius, a --turn or a wider gripper may be needed",
+            f"{NAME}: warning: open fingers clear the part at any angle only within {max(room, 0.0):.1f} mm "
+            "of the hand; a smaller --radius, a --turn or a wider gripper may be needed",
             file=sys.stderr,
         )
     return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance)

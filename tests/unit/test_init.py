@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from planner import job as job_file
-from planner.cli import compile as compile_command
 from planner.cli import init
 from planner.part.importers.file import Options, read_outline
 from planner.presets import FINGERS, GRIPPERS
@@ -157,12 +156,3 @@ def test_json_tells_what_was_found(drawing, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["size_mm"] == [32.0, 24.0]
     assert (told["vertices"], told["symmetry"]) == (6, 1)
-
-
-def test_the_result_compiles(tmp_path, capsys):
-    path = tmp_path / "bar.csv"
-    path.write_text("x_mm,y_mm\n0,0\n40,0\n40,15\n0,15\n")
-    output = tmp_path / "job.toml"
-    assert init.main(words(path, output)) == 0
-    assert compile_command.main([str(output), "-o", str(tmp_path / "bar.msgpack"), "--trials", "500"]) == 0
-    assert (tmp_path / "bar.msgpack").exists()
