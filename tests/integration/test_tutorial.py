@@ -1,4 +1,4 @@
-"""The tutorial's commands, run in its order in an empty folder, print what it shows; its links lead somewhere."""
+"""The commands of the tutorial, run in order in an empty folder, print what it shows; links lead somewhere."""
 
 import os
 import re
