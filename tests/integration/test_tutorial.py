@@ -1,4 +1,4 @@
-"""The commands of the tutorial, run in order in an empty folder, print what it shows; links lead somewhere."""
+"""The commands of the tutorial, run in order in an empty folder, print what it shows; links are alive."""
 
 import os
 import re
