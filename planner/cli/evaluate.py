@@ -34,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
 
     def body() -> int:
         table = load(arguments.tree)
-        job = _job_of(table, arguments.tree, arguments.job)
+        job = job_of(table, arguments.tree, arguments.job)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
             if arguments.sweep:
                 _sweep(table, job, scheduler, arguments)
@@ -185,7 +185,7 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
     return ", ".join([arguments.world, *arguments.world_set, *errors])
 
 
-def _job_of(table: Table, path: Path, job_path: Path | None) -> Job:
+def job_of(table: Table, path: Path, job_path: Path | None) -> Job:
     """The job a table was compiled from: its own copy, or a file with the same digest."""
     if job_path is None:
         if table.job is None:
