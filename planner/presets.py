@@ -1,7 +1,7 @@
 """Grippers and finger materials to begin a job with: starting values, to be measured in the cell.
 
-Strokes, forces and speeds are the makers' (Robotiq 2F-85 and 2F-140 instruction manual, Hand-E instruction
-manual, "Specifications"); sizes of the fingertips are those that the grippers come with.
+The 2F-85's figures are those that the rest of the project uses. The others are starting values near what
+the maker announces and checked against no manual; counts, fingertips and friction are measured in the cell.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
     table = small_table()
     for console in (Lines(table), Objects(table, JOURNAL)):
         made = fake_cell([AT_21, AT_21])
-        auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: "pass")
+        auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: {"verdict": "pass"})
         plan = Plan(delivery=Delivery(drop=(10.0, 5.0, 0.0)))
         list(
             session.run_parts(table, replace(made.cell, auditor=auditor), FakeScene(TRUTH), console, 1, plan)
