@@ -159,7 +159,7 @@ def advance(course: Course, target: int | None, table: Table, policy: Policy) ->
         policy: what follows a reject and an unresolved leaf.
     """
     if target is None:
-        response = policy.on_reject[min(course.rejects, len(policy.on_reject) - 1)]
+        response = policy.on_reject[course.rejects]  # the last is an end: there is no further one
         course = course._replace(rejects=course.rejects + 1)
         if response in ENDS:
             return course._replace(outcome=Outcome.REJECT)
@@ -168,7 +168,7 @@ def advance(course: Course, target: int | None, table: Table, policy: Policy) ->
         return Course(target, None, None, course.rejects, course.unresolved)
     if table.leaves[~target].resolved:
         return course._replace(outcome=Outcome.LEAF, leaf=~target)
-    response = policy.on_unresolved[min(course.unresolved, len(policy.on_unresolved) - 1)]
+    response = policy.on_unresolved[course.unresolved]
     course = course._replace(unresolved=course.unresolved + 1)
     if response in ENDS:
         return course._replace(outcome=Outcome.UNRESOLVED, leaf=~target)

@@ -1,12 +1,14 @@
 """What follows a squeeze: the table's branch, then the declared policy, each recovery once, always an end."""
 
 import itertools
+from dataclasses import FrozenInstanceError
 from random import Random
 
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime.decision import Course, Policy, Response, advance, decide, release_point
+from runtime import decision
+from runtime.decision import Course, Decision, Policy, Response, advance, decide, release_point
 from runtime.errors import GripperStateError, UsageError
 from runtime.results import Outcome
 from runtime.table import REJECT, Calibration, count_map
@@ -91,6 +93,23 @@ def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
     assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
     assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
     assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
+    # Only the last of a list tells: what came before it has been tried by then.
+    long = Policy.of("resqueeze,restart,stop", "restart,stop")
+    assert long.ends_run(Outcome.REJECT)
+    assert long.ends_run(Outcome.UNRESOLVED)
+    assert not Policy.of("resqueeze,restart,next", "restart,next").ends_run(Outcome.REJECT)
+
+
+def test_the_flags_are_those_of_the_register() -> None:
+    """gOBJ of the 2F-85's status byte; a decision takes no others."""
+    flags = (decision.MOVING, decision.OPENING_CONTACT, decision.CLOSING_CONTACT, decision.ARRIVED)
+    assert flags == (0, 1, 2, 3)
+
+
+def test_records_are_frozen() -> None:
+    with pytest.raises(FrozenInstanceError):
+        Policy().on_reject = (Response.STOP,)
+    assert not hasattr(Policy(), "__dict__")
 
 
 def test_a_policy_survives_being_written_down() -> None:
@@ -125,12 +144,12 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
     for node in random_table(seed, 20).nodes:
         outcomes = count_map(node, CALIBRATION)
         for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
-            decision = decide(node, outcomes, count, flag)
-            assert decision.branch == outcomes[count]
-            assert (decision.reason is None) == (decision.branch != REJECT)
-            if decision.reason is not None:
-                assert ("closed on nothing" in decision.reason) == (flag == ARRIVED)
-                assert ("planned:" in decision.reason) == (flag == CONTACT)
+            made = decide(node, outcomes, count, flag)
+            assert made.branch == outcomes[count]
+            assert (made.reason is None) == (made.branch != REJECT)
+            if made.reason is not None:
+                assert ("closed on nothing" in made.reason) == (flag == ARRIVED)
+                assert ("planned:" in made.reason) == (flag == CONTACT)
         for flag in (0, 1, 4):
             with pytest.raises(GripperStateError, match=f"flag {flag} after a closing motion"):
                 decide(node, outcomes, 100, flag)
@@ -138,11 +157,15 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
 
 def test_a_reject_names_the_widths_that_were_planned() -> None:
     node = TABLE.nodes[0]
-    decision = decide(node, count_map(node, CALIBRATION), 100, CONTACT)
-    assert (
-        decision.reason
-        == "no outcome of this squeeze has this width (planned: 20.00..22.00, 29.00..31.00 mm)"
+    node = node._replace(
+        branches=(node.branches[0]._replace(low_um=20_250, high_um=21_750), *node.branches[1:])
     )
+    refused = decide(node, count_map(node, CALIBRATION), 100, CONTACT)
+    assert (
+        refused.reason == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
+    )
+    assert refused == decide(node, count_map(node, CALIBRATION), 101, CONTACT)
+    assert not Decision(REJECT, node).empty
 
 
 def test_only_what_is_held_and_known_is_dragged() -> None:
