@@ -89,12 +89,12 @@ def _squeeze(index: int, squeeze: Squeeze, gripper: GripperSpec) -> Squeeze:
     turned = abs(angle - squeeze.angle_urad)
     reach = squeeze.opening_um // 2 + gripper.finger_width_um + gripper.finger_length_um // 2
     least = squeeze.clearance_um - moved - -(-turned * reach // PPM)
-    if least < 0 <= squeeze.clearance_um:
+    if least < 0 < squeeze.clearance_um:
         raise TableError(
             f"node {index}: on the file's grid the open fingers may touch the part; plan on multiples of "
             f"{POSE_GRID_UM} um and 0.25 deg, or with more clearance than {squeeze.clearance_um} um"
         )
-    clearance = CLEARANCE_GRID_UM * spread(spread_number_below(least // CLEARANCE_GRID_UM))
+    clearance = CLEARANCE_GRID_UM * spread(spread_number_below(max(least, 0) // CLEARANCE_GRID_UM))
     return squeeze._replace(x_um=x, y_um=y, angle_urad=angle, clearance_um=clearance)
 
 
