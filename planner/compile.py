@@ -94,7 +94,7 @@ def compile_job(
     reference = Simulation(simulator, encoder_of(job))
     ahead: MotionModel = reference
     if learns(job):
-        ahead = learned_model(job, simulator, store, scheduler, say)[0].unaided()
+        ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)
     look_ahead = growth.look_ahead
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))

@@ -12,7 +12,7 @@ Two things make the estimate inaccurate, and both show while drawing from it:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -94,13 +94,6 @@ class LearnedModel:
         motion = bandwidths.applied_to(whole)
         farthest = FARTHEST * motion.grid.spacing_mm
         return cls(simulator, encoder, motion, rolled.status, bandwidths, MOST_DRAWS, farthest)
-
-    def unaided(self) -> Self:
-        """The same, but any number of particles may draw one roll-out; only those far from all are simulated.
-
-        Several times as fast; good enough to compare actions with, not to predict poses (decision 0011).
-        """
-        return replace(self, most_draws=0)
 
     def roll_out(self, poses: Array, belief: IntArray, rng: np.random.Generator) -> RollOut:
         """Squeezes poses, as `Simulator.roll_out` does.

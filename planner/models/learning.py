@@ -11,28 +11,15 @@ from planner.models.rollouts import RollOuts, roll_outs, slopes
 from planner.models.store import Store
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler, Threads
-from planner.search.actions import actions_of
-
-SQUEEZES_SAVED = 160
-"""Squeezes that learning saves in a tree's look-ahead, for each particle and placement to choose from."""
-SQUEEZES_SPENT = 8
-"""Squeezes' worth of time that learning takes for each roll-out: with slopes, bandwidths, sorting."""
-WORTH = 4.0
-"""How often learning must pay for itself: plans made with it may need some more squeezes (decision 0011)."""
 
 
 def learns(job: Job) -> bool:
-    """Whether a job's look-ahead uses a learned model: it says so, or "auto" expects to save much time.
+    """Whether a job's look-ahead uses a learned model: where it says so.
 
-    Both what is saved and what is spent are squeezes of the same part, so the machine's speed does not
-    matter; and what the cache happens to hold must not, for it would change the table's bytes.
+    "auto" is the simulator: learning once costs about as much as it saves, and the plans are no better
+    (decision 0011). Nor may what the cache happens to hold decide: it would change the table's bytes.
     """
-    if job.search.model != "auto":
-        return job.search.model == "kcde"
-    actions = actions_of(job)
-    proposed = 0 if actions.proposals is None else len(actions.proposals.relative)
-    choices = (len(actions) + proposed) * job.search.search_particles
-    return SQUEEZES_SAVED * choices > WORTH * SQUEEZES_SPENT * job.search.rollouts
+    return job.search.model == "kcde"
 
 
 def learned_model(
