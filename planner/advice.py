@@ -212,6 +212,8 @@ def _never_taken(table: Table, evaluation: Evaluation) -> tuple[list[UnusedBranc
 
 def _limits(advice: Advice) -> list[str]:
     """What the missing share is due to."""
+    if advice.failing == 0.0:
+        return ["every part was located"]
     lines = [f"{advice.failing:.2%} of the parts are not located"]
     if advice.unresolved > 0.0:
         lines.append(

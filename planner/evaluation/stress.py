@@ -15,7 +15,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.sweep import Case, friction, sweep, uneven
+from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
 from planner.goal import Metric, Mode
 from planner.job import Job
 from planner.scheduler import Scheduler
@@ -25,7 +25,7 @@ from runtime.table import Table
 
 OFFSET_COUNTS = 2.0
 """An encoder's zero may be off by so much."""
-UNEVEN = 0.08
+UNEVEN = 0.1
 """A finger may make so much more or less of the closing motion than planned."""
 TOLERATED = 0.002
 """Share of confident wrong answers that each such world may have."""
@@ -43,7 +43,7 @@ class Doubt(NamedTuple):
 
 
 def stress_cases(job: Job) -> list[Case]:
-    """An encoder that reads short or long, less and more friction, a finger that lags or leads."""
+    """Encoder short or long, friction less or more, a finger that lags or leads, a part on three feet."""
     gripper = job.gripper
     offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
@@ -52,6 +52,7 @@ def stress_cases(job: Job) -> list[Case]:
         *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
         *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < b),
         *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
+        on_three_feet(job),
     ]
 
 

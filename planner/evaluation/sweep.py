@@ -47,8 +47,7 @@ def standard_cases(job: Job) -> list[Case]:
     for kind in ("boundary", "uniform"):
         if job.pressure.kind != kind:
             cases.append(Case(f"pressure {kind}", (("pressure.kind", kind),)))
-    feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
-    cases.append(Case("pressure on 3 feet", (("pressure.kind", "points"), ("pressure.points_mm", str(feet)))))
+    cases.append(on_three_feet(job))
     cases += [friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))]
     cases += [
         Case(f"encoder {offset:+g} mm", disturbance=Disturbance(encoder_offset_mm=offset))
@@ -99,6 +98,12 @@ def sweep(
     for case in cases:
         real = job_with(job.canonical(), case.overrides, f"the world with {case.name}")
         yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
+
+
+def on_three_feet(job: Job) -> Case:
+    """The part stands on three of its corners."""
+    feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
+    return Case("pressure on 3 feet", (("pressure.kind", "points"), ("pressure.points_mm", str(feet))))
 
 
 def friction(low: float, high: float) -> Case:

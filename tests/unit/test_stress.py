@@ -109,7 +109,7 @@ def test_a_doubted_leaf_that_no_squeeze_improves_is_what_it_was(run, table):
 
 
 def test_worlds_are_off_to_both_sides_of_the_planned_one(job):
-    short, long, slippery, rough, less, more = stress_cases(job)
+    short, long, slippery, rough, less, more, _ = stress_cases(job)
     count = job.gripper.opening_mm / (job.gripper.count_closed - job.gripper.count_open)
     assert long.disturbance.encoder_offset_mm == pytest.approx(OFFSET_COUNTS * count)
     assert short.disturbance.encoder_offset_mm == -long.disturbance.encoder_offset_mm
@@ -124,7 +124,7 @@ def test_worlds_are_off_to_both_sides_of_the_planned_one(job):
 
 def test_a_finger_that_sticks_by_plan_can_only_move_more(job):
     stuck = job_with(job.canonical(), [("gripper.upper_finger_share", "0")])
-    assert [case.name for case in stress_cases(stuck)][4:] == ["upper finger moves 8%, centred"]
+    assert [case.name for case in stress_cases(stuck)][4:-1] == ["upper finger moves 10%, centred"]
 
 
 def test_runs_are_the_same_on_any_number_of_workers_and_none_are_made_without_trials(job, table):
