@@ -123,6 +123,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack) -> int:
     clock = SystemClock(arguments.time_scale)
     data, header, policy = dumps(table), _header(arguments, plan), arguments.after_crash
+    # First of all, since it may be refused; what runs below closes before it, and is watched until then.
+    monitor = stack.enter_context(Monitor(console, table, arguments.tree, options.views(arguments)))
     journal = begun = None
     if _is_begun(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
@@ -136,10 +138,10 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     auditor = None
     if arguments.audit is not None:
         auditor = stack.enter_context(AuditProcess(arguments.audit, SystemClock()))
-    monitor = stack.enter_context(Monitor(console, table, arguments.tree, arguments.status))
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
     # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
     activate = arguments.activate or arguments.port == SIMULATED
+    monitor.ready()
     tally = session.run_journalled(
         table,
         cell,
@@ -151,7 +153,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
         watch=monitor.phase,
         broken=begun,
     )
-    console.summary(tally, arguments.journal)
+    monitor.summary(tally, arguments.journal)
     return tally.exit_code
 
 

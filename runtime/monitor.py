@@ -1,10 +1,10 @@
-"""Who watches a run: the console, the status socket and the service manager, told of the same events."""
+"""Who watches a run, told of the same events: console, status socket, live views, service manager."""
 
 import hashlib
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self, TextIO
 
 from runtime import watchdog
 from runtime.console import Console, Sighting
@@ -15,23 +15,46 @@ from runtime.table import Table, dumps
 from runtime.tally import Tally
 
 
+class Views(NamedTuple):
+    """Where a run is shown besides the console; None for nowhere.
+
+    Attributes:
+        socket: the status, on this Unix socket.
+        http: a page that follows it, at this `HOST:PORT`.
+        terminal: a picture in place of the console's parts and squeezes.
+    """
+
+    socket: Path | None = None
+    http: str | None = None
+    terminal: TextIO | None = None
+
+
 class Monitor:
-    """A console that also keeps the status and the watchdog; the context is the time the run takes.
+    """A console that also keeps the status and the watchdog; the context is the time it can be asked.
 
     Args:
         console: told everything.
         table: for the status.
         name: what the table is called.
-        socket: where the status is told, None for nowhere.
+        views: where else the run is shown. What each needs is loaded only if it is asked for.
     """
 
-    def __init__(self, console: Console, table: Table, name: Path, socket: Path | None) -> None:
-        self._console = console
+    def __init__(self, console: Console, table: Table, name: Path, views: Views | None = None) -> None:
+        self._console, self._table, self._name = console, table, str(name)
         self._status = Status(
-            str(name), hashlib.sha256(dumps(table)).hexdigest(), table.predicted.success_ppm
+            self._name, hashlib.sha256(dumps(table)).hexdigest(), table.predicted.success_ppm
         )
-        self._socket = socket
+        self._views = views or Views()
         self._stack = ExitStack()
+
+    def ready(self) -> None:
+        """The devices answer, and the run begins."""
+        if self._views.terminal is not None:
+            from runtime.live.terminal import View
+
+            view = View(self._table, self._name, self._status, self._console, self._views.terminal)
+            self._console = self._stack.enter_context(view)
+        watchdog.notify(watchdog.READY)
 
     def note(self, sentence: str) -> None:
         """Something the reader should know."""
@@ -57,9 +80,12 @@ class Monitor:
         self._console.summary(tally, journal)
 
     def __enter__(self) -> Self:
-        if self._socket is not None:
-            self._stack.enter_context(StatusServer(self._socket, self._status))
-        watchdog.notify(watchdog.READY)
+        with ExitStack() as opened:
+            if self._views.socket is not None:
+                opened.enter_context(StatusServer(self._views.socket, self._status))
+            if self._views.http is not None:
+                self._serve(self._views.http, opened)
+            self._stack = opened.pop_all()
         return self
 
     def __exit__(
@@ -67,3 +93,15 @@ class Monitor:
     ) -> None:
         watchdog.notify(watchdog.STOPPING)
         self._stack.close()
+
+    def _serve(self, text: str, stack: ExitStack) -> None:
+        from runtime.live import address, page
+        from runtime.live.answers import Answers
+        from runtime.live.server import PageServer
+
+        at = address.parse(text)
+        local = address.is_loopback(at.host)
+        answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
+        server = stack.enter_context(PageServer(at, answers))
+        open_to = "" if local else ", for everybody who reaches this machine"
+        self._console.note(f"live page: http://{server.address}/{open_to}")

@@ -1,6 +1,9 @@
 """The arguments of `grasp-runtime`, and what they mean for a run."""
 
 import argparse
+import os
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from runtime import calibration, delivery, safe_state
@@ -9,6 +12,7 @@ from runtime.decision import Policy
 from runtime.errors import UsageError
 from runtime.executor import Plan
 from runtime.hand import Handling
+from runtime.monitor import Views
 from runtime.reading import CurrentBand
 from runtime.table import Table
 from runtime.tips import TipArc
@@ -20,6 +24,7 @@ ARC_MODELS = ("2f-85", "c-85")
 EPILOG = f"""\
 examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
+  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
 
@@ -32,7 +37,7 @@ exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
   11  a part stayed unresolved         40  stopped by the operator
   12  a part could not be delivered
   20  gripper link fault               22  arm fault, or a motion refused
-  21  gripper fault, or not activated  23  a port cannot be opened, or is in use
+  21  gripper fault, or not activated  23  a device's port cannot be opened, or is in use
 
 With --count above 1, rejected, unresolved and undelivered parts do not end the run unless the policy says
 stop; a fault or a stop does. The exit code is the highest that any part earned. A real cell feeds its parts
@@ -72,6 +77,7 @@ def parser() -> argparse.ArgumentParser:
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
     _add_policy(built.add_argument_group("what follows"))
+    _add_views(built.add_argument_group("who watches"))
     _add_simulated(built.add_argument_group("with --port sim"))
     return built
 
@@ -83,6 +89,7 @@ def check_usage(arguments: argparse.Namespace) -> None:
         UsageError: arguments contradict one another, or one is missing.
     """
     simulated = arguments.port == SIMULATED
+    _check_views(arguments)
     if arguments.port is None and not arguments.check:
         raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
     if simulated and arguments.arm not in (None, SIMULATED):
@@ -99,6 +106,29 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise UsageError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
+
+
+def views(arguments: argparse.Namespace) -> Views:
+    """Where the run is shown besides the console; a pipe and a dumb terminal get its plain lines."""
+    # With --json standard output is for machines; the picture then needs a terminal of its own.
+    stream = sys.stderr if arguments.json else sys.stdout
+    drawn = arguments.watch and stream.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown")
+    if arguments.json and sys.stdout.isatty():
+        drawn = False
+    return Views(arguments.status, arguments.http, stream if drawn else None)
+
+
+def _check_views(arguments: argparse.Namespace) -> None:
+    if not arguments.watch and arguments.http is None:
+        return
+    if arguments.check or arguments.dry_run:
+        raise UsageError("--watch and --http follow a run; leave them out with --check and --dry-run")
+    if arguments.http is not None:
+        from runtime.live import address  # not loaded into a run that nobody watches
+
+        address.parse(arguments.http)
+    if views(arguments).terminal is not None and find_spec("rich") is None:
+        raise UsageError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
 
 
 def gripper_calibration(arguments: argparse.Namespace) -> GripperCalibration | None:
@@ -215,6 +245,21 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         default="abort",
         help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
         "part over (default abort)",
+    )
+
+
+def _add_views(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
+        "--watch",
+        action="store_true",
+        help="show the tree and where the cell is, on a terminal (extra watch)",
+    )
+    add(
+        "--http",
+        metavar="[HOST:]PORT",
+        help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
+        "alone unless HOST names another address of it",
     )
     add("--status", type=Path, metavar="SOCKET", help="tell JSON and Prometheus text on this Unix socket")
 

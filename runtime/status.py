@@ -13,10 +13,10 @@ import contextlib
 import json
 import socket
 import threading
-from collections import Counter
+from collections import Counter, deque
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from runtime.errors import UsageError
 from runtime.phases import Phase
@@ -25,6 +25,8 @@ from runtime.table import PPM
 
 ASK_S = 0.25  # how long a client may take to say what it wants
 MAX_ASK_BYTES = 4096
+RECENT = 10
+"""Parts that a snapshot remembers one by one."""
 
 
 class Status:
@@ -44,11 +46,14 @@ class Status:
         self._outcomes: Counter[Outcome] = Counter()
         self._audits: Counter[str] = Counter()
         self._leaves: Counter[int] = Counter()
-        self._last: dict[str, object] | None = None
+        self._steps: list[dict[str, object]] = []
+        self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
         """The loop's watcher."""
         with self._lock:
+            if part != self._part:
+                self._steps = []
             self._part, self._phase, self._node = part, phase, -1 if node is None else node
 
     def step(self, step: Step) -> None:
@@ -56,19 +61,25 @@ class Status:
         with self._lock:
             self._squeezes += 1
             self._width_um = step.width_um
+            width_mm = step.width_um / 1000
+            self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
         """A part's end."""
         with self._lock:
             self._outcomes[result.outcome] += 1
-            self._last = result.fields()
+            self._recent.append(result.fields())
             if result.leaf is not None:
                 self._leaves[result.leaf] += 1
             if result.audit is not None:
                 self._audits[result.audit] += 1
 
-    def as_object(self) -> dict[str, object]:
-        """The snapshot for machines."""
+    def as_object(self) -> dict[str, Any]:
+        """The snapshot for machines.
+
+        `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
+        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest.
+        """
         with self._lock:
             return {
                 "table": self._table,
@@ -79,9 +90,11 @@ class Status:
                 "node": None if self._node < 0 else self._node,
                 "last_width_mm": None if self._width_um < 0 else self._width_um / 1000,
                 "squeezes": self._squeezes,
+                "steps": list(self._steps),
                 "outcomes": {outcome.value: self._outcomes[outcome] for outcome in Outcome},
                 "audits": dict(self._audits),
-                "last_part": self._last,
+                "last_part": self._recent[-1] if self._recent else None,
+                "recent_parts": list(self._recent),
             }
 
     def as_metrics(self) -> str:

@@ -2,12 +2,12 @@
 
 import json
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 from grown_tables import grown_table
+from html_pages import Page
 from run_logs import chained, header, part
 
 from planner import job as job_file
@@ -22,32 +22,6 @@ TABLE_PATH = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgp
 TABLE = load(TABLE_PATH)
 JOB = job_file.from_canonical(TABLE.job)
 TRIALS = 300
-VOID = {"meta", "link", "br", "input", "hr", "img"}
-
-
-class Page(HTMLParser):
-    """Tags, attributes and text of a page; complains about tags that are not closed in order."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.found, self.scripts = [], [], {}
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.found.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append((tag, dict(attrs)))
-
-    def handle_startendtag(self, tag, attrs):
-        self.found.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop()[0] == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1][0] == "script":
-            self.scripts[self.open[-1][1].get("id", "")] = data
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from written_journals import Quiet
 from runtime import watchdog
 from runtime.errors import PortBusyError, UsageError
 from runtime.lock import PortLock
-from runtime.monitor import Monitor
+from runtime.monitor import Monitor, Views
 from runtime.phases import Phase
 from runtime.results import Outcome, PartResult, Step
 from runtime.status import Status, StatusServer
@@ -120,7 +120,8 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name[1:] if abstract else name)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
-        with Monitor(Quiet(), small_table(), Path("small"), tmp_path / "status") as monitor:
+        with Monitor(Quiet(), small_table(), Path("small"), Views(tmp_path / "status")) as monitor:
+            monitor.ready()
             monitor.phase(3, Phase.SQUEEZE, 1)
             monitor.phase(3, Phase.DONE, None)
             monitor.step(3, STEP)

@@ -1,0 +1,139 @@
+"""Watching a real run: the page follows it, the terminal shows it, and who does not ask pays nothing."""
+
+import contextlib
+import json
+import os
+import pty
+import re
+import socket
+import subprocess
+import sys
+import threading
+import urllib.request
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+
+from runtime.cli import main
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 60
+LOADED = """
+import sys
+import runtime.cli
+code = runtime.cli.main(sys.argv[1:])
+watched = ("rich", "runtime.live", "numpy")
+print([name for name in watched if name in sys.modules], file=sys.stderr)
+sys.exit(code)
+"""
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> list[str]:
+    dump(small_table(), tmp_path / "small.msgpack")
+    return [
+        *("--tree", str(tmp_path / "small.msgpack"), "--port", "sim", "--world", "runtime.rehearsal:make"),
+        *("--journal", str(tmp_path / "journal.jsonl"), "--time-scale", "40"),
+    ]
+
+
+def run(words: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run and tell in the last line what of the views was loaded."""
+    command = [sys.executable, "-c", LOADED, *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False)
+
+
+def test_a_run_that_nobody_watches_loads_no_view(words: list[str]) -> None:
+    assert run(words).stderr.splitlines()[-1] == "[]"
+
+
+def test_in_a_pipe_watch_is_plain_lines_and_loads_no_rich(words: list[str]) -> None:
+    done = run([*words, "--watch", "--count", "3"])
+    assert done.stderr.splitlines()[-1] == "[]"
+    assert "part 3: " in done.stdout
+    assert "\x1b" not in done.stdout
+
+
+def test_the_page_follows_the_run(words: list[str]) -> None:
+    words = [*words, "--count", "100000", "--json", "--http", "0"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "runtime.cli", *words],
+        cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    with process, process.stderr as told:
+        url = next(found[0] for line in told if (found := re.findall(r"http://127\.0\.0\.1:\d+/", line)))
+        seen: list[dict[str, object]] = []
+        while not seen or seen[-1]["part"] < 4:  # type: ignore[operator]
+            with urllib.request.urlopen(f"{url}status.json", timeout=WAIT_S) as answer:
+                seen.append(json.load(answer))
+            threading.Event().wait(0.02)
+        process.terminate()
+        process.communicate(timeout=WAIT_S)
+    assert process.returncode == 40
+    parts = [int(str(state["part"])) for state in seen]
+    assert parts == sorted(parts)
+    assert {state["node"] for state in seen} >= {0}
+    for state in seen:
+        steps = state["steps"]
+        assert isinstance(steps, list)
+        for step, following in pairwise(steps):
+            assert step["target"] == following["node"]
+    with pytest.raises(OSError, match="refused"), urllib.request.urlopen(url, timeout=WAIT_S):
+        pass
+
+
+def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
+    with subprocess.Popen(
+        [sys.executable, "-m", "runtime.cli", *words, "--count", "5", "--watch"],
+        cwd=ROOT, stdout=theirs, stderr=theirs, stdin=theirs, env=environment,
+    ) as process:  # fmt: skip
+        os.close(theirs)
+        told = b""
+        with contextlib.suppress(OSError), open(ours, "rb", buffering=0) as screen:  # noqa: PTH123
+            while piece := screen.read(65536):
+                told += piece
+    assert process.returncode in (0, 10, 11)
+    text = told.decode()
+    assert text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1  # the cursor hidden and shown again
+    last = text[text.rindex("\x1b[?25h") :]
+    assert "5 parts: " in last
+    assert re.search(r"part 5.*done", text)
+    assert "part 1 squeeze 1" not in text
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (["--http", "no port"], "write PORT or HOST:PORT"),
+        (["--http", "192.0.2.1:0"], "name an address of this machine"),
+        (["--http", "0", "--dry-run"], "leave them out with --check and --dry-run"),
+        (["--watch", "--port", "/dev/ttyNONE", "--check"], "leave them out with --check and --dry-run"),
+    ],
+)
+def test_what_cannot_be_shown_is_one_line_before_anything_starts(
+    words: list[str], capfd: pytest.CaptureFixture[str], wrong: list[str], reason: str
+) -> None:
+    assert main([*words, *wrong]) == 2
+    told = capfd.readouterr()
+    assert told.err.count("\n") == 1
+    assert reason in told.err
+    assert "simulated cell" not in told.out
+    assert not Path(words[words.index("--journal") + 1]).exists()
+
+
+def test_a_port_in_use_is_one_line_before_anything_starts(
+    words: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        assert main([*words, "--http", str(other.getsockname()[1])]) == 2
+    told = capfd.readouterr()
+    assert "address already in use; name another port" in told.err
+    assert told.err.count("\n") == 1
+    assert "simulated cell" not in told.out
+    assert not Path(words[words.index("--journal") + 1]).exists()

@@ -1,0 +1,169 @@
+"""The live page: its address, its answers, and that it holds the table it was made from."""
+
+import json
+import re
+
+import pytest
+from grown_tables import grown_table
+from html_pages import Page
+from sample_tables import every_field_table, small_table, with_job
+
+from runtime.errors import UsageError
+from runtime.live import address, page
+from runtime.live.address import Address
+from runtime.live.answers import Answers
+from runtime.status import Status
+
+PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
+LOCAL = Answers(PAGES, local=True)
+OPEN = Answers(PAGES, local=False)
+
+
+def told(answers: Answers, asked: str) -> tuple[int, str, bytes]:
+    """Code, head and body of an answer."""
+    head, _, body = answers.to(asked.encode("latin-1")).partition(b"\r\n\r\n")
+    return int(head.split()[1]), head.decode(), body
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port"),
+    [
+        ("8080", "127.0.0.1", 8080),
+        ("0", "127.0.0.1", 0),
+        ("0.0.0.0:65535", "0.0.0.0", 65535),
+        ("cell-3.local:80", "cell-3.local", 80),
+        ("[::1]:8080", "::1", 8080),
+    ],
+)
+def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: int) -> None:
+    assert address.parse(text) == Address(host, port)
+    assert address.parse(str(address.parse(text))) == Address(host, port)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "x",
+        "-1",
+        "65536",
+        "9" * 5000,
+        "80.5",
+        ":80",
+        "::1:80",
+        "[1]:80",
+        "a b:80",
+        "h/:80",
+        "\u0668\u0660",
+    ],
+)
+def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(UsageError, match="write PORT or HOST:PORT") as refused:
+        address.parse(text)
+    assert refused.value.exit_code == 2
+
+
+def test_loopback_is_this_machine_only() -> None:
+    assert all(map(address.is_loopback, ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"]))
+    assert not any(map(address.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"]))
+
+
+def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:
+    code, head, body = told(LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n")
+    assert (code, body) == (200, b"{}\n")
+    assert "Content-Length: 3\r\n" in head
+    assert {"Cache-Control: no-store", "X-Content-Type-Options: nosniff", "X-Frame-Options: DENY"} <= {
+        *head.split("\r\n")
+    }
+
+
+def test_a_head_is_answered_like_a_get_without_the_body() -> None:
+    for path in ("/", "/nowhere"):
+        _, of_get, body = told(OPEN, f"GET {path} HTTP/1.0\r\n\r\n")
+        code, of_head, nothing = told(OPEN, f"HEAD {path} HTTP/1.0\r\n\r\n")
+        assert (of_head, nothing) == (of_get, b"")
+        assert code == (200 if path == "/" else 404)
+        assert f"Content-Length: {len(body)}" in of_get
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT"])
+def test_nothing_can_be_changed(method: str) -> None:
+    code, head, _ = told(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
+    assert code == 405
+    assert "Allow: GET, HEAD" in head
+
+
+@pytest.mark.parametrize(
+    "line", ["", "GET", "GET /", "get / HTTP/1.1", "GET x HTTP/1.1", "GET / HTTP/2", "\x00\xff"]
+)
+def test_what_is_no_question_is_told_so(line: str) -> None:
+    assert told(OPEN, f"{line}\r\n\r\n")[0] == 400
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ("", 200),
+        ("Host: localhost\r\n", 200),
+        ("HOST:127.0.0.1:8080\r\n", 200),
+        ("Accept: */*\r\nhost:\t[::1]:8080 \r\n", 200),
+        ("Host: evil.example\r\n", 403),
+        ("Host: localhost.evil.example:8080\r\n", 403),
+        ("Host: localhost\r\nHost: evil.example\r\n", 403),
+        ("Host:\r\n", 403),
+    ],
+)
+def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields: str, code: int) -> None:
+    assert told(LOCAL, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == code
+    assert told(OPEN, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == 200
+
+
+def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
+    table = every_field_table()
+    text = page.page(table, "small.msgpack")
+    read = Page(text)
+    data = json.loads(read.scripts["data"])
+    assert [node[:3] for node in data["nodes"]] == [list(node.squeeze[:3]) for node in table.nodes]
+    branches = [[list(branch) for branch in node.branches] for node in table.nodes]
+    assert [node[6] for node in data["nodes"]] == branches
+    assert [leaf[:3] for leaf in data["leaves"]] == [list(leaf[:3]) for leaf in table.leaves]
+    assert [leaf[5] for leaf in data["leaves"]] == [int(leaf.resolved) for leaf in table.leaves]
+    assert not read.open
+    assert not [a for tag, a in read.found if tag in ("link", "script", "img") and "//" in str(a)]
+    assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
+    assert "default-src 'none'" in text
+    assert "connect-src 'self'" in text
+
+
+def test_every_name_the_script_looks_for_is_on_the_page() -> None:
+    text = page.page(small_table(), "small.msgpack")
+    ids = {attributes["id"] for _, attributes in Page(text).found if "id" in attributes}
+    made = {"plan", "read"}  # by the script itself
+    assert set(re.findall(r'(?:byId|put|getElementById)\("([^"]+)"', text)) <= ids | made
+
+
+def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
+    evil = '</script><img src=x onerror="alert(1)">$name'
+    job = json.dumps({"part": {"name": evil, "outline_mm": [[0, 0], [10, 0], [0, 5.5]]}})
+    read = Page(page.page(with_job(small_table(), job), evil))
+    assert json.loads(read.scripts["data"])["outline"] == [[0, 0], [10, 0], [0, 5.5]]
+    assert not [tag for tag, _ in read.found if tag == "img"]
+    assert len([tag for tag, _ in read.found if tag == "script"]) == 2
+
+
+@pytest.mark.parametrize("job", [None, "[]", "7", '{"part": 3}', '{"part": {"outline_mm": [[1]]}}', "{"])
+def test_a_job_of_another_make_is_a_page_without_its_part(job: str | None) -> None:
+    table = small_table() if job is None else with_job(small_table(), job)
+    assert json.loads(Page(page.page(table, "t")).scripts["data"])["outline"] == []
+
+
+def test_a_large_table_stays_under_a_megabyte() -> None:
+    assert len(page.page(grown_table(5, 2000), "large.msgpack")) < 1_000_000
+
+
+def test_the_state_is_the_status_sockets() -> None:
+    status = Status("small.msgpack", "ab" * 32, 958_000)
+    found = page.pages(small_table(), "small.msgpack", status)
+    assert list(found) == ["/", "/status.json", "/metrics"]
+    assert json.loads(found["/status.json"][1]()) == status.as_object()
+    assert found["/metrics"][1]().decode() == status.as_metrics()

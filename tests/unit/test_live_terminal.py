@@ -1,0 +1,113 @@
+"""The terminal's picture: which lines of a tree are shown, and that the loop never waits for a terminal."""
+
+import contextlib
+import io
+import os
+import pty
+import threading
+from pathlib import Path
+
+import pytest
+from rich.console import Console as Terminal
+from sample_tables import random_table, small_table
+from written_journals import Quiet
+
+from runtime.console import Sighting
+from runtime.live.rows import Outline, Row
+from runtime.live.terminal import View, picture
+from runtime.phases import Phase
+from runtime.results import Outcome, PartResult, Step
+from runtime.status import Status
+from runtime.tally import Tally
+
+TABLE = random_table(3, 40)
+OUTLINE = Outline(TABLE)
+EVERY = [*range(len(TABLE.nodes)), *(~leaf for leaf in range(len(TABLE.leaves)))]
+
+
+def fed() -> Status:
+    status, table = Status("small.msgpack", "ab" * 32, 958_000), small_table()
+    status.phase(1, Phase.SQUEEZE, 0)
+    first = Step(1, 0, table.nodes[0].squeeze, 150, 30_200, 1, None)
+    second = Step(2, 1, table.nodes[1].squeeze, 174, 20_969, ~1, None)
+    for step in (first, second):
+        status.step(step)
+    status.part(PartResult.of(1, Outcome.LEAF, [first, second], None).audited("pass"))
+    status.phase(2, Phase.SQUEEZE, 0)
+    status.step(first)
+    status.phase(2, Phase.PLACE, 1)
+    return status
+
+
+def rows_at(target: int, room: int) -> list[Row]:
+    """Rows with the cell at a node, or just come to a leaf."""
+    step = {"node": OUTLINE._parents.get(target, 0), "width_mm": 1.0, "target": target}
+    state = {"node": target, "steps": []} if target >= 0 else {"node": None, "steps": [step]}
+    return OUTLINE.rows(OUTLINE.way(state), room)
+
+
+@pytest.mark.parametrize("room", [1, 3, 8, 20])
+def test_where_the_cell_is_is_always_shown_in_the_room_there_is(room: int) -> None:
+    for target in EVERY:
+        rows = rows_at(target, room)
+        assert len(rows) <= room
+        assert [row.target for row in rows if row.now] == [target]
+
+
+def test_the_way_there_is_whole_and_what_may_follow_is_shown() -> None:
+    for target in EVERY:
+        rows = rows_at(target, 60)
+        shown = {row.target: row for row in rows}
+        way = [row for row in rows if row.taken]
+        assert [row.depth for row in way] == list(range(len(way)))
+        assert (way[0].target, way[-1].target) == (0, target)
+        following = TABLE.nodes[target].branches if target >= 0 else ()
+        assert all(branch.target in shown for branch in following)
+
+
+def test_all_is_shown_once_where_there_is_room() -> None:
+    rows = rows_at(0, len(EVERY))
+    assert sorted(row.target for row in rows) == sorted(EVERY)
+
+
+def test_a_rejected_part_stays_where_it_was_rejected() -> None:
+    way = OUTLINE.way({"node": None, "steps": [{"node": 0, "width_mm": 1.0, "target": None}]})
+    assert (way.now, way.targets) == (0, {0})
+
+
+@pytest.mark.parametrize(("encoding", "here"), [("utf-8", "▶"), ("ascii", ">")])
+def test_the_picture_tells_node_width_outcomes_and_parts(encoding: str, here: str) -> None:
+    bare = io.TextIOWrapper(io.BytesIO(), encoding)
+    terminal = Terminal(file=bare, width=100, height=30, force_terminal=True, color_system=None)
+    terminal.print(picture(Outline(small_table()), "small.msgpack", fed().as_object(), terminal))
+    bare.flush()
+    told = bare.buffer.getvalue().decode(encoding)
+    assert "part 2  place  last width 30.20 mm  3 squeezes" in told
+    assert "1 LEAF  0 REJECT  0 UNRESOLVED" in told
+    (now,) = [line for line in told.splitlines() if line.startswith(here)]
+    assert "node 1, squeeze at (1.0, -2.0) mm, 90.0 deg" in now
+    assert "29.0 to 31.0 mm, 40.0 %" in now
+    assert "leaf 2, unresolved" in told
+    assert "part 1: LEAF 1, 2 squeezes, audit pass" in told
+
+
+def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.live.terminal.END_S", 0.1)
+    monkeypatch.setenv("TERM", "xterm")
+    ours, theirs = pty.openpty()  # whose other end is never read
+    result = PartResult.of(1, Outcome.REJECT, [], "nothing")
+    stuck = threading.Event()
+    stream = os.fdopen(theirs, "w")
+    view = View(small_table(), "small.msgpack", fed(), Quiet(), stream)
+    with view:
+        for _ in range(3000):
+            view.note("x" * 100)
+            view.part(result, Sighting(None, None, None, 0))
+        stuck.wait(0.3)
+        view.summary(Tally(), Path("j"))
+    assert view._thread.is_alive()
+    os.close(ours)  # hung up: what it was writing fails, and it ends
+    view._thread.join(20)
+    assert not view._thread.is_alive()
+    with contextlib.suppress(OSError):  # what it could not write
+        stream.close()
