@@ -19,6 +19,11 @@ from runtime.table import GripperSpec
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
+OF_THE_AUDIT = {
+    "camera": "lens and place of the audit's camera, from pictures of a board",
+    "tag": "where a tag is on its part",
+    "pictures": "take pictures, one at each Enter",
+}
 EPILOG = """\
 example:
   grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json
@@ -53,6 +58,9 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument("--debug", action="store_true", help="print the traceback of an error")
     subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
     width = subcommands.add_parser("width", help="the gripper's counts as widths, with gauge blocks")
+    # Those of the audit have a parser of their own, which is asked before this one.
+    for name, told in OF_THE_AUDIT.items():
+        subcommands.add_parser(name, help=told, add_help=False)
     add = width.add_argument
     add("--port", required=True, help="the gripper, as for grasp-runtime")
     add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")

@@ -70,7 +70,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     from runtime import calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)
-    if words[:1] in (["camera"], ["tag"], ["pictures"]):
+    if next((word for word in words if not word.startswith("-")), "") in calibrate_command.OF_THE_AUDIT:
         from drivers.camera.commands import calibrate as of_the_audit
 
         return of_the_audit(words)

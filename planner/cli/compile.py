@@ -25,12 +25,12 @@ NAME = "plan-compile"
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = _parser()
-    arguments = parser.parse_args(argv)
+    built = parser()
+    arguments = built.parse_args(argv)
     if arguments.baseline and (arguments.output or arguments.sweep):
-        parser.error("--baseline writes no table; leave out -o and --sweep")
+        built.error("--baseline writes no table; leave out -o and --sweep")
     if not arguments.baseline and not arguments.output:
-        parser.error("the following arguments are required: -o/--output")
+        built.error("the following arguments are required: -o/--output")
 
     def body() -> int:
         if arguments.sweep:
@@ -40,49 +40,50 @@ def main(argv: list[str] | None = None) -> int:
     return shell.run(NAME, arguments.debug, body)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = shell.parser(
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
     )
-    parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    parser.add_argument(
+    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    built.add_argument(
         "-o", "--output", type=Path, metavar="TREE.msgpack",
         help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
-    parser.add_argument(
+    built.add_argument(
         "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
-    parser.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
-    parser.add_argument(
+    built.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
+    built.add_argument(
         "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
     )
-    parser.add_argument(
+    built.add_argument(
         "--trials", type=shell.positive, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
+    built.add_argument(
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
         help="stop searching after so long, with the best tree so far (default: search until done)",
     )  # fmt: skip
-    parser.add_argument(
+    built.add_argument(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table)",
     )  # fmt: skip
-    parser.add_argument("--strip", action="store_true", help="leave the job out of the table")
-    parser.add_argument(
+    built.add_argument("--strip", action="store_true", help="leave the job out of the table")
+    built.add_argument(
         "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
     )
-    parser.add_argument(
+    built.add_argument(
         "--baseline", choices=["sensorless"],
         help="no table, but Goldberg's plan without sensors, and what it achieves",
     )  # fmt: skip
-    shell.add_cache(parser)
-    shell.add_scheduler(parser)
-    return parser
+    shell.add_cache(built)
+    shell.add_scheduler(built)
+    return built
 
 
 def _single(arguments: argparse.Namespace) -> int:

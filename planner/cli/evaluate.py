@@ -30,7 +30,7 @@ DEFAULT_TRIALS = 20_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
 
     def body() -> int:
         table = load(arguments.tree)
@@ -45,28 +45,27 @@ def main(argv: list[str] | None = None) -> int:
     return shell.run(NAME, arguments.debug, body)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = shell.parser(
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
         NAME,
         "Run a decision table on many parts in a world, and count how often it finds them.",
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
     )
-    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
-    parser.add_argument(
-        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
-    parser.add_argument(
+    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    built.add_argument("--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)")
+    built.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
+    built.add_argument(
         "--worst", type=shell.natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
+    built.add_argument(
         "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
     )
-    shell.add_scheduler(parser)
-    _add_world(parser.add_argument_group("the world, where it is not what the plan believes"))
-    return parser
+    shell.add_scheduler(built)
+    _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
+    return built
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:

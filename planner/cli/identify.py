@@ -27,7 +27,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
 
     def body() -> int:
         _check_options(arguments.figure)
@@ -57,40 +57,41 @@ def main(argv: list[str] | None = None) -> int:
     return shell.run(NAME, arguments.debug, body)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = shell.parser(
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
         NAME,
         "Identify the limit surface of a part on its table from measured pushes, and judge it on pushes that "
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
     )
-    parser.add_argument(
+    built.add_argument(
         "logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
-    parser.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
-    parser.add_argument(
+    built.add_argument("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    built.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
+    built.add_argument(
         "--kind", choices=tuple(KINDS), default="both",
         help="with both, the one that foretells better is written (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
+    built.add_argument(
         "--rho-mm",
         type=_positive,
         default=75.0,
         help="length that torques are divided by (default: %(default)g)",
     )
-    parser.add_argument(
+    built.add_argument(
         "--friction-n", type=_positive, help="friction of part and table (default: estimated from the pushes)"
     )
-    parser.add_argument(
+    built.add_argument(
         "--splits", type=shell.positive, default=50, help="random splits to judge by (default: %(default)s)"
     )
-    parser.add_argument(
+    built.add_argument(
         "--train-share", type=_share, default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )  # fmt: skip
-    parser.add_argument("--seed", type=shell.natural, default=0, help="of the splits (default: %(default)s)")
-    return parser
+    built.add_argument("--seed", type=shell.natural, default=0, help="of the splits (default: %(default)s)")
+    return built
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:

@@ -24,21 +24,22 @@ FITTING = 0.8
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
     return shell.run(NAME, arguments.debug, lambda: _init(arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = shell.parser(
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
         NAME,
         "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on\n"
         "a terminal. The file that comes out explains every field.",
         f"{NAME} bracket.dxf -o job.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber",
     )
-    parser.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
-    parser.add_argument("--force", action="store_true", help="overwrite it if it is there")
-    drawing = parser.add_argument_group("the drawing")
+    built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
+    built.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
+    built.add_argument("--force", action="store_true", help="overwrite it if it is there")
+    drawing = built.add_argument_group("the drawing")
     drawing.add_argument("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
     drawing.add_argument(
         "--contour", type=shell.positive, metavar="N", help="which one, if there are several"
@@ -50,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     drawing.add_argument(
         "--height", type=_number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
     )
-    answers = parser.add_argument_group("the answers")
+    answers = built.add_argument_group("the answers")
     answers.add_argument("--name", help="of the part")
     answers.add_argument(
         "--radius", type=_number, metavar="MM", help="its centre lies in a disc of this radius"
@@ -64,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         "--distance", type=_number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
-    return parser
+    return built
 
 
 def _number(text: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -17,24 +18,7 @@ MAX_TRIALS = 1_000_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = shell.parser(
-        NAME,
-        "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
-        "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
-        f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
-    )
-    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
-    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
-    parser.add_argument(
-        "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
-    )
-    parser.add_argument(
-        "--trials", type=shell.positive, default=dossier.TRIALS,
-        help="parts sent through the table to draw its beliefs (default: %(default)s)",
-    )  # fmt: skip
-    parser.add_argument("--seed", type=shell.natural, default=0, help="of these parts (default: %(default)s)")
-    arguments = parser.parse_args(argv)
+    arguments = parser().parse_args(argv)
 
     def body() -> int:
         output = shell.writable(arguments.output)
@@ -59,6 +43,28 @@ def main(argv: list[str] | None = None) -> int:
         return 0
 
     return shell.run(NAME, arguments.debug, body)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
+        NAME,
+        "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
+        "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
+        f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
+    )
+    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    built.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
+    built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    built.add_argument(
+        "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
+    )
+    built.add_argument(
+        "--trials", type=shell.positive, default=dossier.TRIALS,
+        help="parts sent through the table to draw its beliefs (default: %(default)s)",
+    )  # fmt: skip
+    built.add_argument("--seed", type=shell.natural, default=0, help="of these parts (default: %(default)s)")
+    return built
 
 
 if __name__ == "__main__":

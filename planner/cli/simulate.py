@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 import sys
@@ -24,38 +25,7 @@ OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = shell.parser(
-        NAME,
-        "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
-        "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
-        "reported as jammed at full opening, unmoved.",
-        f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
-    )
-    parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    parser.add_argument(
-        "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
-    )
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.csv", help="the results")
-    parser.add_argument(
-        "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
-    )
-    parser.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
-    parser.add_argument("--seed", type=shell.natural, help="of the scatter (default: the job's)")
-    parser.add_argument(
-        "--step-mm",
-        type=float,
-        default=DEFAULT_STEP_MM,
-        help="closing step of a finger (default: %(default)s)",
-    )
-    parser.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
-    parser.add_argument(
-        "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
-    )
-    parser.add_argument("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
-    parser.add_argument(
-        "--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12"
-    )
-    arguments = parser.parse_args(argv)
+    arguments = parser().parse_args(argv)
 
     def body() -> int:
         _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
@@ -81,6 +51,42 @@ def main(argv: list[str] | None = None) -> int:
         return 0
 
     return shell.run(NAME, arguments.debug, body)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    built = shell.parser(
+        NAME,
+        "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
+        "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
+        "reported as jammed at full opening, unmoved.",
+        f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
+    )
+    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    built.add_argument(
+        "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
+    )
+    built.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.csv", help="the results")
+    built.add_argument(
+        "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
+    )
+    built.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
+    built.add_argument("--seed", type=shell.natural, help="of the scatter (default: the job's)")
+    built.add_argument(
+        "--step-mm",
+        type=float,
+        default=DEFAULT_STEP_MM,
+        help="closing step of a finger (default: %(default)s)",
+    )
+    built.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
+    built.add_argument(
+        "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
+    )
+    built.add_argument("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
+    built.add_argument(
+        "--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12"
+    )
+    return built
 
 
 class Pictures(NamedTuple):
