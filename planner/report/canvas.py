@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +15,7 @@ from matplotlib.figure import Figure
 
 from planner.arrays import Array
 from planner.job import Job
+from planner.report.vector import lighter
 
 # Okabe and Ito's palette, and greys.
 BLUE = "#0072B2"
@@ -82,21 +81,6 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
         if path.suffix.lower() == ".svg":
             file.write_text(lighter(file.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-def lighter(svg: str) -> str:
-    """The same picture in half the bytes: styles that recur become classes, coordinates end at 0.001 pt."""
-    styles = Counter(re.findall(r'style="([^"]*)"', svg))
-    names = {text: f"s{k}" for k, (text, count) in enumerate(styles.most_common()) if count > 1}
-
-    def name(match: re.Match[str]) -> str:
-        known = names.get(match[1])
-        return f'class="{known}"' if known else match[0]
-
-    svg = re.sub(r'style="([^"]*)"', name, svg)
-    svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d{3})\d+", r"\1", path[0]), svg)
-    rules = "".join(f".{known}{{{text}}}" for text, known in names.items())
-    return svg.replace("</style>", f"{rules}</style>", 1)
 
 
 def outlines(outline: Array, poses: Array) -> Array:

@@ -14,9 +14,10 @@ from planner.arrays import Array
 from planner.belief import subsample
 from planner.job import Job
 from planner.report import canvas
+from planner.report.labels import percent, signed
 from planner.report.layout import Layout, Spot, tidy
 from planner.report.replay import Replay
-from planner.report.tree import BUS, DARKNESS, GAP, PANEL, SIZES, in_world, percent, reach, signed
+from planner.report.tree import BUS, DARKNESS, GAP, PANEL, SIZES, in_world, reach
 from runtime.table import PPM, Leaf, Node, Table
 
 EDGE = 8.0

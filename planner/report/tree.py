@@ -23,12 +23,13 @@ from planner.belief import subsample
 from planner.evaluate import placement_of
 from planner.frames import to_world
 from planner.job import Job
+from planner.part.outline import simplified
 from planner.report import canvas
+from planner.report.labels import DIM, degrees, interval, leaf_lines, percent
 from planner.report.layout import Layout, Sizes, Spot, tidy
 from planner.report.replay import Replay, replay
-from runtime.table import PPM, Branch, Leaf, Node, Table
+from runtime.table import PPM, Branch, Node, Table
 
-DIM = "#6b6b6b"
 LINE = "#8c8c8c"
 PANEL = 64.0
 GAP = 53.0
@@ -49,6 +50,12 @@ LEGEND_PX = 480.0
 """Room for the longest line of the legend."""
 OUTLINES = 60
 """Most outlines drawn in one panel."""
+CORNERS = 1100
+"""Most corners of them: an outline of many is drawn less often, which keeps the file small."""
+IN_ALL = 4600
+"""And most outlines in a picture: one of many panels draws fewer in each."""
+SHARPNESS_PX = 0.25
+"""How far an outline that is drawn may be from the true one."""
 DARKNESS = 0.7
 """Of the place that all outlines of a panel cover."""
 TRIALS = 20_000
@@ -70,20 +77,28 @@ def draw(table: Table, job: Job, path: Path, trials: int = TRIALS, seed: int = 0
 
 def figure(table: Table, job: Job, beliefs: Replay) -> Figure:
     """The picture; each panel is a group named `node-3` or `leaf-0` in an SVG."""
-    page = _Page(table, job, beliefs, tidy(table, SIZES))
-    page.draw_nodes()
-    page.draw_leaves()
-    page.draw_legend()
-    return page.figure
+    return Page(table, job, beliefs, tidy(table, SIZES)).draw()
 
 
-class _Page:
-    """The page under way: one pair of axes in pixels, y downwards."""
+class Page:
+    """The page under way, the root on top: one pair of axes in pixels, y downwards."""
 
     def __init__(self, table: Table, job: Job, beliefs: Replay, layout: Layout) -> None:
         self.table, self.beliefs, self.layout = table, beliefs, layout
-        self.outline, self.jaws = job.part.outline_mm, canvas.jaws_of(job)
-        self.scale = 0.5 * PANEL / reach(table, self.outline, self.jaws, beliefs)  # px per mm
+        self.jaws = canvas.jaws_of(job)
+        self.scale = 0.5 * PANEL / reach(table, job.part.outline_mm, self.jaws, beliefs)  # px per mm
+        self.outline = simplified(job.part.outline_mm, SHARPNESS_PX / self.scale)
+        panels = len(table.nodes) + len(table.leaves)
+        self.most = max(min(OUTLINES, CORNERS // len(self.outline), IN_ALL // panels), 1)
+        self.left = self.width = self.height = self.legend_y = 0.0
+        self.measure()
+        self.figure = Figure(figsize=(self.width / 100, self.height / 100), facecolor="white")
+        self.axes: Axes = self.figure.add_axes((0, 0, 1, 1), xlim=(0, self.width), ylim=(self.height, 0))
+        self.axes.set_axis_off()
+
+    def measure(self) -> None:
+        """Sets how large the page is, where the tree begins and where the legend."""
+        layout = self.layout
         self.width = max(2 * EDGE + layout.width, LEGEND_PX)
         self.left = 0.5 * (self.width - layout.width)
         self.legend_y = EDGE + (layout.rows - 1) * (PANEL + GAP)
@@ -92,9 +107,13 @@ class _Page:
             self.legend_y += PANEL + GAP
         lines = LINE_PX * (len(LEGEND) + 1)
         self.height = max(EDGE + layout.rows * (PANEL + GAP), self.legend_y + lines)
-        self.figure = Figure(figsize=(self.width / 100, self.height / 100), facecolor="white")
-        self.axes: Axes = self.figure.add_axes((0, 0, 1, 1), xlim=(0, self.width), ylim=(self.height, 0))
-        self.axes.set_axis_off()
+
+    def draw(self) -> Figure:
+        """Draws all of it."""
+        self.draw_nodes()
+        self.draw_leaves()
+        self.draw_legend()
+        return self.figure
 
     def draw_nodes(self) -> None:
         """All nodes, each with the branches that leave it."""
@@ -106,7 +125,7 @@ class _Page:
             for number, branch in enumerate(node.branches):
                 poses, target = visit.through(number), branch.target
                 child = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
-                self._branch(spot, child, branch, len(poses) / trials)
+                self.draw_branch(spot, child, branch, len(poses) / trials)
                 self._belief(f"node-{target}" if target >= 0 else f"leaf-{~target}", child, poses)
                 self._fingers(child, node, branch)
 
@@ -119,7 +138,7 @@ class _Page:
                 self._frame(spot, canvas.GREEN, 1.6, "solid")
             else:
                 self._frame(spot, LINE, 1.2, "dashed")
-            self._leaf_text(spot, leaf)
+            self.draw_leaf_text(spot, leaf_lines(leaf, self.table.goal.symmetry))
 
     def draw_legend(self) -> None:
         """What the signs mean, and how good the whole is."""
@@ -131,7 +150,7 @@ class _Page:
         )
         for k, (color, text) in enumerate((*LEGEND, ("", total))):
             y = self.legend_y + LINE_PX * (k + 0.5)
-            self._write(EDGE + 17, y, text)
+            self.write(EDGE + 17, y, text)
             if color:
                 self._sign(y, color)
 
@@ -149,7 +168,7 @@ class _Page:
 
     def _belief(self, name: str, spot: Spot, poses: Array) -> None:
         """A sample of the poses, so transparent that full overlap looks alike in all panels."""
-        poses = subsample(poses, OUTLINES)
+        poses = subsample(poses, self.most)
         fill = 1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1))
         parts = PolyCollection(
             list(self._at(spot, canvas.outlines(self.outline, poses))),
@@ -175,7 +194,7 @@ class _Page:
         angle = node.squeeze.angle_urad / 1e6
         along = np.array([-np.sin(angle), np.cos(angle)])  # the hand's y in the world
         across = np.array([along[1], -along[0]])
-        middle = self._middle(spot)
+        middle = self.middle(spot)
         rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5
         for side in (1.0, -1.0):
             head = side * np.array(
@@ -184,33 +203,32 @@ class _Page:
             self.axes.add_patch(
                 Polygon(middle + head * (1.0, -1.0), facecolor=canvas.BLACK, edgecolor="none", zorder=6)
             )
-        self._write(middle[0] + 4.0, middle[1] + 0.5 * (PANEL + BUS), f"{np.degrees(angle):.0f}°")
+        self.draw_angle(middle, float(np.degrees(angle)))
 
-    def _branch(self, spot: Spot, child: Spot, branch: Branch, share: float) -> None:
-        """The line to a child, as thick as the share of parts that takes it, and what it says."""
-        x0, y0 = self._middle(spot)
-        x1, y1 = self._middle(child)
+    def draw_angle(self, middle: Array, angle_deg: float) -> None:
+        """The hand's angle of the next squeeze, below the middle of a panel."""
+        self.write(middle[0] + 4.0, middle[1] + 0.5 * (PANEL + BUS), degrees(angle_deg))
+
+    def draw_branch(self, spot: Spot, child: Spot, branch: Branch, share: float) -> None:
+        """The line to a child, and what it says."""
+        x0, y0 = self.middle(spot)
+        x1, y1 = self.middle(child)
         y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
-        line = PathPatch(Curve([(x0, y0), (x0, y0 + BUS), (x1, y0 + BUS), (x1, y1)]), fill=False, zorder=1)
+        self.line([(x0, y0), (x0, y0 + BUS), (x1, y0 + BUS), (x1, y1)], share)
+        self.write(x1, y0 + BUS + 10.0, interval(branch), ha="center", ground=True)
+        self.write(x1, y0 + BUS + 21.0, percent(share), DIM, ha="center", ground=True)
+
+    def line(self, points: list[tuple[float, float]], share: float) -> None:
+        """A line as thick as the share of parts that takes it."""
+        line = PathPatch(Curve(points), fill=False, zorder=1)
         line.set(edgecolor=LINE, linewidth=0.6 + 3.0 * share, joinstyle="round", capstyle="butt")
         self.axes.add_patch(line)
-        interval = f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}"
-        self._write(x1, y0 + BUS + 10.0, interval, ha="center", ground=True)
-        self._write(x1, y0 + BUS + 21.0, percent(share), DIM, ha="center", ground=True)
 
-    def _leaf_text(self, spot: Spot, leaf: Leaf) -> None:
-        x, y = self._middle(spot)
-        y += 0.5 * PANEL + 9.0
-        period = 360.0 / self.table.goal.symmetry
-        angle = round(float(np.degrees(leaf.theta_urad / 1e6)), 1) % period
-        place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}"
-        lines = [(place, canvas.BLACK), (f"{angle:.1f}°", canvas.BLACK)]
-        if not leaf.resolved:
-            lines = [("not", canvas.BLACK), ("resolved", canvas.BLACK)]
-        lines.append((f"{100 * leaf.success_ppm / PPM:.1f} %", canvas.GREEN if leaf.resolved else DIM))
-        lines.append((f"of {leaf.trials}" if leaf.trials else "untried", DIM))
+    def draw_leaf_text(self, spot: Spot, lines: list[tuple[str, str]]) -> None:
+        """The lines of a leaf, each with its colour."""
+        x, y = self.middle(spot)
         for k, (line, color) in enumerate(lines):
-            self._write(x, y + 11.0 * k, line, color, ha="center")
+            self.write(x, y + 0.5 * PANEL + 9.0 + 11.0 * k, line, color, ha="center")
 
     def _polygon(
         self, spot: Spot, points: Array, color: str, width: float, opacity: float, zorder: float
@@ -219,7 +237,7 @@ class _Page:
         polygon.set_facecolor(to_rgba(color, opacity))
         self.axes.add_patch(polygon)
 
-    def _write(
+    def write(
         self, x: float, y: float, text: str, color: str = canvas.BLACK, ha: str = "left",
         zorder: float = 5, ground: bool = False,
     ) -> None:  # fmt: skip
@@ -229,16 +247,17 @@ class _Page:
         if ground:
             written.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
 
-    def _middle(self, spot: Spot) -> Array:
+    def middle(self, spot: Spot) -> Array:
+        """The middle of a panel on the page."""
         return np.array([self.left + spot.x, EDGE + spot.depth * (PANEL + GAP) + 0.5 * PANEL])
 
     def _corner(self, spot: Spot) -> tuple[float, float]:
-        x, y = self._middle(spot) - 0.5 * PANEL
+        x, y = self.middle(spot) - 0.5 * PANEL
         return float(x), float(y)
 
     def _at(self, spot: Spot, points: Array) -> Array:
         """Points of the world (..., 2) on the page, in a panel."""
-        return np.asarray(self._middle(spot) + self.scale * points * np.array([1.0, -1.0]))
+        return np.asarray(self.middle(spot) + self.scale * points * np.array([1.0, -1.0]))
 
 
 def in_world(boxes: Array, node: Node) -> Array:
@@ -257,15 +276,3 @@ def reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:
             boxes = in_world(canvas.finger_boxes(jaws, branch.expected_um / 1e3), node)
             reach = max(reach, float(np.max(np.abs(boxes))))
     return 1.03 * reach
-
-
-def percent(share: float) -> str:
-    """A share of all parts, with a digit more where it is small."""
-    if 0.0 < share < 0.001:
-        return "< 0.1 %"
-    return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
-
-
-def signed(value: float) -> str:
-    """One decimal, with a minus sign of the right length and no negative zero."""
-    return f"{round(value, 1) + 0.0:.1f}".replace("-", "\N{MINUS SIGN}")

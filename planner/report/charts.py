@@ -1,0 +1,161 @@
+"""Charts of the figures kept in `tests/bench/results`: this planner beside the paper and other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from planner.report import canvas
+
+WIDTH_IN = 8.3
+FONT = 8.5
+SMALL = 7.5
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+METHOD_NAMES = {
+    "closed-loop": "this planner",
+    "fixed-actions": "this planner, fixed actions",
+    "paper": "the paper's method, implemented here",
+    "paper-sequence": "the paper's method, whole sequences",
+    "sensorless": "no sensor",
+}
+METHOD_COLOURS = {
+    "closed-loop": canvas.BLUE,
+    "fixed-actions": SKY,
+    "paper": ORANGE,
+    "paper-sequence": canvas.GREEN,
+    "sensorless": canvas.RED,
+}
+PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)
+"""Squeezes a second by the paper's simulation: "0.5 to 3 seconds for rolling out 1 particle" (V.B)."""
+PAPER_LEARNED = 5000.0
+"""Particles a second by the paper's learned motion: "about 1 second to roll out 5000 particles" (V.B)."""
+
+
+class Bar(NamedTuple):
+    """One line of a chart of speeds; `low` is where the bar ends if a source gives a range."""
+
+    name: str
+    value: float
+    low: float
+    colour: str
+
+
+def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
+    """Success in the eight experiments of the paper's Table I: its robot, and tables judged in simulation.
+
+    Args:
+        rows: as `planner.report.comparison.run` returns them, all with the paper's rate; those of one
+            experiment together.
+        radii_mm: of the disc that a part's centre lies in, by part.
+
+    Raises:
+        ValueError: there is no row, or one without the paper's rate.
+    """
+    if not rows or any(row["paper"] is None for row in rows):
+        raise ValueError("rows of Table I are needed, each with the paper's rate; run tools/table1")
+    experiments = list(dict.fromkeys(row["row"] for row in rows))
+    first = {name: next(row for row in rows if row["row"] == name) for name in experiments}
+    methods = [name for name in METHOD_NAMES if any(row["method"] == name for row in rows)]
+    judged = {(row["row"], row["method"]): row for row in rows if "success_rate" in row}
+    figure = Figure(figsize=(WIDTH_IN, 3.3), facecolor="white", layout="constrained")
+    axes = figure.subplots()
+    width = 0.82 / (1 + len(methods))
+    places = np.arange(len(experiments)) - 0.41 + 0.5 * width
+    paper = [100.0 * first[name]["paper"] for name in experiments]
+    _bars(axes, places, paper, width, canvas.GREY, "the paper's robot")
+    for k, method in enumerate(methods):
+        shown = [
+            (x, judged[n, method]) for x, n in zip(places, experiments, strict=True) if (n, method) in judged
+        ]
+        at = np.array([x for x, _ in shown]) + (k + 1) * width
+        values = [100.0 * row["success_rate"] for _, row in shown]
+        label = f"{METHOD_NAMES[method]}, in simulation"
+        _bars(axes, at, values, width, METHOD_COLOURS[method], label)
+        bounds = 100.0 * np.array([row["success_ci95"] for _, row in shown]).reshape(-1, 2)
+        axes.errorbar(
+            at, values, np.abs(bounds.T - values),
+            fmt="none", ecolor=canvas.BLACK, elinewidth=0.8, capsize=1.5,
+        )  # fmt: skip
+    axes.set_xticks(
+        range(len(experiments)), [_experiment(first[n], radii_mm) for n in experiments], fontsize=SMALL
+    )
+    _finish(axes, "parts located to 3 mm / %")
+    axes.set(ylim=(0, 112), xlim=(-0.55, len(experiments) - 0.45))
+    figure.legend(loc="outside upper center", ncols=1 + len(methods), frameon=False, fontsize=FONT)
+    return figure
+
+
+def _experiment(row: Mapping[str, Any], radii_mm: Mapping[str, float]) -> str:
+    shape = row["part"].split("-")[0]
+    return f"{row['row']}\n{shape}\n{radii_mm[row['part']]:g} mm\n{row['materials']}"
+
+
+def _bars(axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str) -> None:
+    """Bars with their values above them."""
+    drawn = axes.bar(at, values, 0.94 * width, color=colour, label=label, zorder=2)
+    axes.bar_label(drawn, [f"{value:.1f}" for value in values], fontsize=SMALL, padding=2.5)
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label, fontsize=FONT)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(axis="x", length=0)
+    axes.grid(axis="y", color="#ececec", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:
+    """Squeezes a second on one core: simulated, and predicted by a learned motion model.
+
+    Args:
+        squeeze: what `tests/bench/bench_squeeze.py` keeps.
+        kcde: what `tests/bench/bench_kcde.py` keeps.
+    """
+    by_part = {row["part"]: row for row in squeeze["speed"]}
+    simulated = [Bar("the paper's Matlab program", PAPER_SIMULATED[1], PAPER_SIMULATED[0], canvas.GREY)]
+    for part, row in by_part.items():
+        simulated += [
+            Bar(f"plain numpy, {part}", row["twin_per_second"], 0.0, SKY),
+            Bar(f"MuJoCo, {part}", row["mujoco_per_second"], 0.0, ORANGE),
+            Bar(f"this planner, {part}", row["per_second"], 0.0, canvas.BLUE),
+        ]
+    learned = [
+        Bar("the paper's Matlab program", PAPER_LEARNED, 0.0, canvas.GREY),
+        Bar("scipy's search tree", 1e3 * kcde["particles"] / kcde["scipy_ms"], 0.0, SKY),
+        Bar("this planner", kcde["particles_per_second"], 0.0, canvas.BLUE),
+    ]
+    figure = Figure(figsize=(WIDTH_IN, 3.5), facecolor="white", layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(len(simulated), len(learned)))
+    _lines(upper, simulated, "simulated by contact mechanics")
+    _lines(lower, learned, f"predicted by a model learned from {_round(kcde['points'])} squeezes")
+    lower.set_xlabel("squeezes a second on one core, logarithmic", fontsize=FONT)
+    return figure
+
+
+def _lines(axes: Axes, bars: Sequence[Bar], title: str) -> None:
+    """Horizontal bars on a logarithmic axis, the first on top."""
+    rows = np.arange(len(bars))
+    axes.barh(rows, [bar.value for bar in bars], 0.72, color=[bar.colour for bar in bars], zorder=2)
+    for row, bar in zip(rows, bars, strict=True):
+        range_ = f"{_round(bar.low)} to " if bar.low else ""
+        axes.text(1.12 * bar.value, float(row), range_ + _round(bar.value), fontsize=SMALL, va="center")
+    axes.set_yticks(rows, [bar.name for bar in bars], fontsize=SMALL)
+    axes.set_xscale("log")
+    axes.set(xlim=(0.1, 4e6), ylim=(len(bars) - 0.4, -0.6))
+    axes.set_title(title, fontsize=FONT, loc="left", pad=3.0)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="x", which="minor", length=0)
+    axes.grid(axis="x", color="#ececec", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _round(value: float) -> str:
+    """Two significant digits, thousands set apart."""
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}".replace(",", "\N{NO-BREAK SPACE}") if rounded >= 10.0 else f"{rounded:g}"
