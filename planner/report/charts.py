@@ -98,7 +98,12 @@ def _experiment(row: Mapping[str, Any], radii_mm: Mapping[str, float]) -> str:
 def _bars(axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str) -> None:
     """Bars with their values above them."""
     drawn = axes.bar(at, values, 0.94 * width, color=colour, label=label, zorder=2)
-    axes.bar_label(drawn, [f"{value:.1f}" for value in values], fontsize=SMALL, padding=2.5)
+    axes.bar_label(drawn, [label_of(value) for value in values], fontsize=SMALL, padding=2.5)
+
+
+def label_of(percent: float) -> str:
+    """A share with one decimal; 100.0 only where nothing is missing."""
+    return ">99.9" if 99.95 <= percent < 100.0 else f"{percent:.1f}"
 
 
 def _finish(axes: Axes, label: str) -> None:

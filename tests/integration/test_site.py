@@ -1,0 +1,173 @@
+"""The site is built with warnings as errors, every link in it leads somewhere, and it loads nothing."""
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SITE = ROOT / "tools" / "docs" / "site"
+RESULTS = ROOT / "tests" / "bench" / "results"
+COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+
+
+def module(name):
+    """A module of the site's builder, which is no package."""
+    found = importlib.util.spec_from_file_location(f"site_{name}", SITE / f"{name}.py")
+    loaded = importlib.util.module_from_spec(found)
+    found.loader.exec_module(loaded)
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def links():
+    return module("links")
+
+
+@pytest.fixture(scope="module")
+def kept():
+    return module("kept")
+
+
+def build(*arguments):
+    return subprocess.run(
+        [sys.executable, str(SITE / "build.py"), *arguments],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    output = tmp_path_factory.mktemp("site") / "built"
+    done = build("-o", str(output))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "not fetched" in done.stdout
+    return output
+
+
+def text_of(page):
+    """What a reader sees of a page."""
+    return unescape(re.sub(r"<[^>]+>", "", page.read_text()))
+
+
+def test_the_start_page_is_the_readme(site):
+    start = site / re.search(r"url=(\S+)\"", (site / "index.html").read_text())[1]
+    assert "A robot that feels instead of looks" in text_of(start)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        *("README.md", "CHANGELOG.md", "runtime/TABLE.md", "runtime/OUTCOMES.md", "drivers/sim/FAULTS.md"),
+        *("drivers/abb/README.md", "drivers/camera/README.md"),
+        *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "tools").glob("d*s/[!T]*.md"))),
+    ],
+)
+def test_every_document_is_a_page(site, source):
+    page = (site / source).with_suffix(".html")
+    title = re.search(r"^# (.+)$", (ROOT / source).read_text(), re.MULTILINE)[1]
+    assert re.sub(r"\W", "", title.replace("`", "")) in re.sub(r"\W", "", text_of(page))
+
+
+def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site, links):
+    found = links.check(site)
+    assert found.faults == []
+    assert all(address.startswith("https://") for address in found.outside)
+
+
+def test_formulas_are_drawn(site):
+    page = (site / "tools/docs/how-it-works.html").read_text()
+    drawn = re.findall(r'<svg role="img" aria-label="([^"]*)"', page)
+    written = re.findall(
+        r"\$\$.*?\$\$|\$[^$\n]+\$", (ROOT / "tools/docs/how-it-works.md").read_text(), re.DOTALL
+    )
+    assert len(drawn) == len(written) >= 30
+    assert "\\mathbf" not in text_of(site / "tools/docs/how-it-works.html")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_is_in_the_reference(site, command):
+    pages = [path.read_text() for path in site.glob("tools/docs/commands-*.html")]
+    assert any(re.search(rf"<h[12]>{command}<", page) for page in pages)
+    usage = "".join(pages)
+    assert f"usage: {command}" in usage or re.search(rf"<pre><span></span>{command}\b", usage)
+
+
+def test_the_performance_page_says_what_is_kept(site, kept):
+    said = text_of(site / "tools/docs/performance.html")
+    for row in json.loads((RESULTS / "table1.json").read_text())["rows"]:
+        if "success_rate" in row:
+            assert f"{100 * row['success_rate']:.3f} (" in said
+    squeeze = json.loads((RESULTS / "squeeze.json").read_text())
+    for row in squeeze["convergence"]:
+        assert f"{row['per_second']:.0f}" in said
+    assert "None so far" in said or set(RESULTS.glob("*.json")) - {
+        RESULTS / f"{name.partition('-')[0]}.json" for name in kept.TABLES
+    }
+
+
+def test_every_table_of_kept_figures_is_on_the_page_with_a_command(kept):
+    page = (ROOT / "tools" / "docs" / "performance.md").read_text()
+    shown = re.findall(r"^```\{kept\} (\S+)$", page, re.MULTILINE)
+    assert sorted(shown) == sorted([*kept.TABLES, "others"])
+    benches = {path.name for path in (ROOT / "tests" / "bench").glob("bench_*.py")}
+    assert benches <= set(re.findall(r"tests/bench/(\w+\.py)", page))
+    for section in page.split("\n## ")[1:-1]:
+        assert "```console" in section, section.splitlines()[0]
+
+
+def test_a_table_without_its_file_says_so_and_an_unknown_one_is_refused(kept, monkeypatch, tmp_path):
+    monkeypatch.setattr(kept, "RESULTS", tmp_path)
+    assert kept.table_of("zoo") == "Not measured in this version."
+    with pytest.raises(KeyError):
+        kept.table_of("nothing")
+    (tmp_path / "extra.json").write_text('{"a": {"b": 0.123456}, "c": [{"d": "x|y"}], "e": [1, 2]}')
+    table = kept.table_of("others")
+    assert "| a.b | 0.1235 |" in table
+    assert "| c.1.d | x\\|y |" in table
+    assert "| e | [1, 2] |" in table
+
+
+FAULTY = """<html><head><script src="https://cdn.example/x.js"></script></head><body>
+<a href="#there">fine</a><a href="#nowhere">no anchor</a><a href="missing.html">no file</a>
+<a href="other.html#far">no anchor there</a><a href="https://example.org/">outside</a>
+<p id="there"></p><p id="twice"></p><p id="twice"></p></body></html>"""
+
+
+def test_the_check_of_links_finds_what_is_wrong(links, tmp_path):
+    (tmp_path / "index.html").write_text(FAULTY)
+    (tmp_path / "other.html").write_text("<p id='near'></p>")
+    (tmp_path / "a.css").write_text(
+        "@import 'https://fonts.example/a'; b { color: url(https://x.example/i) }"
+    )
+    found = links.check(tmp_path)
+    assert found.outside == ["https://example.org/"]
+    wrong = ["x.js from elsewhere", "#nowhere leads to no anchor", "missing.html leads to no file"]
+    wrong += ["other.html#far leads to no anchor", "twice is there 2 times", "fonts.example/a", "x.example/i"]
+    assert len(found.faults) == len(wrong)
+    for text in wrong:
+        assert any(text in fault for fault in found.faults), text
+
+
+def test_a_page_with_a_warning_fails(tmp_path):
+    (tmp_path / "README.md").write_text("# Start\n\n[away](nowhere.md)\n")
+    strict = module("build").STRICT
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *strict, str(tmp_path), str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0
+    assert "nowhere.md" in done.stderr
+
+
+def test_a_folder_with_something_else_is_not_replaced(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    done = build("-o", str(tmp_path))
+    assert (done.returncode, "something else" in done.stderr) == (2, True)
+    assert (tmp_path / "thesis.txt").exists()

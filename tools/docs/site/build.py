@@ -1,0 +1,60 @@
+"""Builds the documentation with warnings as errors, and follows every link in it. See tools/site."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from sphinx.cmd.build import main as sphinx
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+sys.path.insert(0, str(HERE))
+
+import links  # noqa: E402
+
+STRICT = [
+    "--fail-on-warning",
+    "--keep-going",
+    "--nitpicky",
+    "--fresh-env",
+    "--quiet",
+    "--conf-dir",
+    str(HERE),
+]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="tools/site", description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site")
+    parser.add_argument(
+        "--links", action="store_true", help="also fetch every page outside that is linked to"
+    )
+    arguments = parser.parse_args()
+    output: Path = arguments.output
+    if output.exists() and not (output / "objects.inv").exists() and any(output.iterdir()):
+        parser.error(f"{output} holds something else than a site; name another folder")
+    shutil.rmtree(output, ignore_errors=True)
+    with tempfile.TemporaryDirectory() as cache:
+        status = sphinx([*STRICT, "--builder", "html", "--doctree-dir", cache, str(ROOT), str(output)])
+        if status == 0 and arguments.links:
+            status = sphinx(
+                [*STRICT, "--builder", "linkcheck", "--doctree-dir", cache, str(ROOT), f"{cache}/links"]
+            )
+    if status:
+        return 1
+    found = links.check(output)
+    for fault in found.faults:
+        print(fault, file=sys.stderr)
+    fetched = "all there" if arguments.links else "not fetched"
+    print(f"{len(found.outside)} pages outside are linked to, {fetched}:")
+    print("\n".join(f"  {address}" for address in found.outside))
+    print(f"wrote {output / 'index.html'}")
+    return 1 if found.faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

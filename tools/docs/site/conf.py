@@ -1,0 +1,112 @@
+"""How tools/site builds the documentation. Its source is the whole repository: pages stay where they are."""
+
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path[:0] = [str(Path(__file__).parent), str(ROOT)]
+
+project = "squeezetree"
+author = "the squeezetree maintainers"
+copyright = "the squeezetree maintainers, Apache-2.0"  # noqa: A001
+language = "en"
+
+extensions = ["myst_parser", "sphinx_argparse_cli", "formulas", "kept"]
+root_doc = "README"
+include_patterns = [
+    "README.md",
+    "CHANGELOG.md",
+    "tools/docs/*.md",
+    "tools/docs/*.rst",
+    "tools/decisions/[0-9]*.md",
+    "runtime/*.md",
+    "drivers/**/*.md",
+]
+exclude_patterns = ["out", ".*", "**/__pycache__", "build", "dist", "tests", "trees", "planner"]
+
+myst_enable_extensions = ["dollarmath", "tasklist"]
+myst_heading_anchors = 4
+myst_links_external_new_tab = False
+nitpicky = True
+linkcheck_ignore = [r"tcp://.*", "http://$"]  # addresses of devices in what commands say of themselves
+linkcheck_anchors = False
+suppress_warnings: list[str] = []
+
+html_theme = "furo"
+html_title = "squeezetree"
+html_math_renderer = "drawn"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_last_updated_fmt = None
+highlight_language = "none"
+pygments_style = "default"
+pygments_dark_style = "github-dark"
+sphinx_argparse_cli_prefix_document = True
+
+CONTENTS = """
+
+```{toctree}
+:hidden:
+:caption: Start
+
+Overview <self>
+tools/docs/how-it-works
+tools/docs/tutorial
+tools/docs/performance
+```
+
+```{toctree}
+:hidden:
+:caption: In the cell
+
+tools/docs/commissioning
+runtime/OUTCOMES
+drivers/abb/README
+drivers/camera/README
+drivers/sim/FAULTS
+```
+
+```{toctree}
+:hidden:
+:caption: Reference
+
+tools/docs/commands
+runtime/TABLE
+tools/docs/decisions
+CHANGELOG
+```
+"""
+"""Beside every page; the README itself cannot say it, since it is read elsewhere too."""
+FOLDERS = {
+    "](tools/decisions)": "](tools/docs/decisions.md)",
+    "](tools/systemd)": "](tools/systemd/squeezetree@.service)",
+}
+"""Links to folders, which a site cannot show."""
+
+
+def complete(_: Sphinx, page: str, source: list[str]) -> None:
+    """Gives the start page its contents, and links to folders a page."""
+    if page == root_doc:
+        for folder, target in FOLDERS.items():
+            source[0] = source[0].replace(folder, target)
+        source[0] += CONTENTS
+
+
+def enter(app: Sphinx, failed: Exception | None) -> None:
+    """Gives the site the name that a browser looks for."""
+    if failed is None and app.builder.name == "html":
+        page = f"{root_doc}.html"
+        (app.outdir / "index.html").write_text(
+            f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{project}</title>'
+            f'<meta http-equiv="refresh" content="0; url={page}"></head>'
+            f'<body><p><a href="{page}">{project}</a></p></body></html>\n'
+        )
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("source-read", complete)
+    app.connect("build-finished", enter)

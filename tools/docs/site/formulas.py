@@ -1,0 +1,48 @@
+"""Formulas as drawings within the page: no script, no font and no network when it is read.
+
+MathML would need a mathematical font where the page is read, which few phones have; its letters then stand
+where they should not. ziamath sets formulas with STIX Two when the site is built.
+"""
+
+from html import escape
+
+import ziamath
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
+
+EM = 16.0
+"""Size that formulas are set at; on the page they have the size of the text around them."""
+LARGER = 1.1
+"""How much larger than its text a formula is; STIX is a small face."""
+
+
+def drawn(latex: str, inline: bool) -> str:
+    """An <svg> element as large as the formula, its base line on that of the text."""
+    formula = ziamath.Latex(latex, size=EM, color="currentColor", inline=inline)
+    svg = formula.svgxml()
+    width, height = (float(svg.get(side, "0")) for side in ("width", "height"))
+    top = float(svg.get("viewBox", "0 0 0 0").split()[1])
+    below = height + top  # of the base line
+    for name, value in (("width", width), ("height", height)):
+        svg.set(name, f"{LARGER * value / EM:.3f}em")
+    svg.set("style", f"vertical-align: {-LARGER * below / EM:.3f}em")
+    text = ziamath.zmath.ET.tostring(svg, encoding="unicode")
+    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(latex)}" ', 1)
+
+
+def inline(self: HTML5Translator, node: nodes.math) -> None:
+    self.body.append(drawn(node.astext(), inline=True))
+    raise nodes.SkipNode
+
+
+def block(self: HTML5Translator, node: nodes.math_block) -> None:
+    self.body.append(f'<div class="formula">{drawn(" ".join(node.astext().split()), inline=False)}</div>\n')
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    ziamath.config.svg2 = False  # no <symbol>s, whose ids several formulas of a page would share
+    ziamath.config.precision = 2
+    app.add_html_math_renderer("drawn", (inline, None), (block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

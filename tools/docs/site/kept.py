@@ -1,0 +1,318 @@
+"""The directive `kept`: what a file of tests/bench/results says, as tables, so that no page copies a figure.
+
+    ```{kept} squeeze
+    ```
+
+A name with a dash, such as `squeeze-speed`, is one of several tables of a file; `others` lists the
+files that no page shows otherwise. Without its file a table is left out, and the page says how to make it.
+"""
+
+import json
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+RESULTS = Path(__file__).resolve().parents[3] / "tests" / "bench" / "results"
+FEW_LINES = 40
+"""Most lines of a file of which only names and values are known."""
+
+
+def markdown(header: list[str], rows: list[list[object]]) -> str:
+    """A table; text to the left, and columns of numbers to the right."""
+    numbers = [
+        all(str(row[k])[:1] in "-\N{MINUS SIGN}0123456789" for row in rows) for k in range(len(header))
+    ]
+    rules = ["---:" if number else "---" for number in numbers]
+    cells = [header, rules, *[[str(cell).replace("|", "\\|") for cell in row] for row in rows]]
+    return "\n".join("| " + " | ".join(line) + " |" for line in cells)
+
+
+def percent(share: float, digits: int = 2) -> str:
+    return f"{100 * share:.{digits}f} %"
+
+
+def interval(rate: float, bounds: list[float]) -> str:
+    return f"{100 * rate:.3f} ({100 * bounds[0]:.2f} to {100 * bounds[1]:.2f}) %"
+
+
+def compared(kept: dict) -> str:
+    """Rows of tools/table1: Table I, or the zoo."""
+    header = ["row", "part", "materials", "the paper's robot", "method", "success (95 % interval)"]
+    header += ["wrong", "rejected", "unresolved", "squeezes, mean / most", "nodes", "compiled in"]
+    rows = []
+    for row in kept["rows"]:
+        paper = "" if row["paper"] is None else percent(row["paper"], 1)
+        name = [row["row"], row["part"], row["materials"], paper, row["method"]]
+        if "no_plan" in row:
+            rows.append([*name, "no plan", "", "", "", "", "", f"{row['compile_seconds']:.1f} s"])
+            continue
+        shares = [percent(row[key]) for key in ("wrong_rate", "reject_rate", "unresolved_rate")]
+        squeezes = f"{row['mean_squeezes']:.2f} / {row['max_squeezes']}"
+        rate = interval(row["success_rate"], row["success_ci95"])
+        rows.append([*name, rate, *shares, squeezes, row["nodes"], f"{row['compile_seconds']:.1f} s"])
+    shown = [k for k in range(len(header)) if any(row[k] != "" for row in rows)]
+    return markdown([header[k] for k in shown], [[row[k] for k in shown] for row in rows])
+
+
+def squeeze_speed(kept: dict) -> str:
+    header = [
+        "part",
+        "corners",
+        "squeezes a second, one core",
+        "plain numpy",
+        "MuJoCo",
+        "MuJoCo's width within 1 mm",
+    ]
+    return markdown(
+        header,
+        [
+            [
+                row["part"], row["vertices"], f"{row['per_second']:.0f}", f"{row['twin_per_second']:.2g}",
+                f"{row['mujoco_per_second']:.2g}", row["mujoco_within_1_mm"],
+            ]
+            for row in kept["speed"]
+        ],
+    )  # fmt: skip
+
+
+def squeeze_convergence(kept: dict) -> str:
+    header = [
+        "part",
+        "disc",
+        "agrees with steps a twentieth as long",
+        "deepest overlap",
+        "given up",
+        "squeezes a second",
+    ]
+    return markdown(
+        header,
+        [
+            [
+                row["part"], f"{row['disc_mm']:g} mm", f"{row['close_percent']:.2f} %",
+                f"{row['deepest_mm']:.3f} mm", row["given_up"], f"{row['per_second']:.0f}",
+            ]
+            for row in kept["convergence"]
+        ],
+    )  # fmt: skip
+
+
+def squeeze_goldberg(kept: dict) -> str:
+    found = kept["goldberg"]
+    return (
+        f"{found['squeezes']} squeezes of {found['polygons']} random polygons without friction, by fingers "
+        f"longer than the part: {found['in_a_valley']} end in a valley of Goldberg's diameter function, "
+        f"{found['grasped']} of them grasped."
+    )
+
+
+def kcde(kept: dict) -> str:
+    rows = [
+        [kept["points"], "this planner", f"{kept['ours_ms']:.1f} ms", f"{kept['particles_per_second']:.0f}"],
+        [
+            kept["points"], "scipy, 400 neighbours", f"{kept['scipy_ms']:.1f} ms",
+            f"{1e3 * kept['particles'] / kept['scipy_ms']:.0f}",
+        ],
+        [
+            kept["own_points"], "this planner", f"{kept['own_ms']:.1f} ms",
+            f"{kept['own_particles_per_second']:.0f}",
+        ],
+    ]  # fmt: skip
+    return markdown(
+        ["learned from", "by", f"{kept['particles']} particles", "particles a second, one core"], rows
+    )
+
+
+def push_forward(kept: dict) -> str:
+    header = ["part", "squeezes at", "the model used", "its estimate alone", "the paper's bandwidths"]
+    rows = []
+    for part, found in kept.items():
+        if part == "setting":
+            continue
+        for angles in ("[0, 45, 90]", "[0, 90, 45]"):
+            cells = [" ".join(f"{x:.2f}" for x in found[f"{name} {angles}"]["same"]) for name in METHODS]
+            rows.append([part, angles.strip("[]") + "°", *cells])
+    return markdown(header, rows)
+
+
+METHODS = ("model", "estimate alone", "paper")
+
+
+def collision(kept: dict) -> str:
+    header = [
+        "part",
+        "detectors",
+        "collisions missed, jaws open",
+        "false alarms",
+        "missed, any opening",
+        "a question",
+    ]
+    rows = []
+    for part in dict.fromkeys(row["part"] for row in kept["detectors"]):
+        own = [row for row in kept["detectors"] if row["part"] == part]
+        rates = [
+            sum(row[jaws][count] for row in own) / sum(row[jaws][of] for row in own)
+            for jaws, count, of in (
+                ("fully_open", "missed", "colliding"),
+                ("fully_open", "false_alarms", "free"),
+                ("any_opening", "missed", "colliding"),
+            )
+        ]
+        mean = sum(row["tree_us"] for row in own) / len(own)
+        rows.append([part, len(own), *[percent(rate, 3) for rate in rates], f"{mean:.2f} us"])
+    return markdown(header, rows)
+
+
+def rollouts(kept: dict) -> str:
+    header = ["part", "poses", "rolled out", "seconds", "a second", "read back in"]
+    rows = [
+        [
+            row["part"], row["count"], row["rolled_out"], f"{row['first_s']:.1f}", f"{row['per_second']:.0f}",
+            f"{1e3 * row['second_s']:.0f} ms",
+        ]
+        for row in kept["generate"]
+    ]  # fmt: skip
+    both = kept["cluster"]
+    note = f"{both['count']} on a Dask cluster of {both['workers']} workers: {both['cluster_s']:.1f} s"
+    return f"{markdown(header, rows)}\n\n{note}, on threads {both['threads_s']:.1f} s, the same bytes."
+
+
+def runtime(kept: dict) -> str:
+    limits, memory, decision = kept["limits"], kept["memory"], kept["decision"]
+    rows = [
+        ["resident memory", f"{memory['peak_mib']:.1f} MiB", f"{limits['rss_mib']:g} MiB"],
+        [
+            "start to first frame, slowest", f"{kept['first_frame_s']['max']:.2f} s",
+            f"{limits['first_frame_s']:g} s",
+        ],
+        ["a decision, median", f"{decision['cpu_p50_us']:.1f} us", ""],
+        [
+            f"a decision, 99.99 % of {decision['decisions']}", f"{decision['cpu_p9999_us']:.0f} us",
+            f"{limits['decision_p9999_us']:g} us",
+        ],
+    ]  # fmt: skip
+    return markdown(["figure", "measured", "aim"], rows)
+
+
+def camera(kept: dict) -> str:
+    header = ["pictures", "found", "error, 95 %", "error, worst", "angle, 95 %", "a picture"]
+    shown = {"the work area, true calibration": kept["work_area"], **kept["limits"]}
+    rows = [
+        [
+            name, f"{found['pictures'] - found['missed']} of {found['pictures']}",
+            *[f"{found[f'true_calibration_{key}']:.3f} {unit}" for key, unit in ERRORS],
+            f"{found['ms_mean']:.0f} ms",
+        ]
+        for name, found in shown.items()
+    ]  # fmt: skip
+    own = kept["work_area"]
+    rows.insert(
+        1,
+        [
+            "the same, own calibration", rows[0][1],
+            *[f"{own[f'own_calibration_{key}']:.3f} {unit}" for key, unit in ERRORS], rows[0][-1],
+        ],
+    )  # fmt: skip
+    return markdown(header, rows)
+
+
+ERRORS = (("mm_p95", "mm"), ("mm_max", "mm"), ("deg_p95", "°"))
+
+
+def audit_loop(kept: dict) -> str:
+    header = ["table off by", "parts", "verdicts", "agree with the truth", "false passes", "an answer"]
+    rows = [
+        [
+            f"{row['shift_mm']:g} mm", row["parts"],
+            ", ".join(f"{count} {verdict}" for verdict, count in row["verdicts"].items()),
+            percent(row["agreement"], 1), row["false_passes"], f"{row['answer_s_mean']:.2f} s",
+        ]
+        for row in kept["loop"]
+    ]  # fmt: skip
+    return markdown(header, rows)
+
+
+def audit_drift(kept: dict) -> str:
+    rows = []
+    for name, runs in kept["drift"].items():
+        if isinstance(runs, list):
+            first = [min(run.values()) if run else None for run in runs]
+            seen = ", ".join("none" if parts is None else str(parts) for parts in first)
+            charts = ", ".join(sorted({chart for run in runs for chart in run})) or "none"
+            rows.append([name, seen, charts])
+    return markdown(["what goes wrong", "parts until the first alarm, each run", "charts that ring"], rows)
+
+
+def others(_: dict) -> str:
+    """Every file that has no table of its own, as names and values."""
+    known = {name.partition("-")[0] for name in TABLES}
+    parts = []
+    for path in sorted(RESULTS.glob("*.json")):
+        if path.stem not in known:
+            rows = [list(pair) for pair in flat(json.loads(path.read_text()))]
+            more = [["...", f"{len(rows) - FEW_LINES} more"]] if len(rows) > FEW_LINES else []
+            table = markdown(["what", "value"], rows[:FEW_LINES] + more)
+            parts.append(f"**tests/bench/results/{path.name}**\n\n{table}")
+    return "\n\n".join(parts) or "None so far."
+
+
+def flat(value: object, name: str = "") -> list[tuple[str, object]]:
+    """Names, with dots for depth, and values."""
+    if isinstance(value, dict):
+        return [pair for key, inner in value.items() for pair in flat(inner, f"{name}.{key}".lstrip("."))]
+    if isinstance(value, list) and any(isinstance(inner, (dict, list)) for inner in value):
+        return [pair for k, inner in enumerate(value, 1) for pair in flat(inner, f"{name}.{k}")]
+    return [(name, f"{value:.4g}" if isinstance(value, float) else value)]
+
+
+TABLES = {
+    "table1": compared,
+    "zoo": compared,
+    "squeeze-speed": squeeze_speed,
+    "squeeze-convergence": squeeze_convergence,
+    "squeeze-goldberg": squeeze_goldberg,
+    "kcde": kcde,
+    "push_forward": push_forward,
+    "collision": collision,
+    "rollouts": rollouts,
+    "runtime": runtime,
+    "camera": camera,
+    "audit-loop": audit_loop,
+    "audit-drift": audit_drift,
+}
+
+
+def table_of(name: str) -> str:
+    """The Markdown that a name stands for.
+
+    Raises:
+        KeyError: there is no table of that name.
+    """
+    if name == "others":
+        return others({})
+    path = RESULTS / f"{name.partition('-')[0]}.json"
+    if name in TABLES and not path.exists():
+        return "Not measured in this version."
+    return TABLES[name](json.loads(path.read_text()))
+
+
+class Kept(SphinxDirective):
+    """See the module."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        name = self.arguments[0]
+        try:
+            text = table_of(name)
+        except KeyError:
+            raise self.error(f"no table {name}; there are {', '.join(TABLES)} and others") from None
+        for path in RESULTS.glob("*.json"):
+            self.env.note_dependency(str(path))
+        return [nodes.container("", *self.parse_text_to_nodes(text), classes=["kept"])]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("kept", Kept)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,90 @@
+"""What the pages of a built site lead to, and whether it is there."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote, urlsplit
+
+LOADED = {"src", "srcset", "poster", "data"}
+"""Attributes whose target a browser fetches by itself."""
+
+
+class Found(NamedTuple):
+    """What is wrong with a site, a line each, and the addresses outside that it names."""
+
+    faults: list[str]
+    outside: list[str]
+
+
+class Page(HTMLParser):
+    """The targets and the anchors of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.ids: Counter[str] = Counter()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name == "id" and value:
+                self.ids[value] += 1
+            elif name in LOADED and value:
+                self.loads.append(value)
+            elif name == "href" and value:
+                (self.loads if tag == "link" else self.links).append(value)
+
+
+def check(site: Path) -> Found:
+    """Follows every link and every picture, script and style of a site, within it.
+
+    Args:
+        site: the folder with the built pages.
+    """
+    pages = {path.resolve(): Page(path) for path in sorted(site.rglob("*.html"))}
+    faults, outside = [], set()
+    for path, page in pages.items():
+        name = path.relative_to(site.resolve())
+        faults += [
+            f"{name}: the anchor {anchor} is there {n} times" for anchor, n in page.ids.items() if n > 1
+        ]
+        faults += [f"{name}: loads {target} from elsewhere" for target in page.loads if _is_outside(target)]
+        outside |= {target for target in page.links if _is_page(target)}
+        for target in (*page.links, *page.loads):
+            if not _is_outside(target):
+                faults += [f"{name}: {fault}" for fault in _faults(path, target, pages)]
+    for style in sorted(site.rglob("*.css")):
+        for target in re.findall(
+            r"(?:url\(|@import)\s*[\"']?(https?:[^\"')\s]+)", style.read_text(encoding="utf-8")
+        ):
+            faults.append(f"{style.relative_to(site)}: loads {target} from elsewhere")
+    return Found(faults, sorted(outside))
+
+
+def _is_outside(target: str) -> bool:
+    parts = urlsplit(target)
+    return bool(parts.netloc) or parts.scheme in ("http", "https")
+
+
+def _is_page(target: str) -> bool:
+    parts = urlsplit(target)
+    return bool(parts.netloc) and parts.scheme in ("http", "https")
+
+
+def _faults(path: Path, target: str, pages: dict[Path, Page]) -> list[str]:
+    """What is wrong with a target within the site."""
+    parts = urlsplit(target)
+    if parts.scheme in ("data", "mailto"):
+        return []
+    file = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+    if not file.exists():
+        return [f"{target} leads to no file"]
+    anchor = unquote(parts.fragment)
+    if anchor and file in pages and anchor not in pages[file].ids:
+        return [f"{target} leads to no anchor"]
+    return []
