@@ -17,15 +17,20 @@ from runtime.ports import Clock
 START_S = 60.0  # the planner's world compiles its kernels on the first start
 END_S = 5.0
 MODULE = "drivers.sim.cli"
+DEVICES = ("gripper", "arm", "scene", "world")
 
 
 class Endpoints(NamedTuple):
-    """Where the cell's devices are to be reached, as a port is named to `drivers.connect`."""
+    """Where the cell's devices are to be reached, as a port is named to `drivers.connect`.
+
+    `camera` is the address of a picture, empty where the cell was started without a camera.
+    """
 
     gripper: str
     arm: str
     scene: str
     world: str
+    camera: str = ""
 
 
 class CellProcess:
@@ -38,7 +43,9 @@ class CellProcess:
         endpoints: where its devices are.
     """
 
-    def __init__(self, table: Path, *, world: str, seed: int, time_scale: float) -> None:
+    def __init__(
+        self, table: Path, *, world: str, seed: int, time_scale: float, camera: bool = False
+    ) -> None:
         """Start it and wait until it serves.
 
         Args:
@@ -46,13 +53,14 @@ class CellProcess:
             world: the physics, `module:factory`.
             seed: of the world, the parts and the encoder's noise.
             time_scale: how many of its seconds pass in one of ours.
+            camera: whether it has a camera under its table.
 
         Raises:
             CellStartError: it ended or stayed silent; with what it said.
         """
         command = [sys.executable, "-P", "-m", MODULE, "--json", "--until-stdin-closes"]
         command += ["--tree", str(table), "--world", world, "--seed", str(seed)]
-        command += ["--time-scale", repr(time_scale)]
+        command += ["--time-scale", repr(time_scale), *(["--camera"] if camera else [])]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -124,6 +132,7 @@ def _read_some(pipe: IO[bytes], seconds: float) -> bytes | None:
 def _endpoints(line: bytes) -> Endpoints:
     try:
         told = json.loads(line)
-        return Endpoints(*(str(told[name]) for name in Endpoints._fields))
-    except (ValueError, TypeError, KeyError) as error:
+        gripper, arm, scene, world = (str(told[name]) for name in DEVICES)
+        return Endpoints(gripper, arm, scene, world, str(told.get("camera", "")))
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise CellStartError(f"grasp-cell told {line[:200]!r} instead of its endpoints") from error

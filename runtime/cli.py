@@ -42,6 +42,7 @@ class Devices(NamedTuple):
     gripper: Gripper
     arm: Arm
     scene: Scene | None
+    camera: str = ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -137,7 +138,8 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     incidents.hand_over(journal)
     auditor = None
     if arguments.audit is not None:
-        auditor = stack.enter_context(AuditProcess(arguments.audit, SystemClock()))
+        command = arguments.audit.replace(options.SIMULATED_CAMERA, devices.camera)
+        auditor = stack.enter_context(AuditProcess(command, SystemClock()))
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
     # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
     activate = arguments.activate or arguments.port == SIMULATED
@@ -197,14 +199,18 @@ def _connect(
     arguments: argparse.Namespace, table: Table, console: Console, stack: ExitStack, report: Report
 ) -> Devices:
     """Connect to the devices; for a simulated cell start it first and then talk to it as to hardware."""
-    gripper_port, arm_url, scene_url = arguments.port, arguments.arm, None
+    gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
         world = arguments.world or _default_world(table, console)
         process = CellProcess(
-            arguments.tree, world=world, seed=arguments.seed, time_scale=arguments.time_scale
+            arguments.tree,
+            world=world,
+            seed=arguments.seed,
+            time_scale=arguments.time_scale,
+            camera=options.SIMULATED_CAMERA in (arguments.audit or ""),
         )
         cell = stack.enter_context(process).endpoints
-        gripper_port, arm_url, scene_url = cell.gripper, cell.arm, cell.scene
+        gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
         console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life")
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
@@ -217,7 +223,7 @@ def _connect(
         return Devices(gripper, arm, None)
     scene = connect.scene(scene_url)
     stack.callback(scene.close)
-    return Devices(gripper, arm, scene)
+    return Devices(gripper, arm, scene, camera)
 
 
 def _default_world(table: Table, console: Console) -> str:

@@ -19,6 +19,7 @@ from runtime.tips import TipArc
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
+SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 ARC_MODELS = ("2f-85", "c-85")
 
 EPILOG = f"""\
@@ -98,6 +99,8 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise UsageError("--check looks at an attached gripper; name its port, or leave --port out")
     if simulated or arguments.check:
         return
+    if SIMULATED_CAMERA in (arguments.audit or ""):
+        raise UsageError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
     if arguments.arm in (None, SIMULATED):
         raise UsageError("a real gripper needs a real arm; name it with --arm tcp://host:port")
     if arguments.arm == arguments.port:
@@ -222,7 +225,12 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
         metavar="X,Y,ANGLE|FILE|no",
         help="take a localised part and put it down there (default: as the job's section delivery says)",
     )
-    add("--audit", metavar="COMMAND", help="ask this program about every leaf: one JSON line in, one out")
+    add(
+        "--audit",
+        metavar="COMMAND",
+        help="ask this program about every leaf: one JSON line in, one out; {camera} in it is the address of "
+        "the camera of --port sim",
+    )
 
 
 def _add_policy(group: argparse._ArgumentGroup) -> None:

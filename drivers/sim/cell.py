@@ -1,19 +1,30 @@
 """A whole simulated cell in real time: gripper and arm behind their real protocols, a part between them."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
 from drivers.abb.codec import Pose
 from drivers.sim.arm_logger import ArmLogger
 from drivers.sim.arm_server import ArmServer
+from drivers.sim.camera.server import CameraServer
 from drivers.sim.eye import SceneServer
 from drivers.sim.faults import Schedule
 from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
 from drivers.sim.modbus import GripperRegisters
 from drivers.sim.rtu import PtyPort, RtuSlave
 from drivers.sim.scene import Setting
+from drivers.sim.tabletop import Look
 from drivers.sim.timing import SimulatedTime
 from drivers.sim.workcell import Workcell
+
+
+class Photographer(Protocol):
+    """Takes pictures of the table; `drivers.sim.camera.rig.Rig`, which needs the audit extra."""
+
+    def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
+        """What takes pictures of what `look` tells, each as the bytes of a JPEG."""
+        ...
 
 
 class Cell:
@@ -26,10 +37,16 @@ class Cell:
         seed: of every draw.
         time_scale: simulated seconds per wall second.
         faults: what goes wrong when; None: nothing.
+        rig: the camera under the table; None: there is none.
     """
 
     def __init__(
-        self, setting: Setting, seed: int, time_scale: float = 1.0, faults: Schedule | None = None
+        self,
+        setting: Setting,
+        seed: int,
+        time_scale: float = 1.0,
+        faults: Schedule | None = None,
+        rig: Photographer | None = None,
     ) -> None:
         self.stopped = threading.Event()
         self.world = setting.world
@@ -52,15 +69,17 @@ class Cell:
         )
         self._logger = ArmLogger(self._look_at_arm, now, self._time.sleep, self.stopped)
         self._scene_server = SceneServer(self._answer, self.stopped)
+        self._camera = None if rig is None else CameraServer(rig.watcher(self._look, seed))
         self._servers = (
             *(self._pty, self._rtu_tcp, self._modbus_tcp),
             *(self._arm_server, self._logger, self._scene_server),
+            *(() if self._camera is None else (self._camera,)),
         )
 
     @property
     def endpoints(self) -> dict[str, str]:
         """Where its devices are, as `drivers.connect` takes them."""
-        return {
+        found = {
             "gripper": self._pty.path,
             "arm": self._arm_server.url,
             "scene": self._scene_server.url,
@@ -69,6 +88,7 @@ class Cell:
             "gripper_tcp": f"tcp://{self._modbus_tcp.address}",
             "gripper_rtu_tcp": f"rtu+tcp://{self._rtu_tcp.address}",
         }
+        return found if self._camera is None else found | {"camera": self._camera.url}
 
     def __enter__(self) -> "Cell":
         for server in self._servers:
@@ -88,6 +108,10 @@ class Cell:
         with self._lock:
             now_s = self._time.now()
             return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
+
+    def _look(self) -> Look:
+        with self._lock:
+            return self.works.look()
 
     def _answer(self, what: str) -> Mapping[str, object]:
         with self._lock:

@@ -8,11 +8,13 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from drivers.sim.cell import Cell
 from drivers.sim.faults import parse
-from drivers.sim.scene import REHEARSAL, Setting, load, warm_up
+from drivers.sim.scene import REHEARSAL, CellError, Setting, load, warm_up
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
@@ -20,7 +22,9 @@ EPILOG = """example:
 
 The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP and as
 Modbus TCP (unit 2, registers from 0): use one of the three. The arm is an open_abb server, the scene a line
-protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}.
+protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam
+looks up through the table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes
+its address.
 
 exit codes:
   0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing
@@ -52,6 +56,13 @@ def parser() -> argparse.ArgumentParser:
         "--faults",
         metavar="SCHEDULE",
         help="what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)",
+    )
+    made.add_argument("--camera", action="store_true", help="serve what a camera under the table sees")
+    made.add_argument(
+        "--camera-views",
+        type=Path,
+        metavar="DIR",
+        help="instead of serving, write the pictures to calibrate that camera from, and the commands for it",
     )
     made.add_argument("--json", action="store_true", help="print the endpoints as one JSON object")
     made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
@@ -92,9 +103,12 @@ def serve(options: argparse.Namespace) -> int:
         print(
             "grasp-cell: no planner here; widths are drawn from the table's own statistics", file=sys.stderr
         )
+    if options.camera_views is not None:
+        return write_views(options)
+    rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
     failures: list[str] = []
-    with Cell(setting, options.seed, options.time_scale, faults) as cell:
+    with Cell(setting, options.seed, options.time_scale, faults, rig) as cell:
         threading.excepthook = lambda failed: _give_up(failed, failures, cell.stopped, debug=options.debug)
         signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
         if options.until_stdin_closes:
@@ -107,6 +121,37 @@ def serve(options: argparse.Namespace) -> int:
     for failure in failures[:1]:
         print(f"grasp-cell: stopped: {failure}", file=sys.stderr)
     return 1 if failures else 0
+
+
+def camera(setting: Setting) -> Any:
+    """The camera under the table.
+
+    Raises:
+        CellError: OpenCV is missing, or the world knows no poses to take pictures of.
+    """
+    if not setting.truthful:
+        raise CellError(
+            f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
+        )
+    return _audit_extra("rig").standard_rig()
+
+
+def write_views(options: argparse.Namespace) -> int:
+    """Write the pictures that calibrate the camera, and print what to do with them."""
+    album, rig = _audit_extra("album"), _audit_extra("rig").standard_rig()
+    for words in album.write(rig, options.camera_views, options.seed):
+        print(f"grasp-calibrate {words}", flush=True)
+    return 0
+
+
+def _audit_extra(name: str) -> Any:
+    """A module of the simulated camera, which the cell does without unless it is asked for one."""
+    try:
+        return import_module(f"drivers.sim.camera.{name}")
+    except ModuleNotFoundError as error:
+        raise CellError(
+            f"the camera needs the audit extra ({error.name} is missing); pip install 'squeezetree[audit]'"
+        ) from error
 
 
 def _give_up(

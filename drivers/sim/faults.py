@@ -98,6 +98,7 @@ SCENE_KINDS = _kinds(
     ("part_bumped", 2, 30, 1, "the part is pushed `value` mm before the jaws close"),
     ("part_slips", 0, 0, 9, "a part that is lifted slips out"),
     ("camera_covered", 0, 0, 9, "the camera sees nothing"),
+    ("camera_moved", 1, 20, 9, "the camera stands `value` mm from its place"),
 )
 KINDS = {kind.name: kind for kind in (*LINE_KINDS, *GRIPPER_KINDS, *ARM_KINDS, *SCENE_KINDS)}
 

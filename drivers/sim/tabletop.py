@@ -2,6 +2,7 @@
 
 import math
 import random
+from typing import NamedTuple
 
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.scene import Pose2, Setting
@@ -18,6 +19,27 @@ def relative(a: Pose2, b: Pose2) -> Pose2:
     c, s = math.cos(a[2]), math.sin(a[2])
     x, y = b[0] - a[0], b[1] - a[1]
     return (c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau))
+
+
+BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
+
+
+class Look(NamedTuple):
+    """What a camera under the table has before it.
+
+    Attributes:
+        pose: of the part; None: there is no part, or the world knows no poses.
+        strange: whether it is another part than the one that should come.
+        second: pose of a second part; None: there is none.
+        covered: whether something lies on the lens.
+        moved_mm: how far the camera stands from its place.
+    """
+
+    pose: Pose2 | None
+    strange: bool = False
+    second: Pose2 | None = None
+    covered: bool = False
+    moved_mm: float = 0.0
 
 
 class TableTop:
@@ -117,6 +139,18 @@ class TableTop:
             "status": self.status,
             "covered": self._desk.holds("camera_covered") is not None,
         }
+
+    def look(self) -> Look:
+        """What a camera sees."""
+        there = self.truthful and not self._desk.holds("part_missing")
+        moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
+        return Look(
+            self.pose if there else None,
+            self._desk.holds("wrong_part") is not None,
+            compose(self.pose, BESIDE) if two and there else None,
+            self._desk.holds("camera_covered") is not None,
+            0.0 if moved is None else moved.value,
+        )
 
     def _bump(self, distance_mm: float) -> None:
         bearing = random.Random(f"{self._seed}/bump/{self.part}").uniform(-math.pi, math.pi)

@@ -13,7 +13,7 @@ from drivers.sim.jaws import Jaws
 from drivers.sim.line import CleanLine, FaultyLine
 from drivers.sim.modbus import Device
 from drivers.sim.scene import Pose2, Setting
-from drivers.sim.tabletop import TableTop
+from drivers.sim.tabletop import Look, TableTop
 
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
 
@@ -102,3 +102,8 @@ class Workcell:
         if what == "next_part":
             return {"part": self.table.next_part()}
         return self.table.truth() if what == "truth" else None
+
+    def look(self) -> Look:
+        """What a camera under the table sees now."""
+        self.gripper.advance(self.now())
+        return self.table.look()

@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 from cameras import camera, part_tag, rig, true_calibration
 
-from drivers import connect
 from drivers.camera import calibration, service, tag_file
 from drivers.camera.auditor import Answer
 from drivers.camera.judge import PASS, UNKNOWN
 from drivers.sim.camera.server import CameraServer
-from runtime.cell_process import CellProcess
 
 ROOT = Path(__file__).parents[2]
 TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
@@ -206,28 +204,3 @@ def test_full_process_ends_between_questions_only():
     finally:
         os.close(write)
         os.close(read)
-
-
-# -- a simulated cell -----------------------------------------------------------------------------
-
-
-def test_camera_under_a_simulated_cell_sees_its_parts(files):
-    with CellProcess(TREE, world="planner.world:make", seed=3, time_scale=10.0) as cell:
-        scene = connect.scene(cell.endpoints.scene)
-
-        def now():
-            truth = scene.truth()
-            return (truth.x_mm, truth.y_mm, truth.theta_rad)
-
-        try:
-            with (
-                CameraServer(RIG.taker(now, seed=2)) as server,
-                Asked(**{**files, "camera": server.url}) as audit,
-            ):
-                for _ in range(3):
-                    scene.next_part()
-                    x_mm, y_mm, theta_rad = now()
-                    assert audit.ask((x_mm, y_mm, theta_rad))["verdict"] == "pass"
-                    assert audit.ask((x_mm + 5.0, y_mm, theta_rad))["verdict"] == "fail"
-        finally:
-            scene.close()

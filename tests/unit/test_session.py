@@ -174,6 +174,11 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
         (["--port", "sim", "--deliver", "nowhere.toml"], 2, "nowhere.toml"),
         (["--port", "tcp://h:1", "--arm", "tcp://h:1"], 2, "both name"),
+        (
+            ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--audit", "a {camera}"],
+            2,
+            "camera of --port sim",
+        ),
         (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
         (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
         (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),

@@ -4,8 +4,9 @@ Deliberately not the code that measures: rays are found by fixed-point iteration
 interpolated in between, so that a mistake in one of the two does not hide in the other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,13 @@ class Optics:
             shift_y = p1 * (r2 + 2.0 * ray_y**2) + 2.0 * p2 * ray_x * ray_y
             ray_x, ray_y = (seen_x - shift_x) / radial, (seen_y - shift_y) / radial
         return np.stack([ray_x, ray_y, np.ones_like(ray_x)], axis=-1) @ self.rotation
+
+    def moved(self, x_mm: float, y_mm: float) -> Self:
+        """The same camera beside its place."""
+        found = replace(self, eye_mm=self.eye_mm + np.array([x_mm, y_mm, 0.0]))
+        # Its rays have the same directions, and take longer to find than a picture.
+        found.__dict__["corner_rays"] = self.corner_rays
+        return found
 
     def project(self, points_mm: Array) -> Array:
         """Where points of the world are seen, (n, 3) mm -> (n, 2) pixels."""

@@ -1,7 +1,7 @@
 """A camera under the table of a simulated cell: it sees the part where the world has put it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from drivers.sim.camera.cards import Card, lying, tag_cells
 from drivers.sim.camera.optics import Array, Optics, webcam
 from drivers.sim.camera.render import Flaws, Picture, jpeg, render
 from drivers.sim.scene import Pose2
-from drivers.sim.tabletop import compose
+from drivers.sim.tabletop import Look, compose
 
 REFERENCES: tuple[tuple[int, Pose2], ...] = (
     (580, (-150.0, -115.0, 0.0)),
@@ -38,13 +38,21 @@ class Rig:
     on_part: Pose2 = (0.0, 0.0, 0.0)
     references: tuple[tuple[int, Pose2], ...] = REFERENCES
 
-    def cards(self, part: Pose2 | None) -> list[Card]:
-        """All tags; the part's where the part lies."""
+    @property
+    def below(self) -> bool:
+        """Whether the camera looks up through the table."""
+        return bool(self.optics.eye_mm[2] < 0.0)
+
+    def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
+        """All tags; the part's, of its own number or another, where the part lies."""
         laid = list(self.references)
         if part is not None:
-            laid.append((self.number, compose(part, self.on_part)))
-        below = bool(self.optics.eye_mm[2] < 0.0)
-        return [lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=below) for number, pose in laid]
+            laid.append((self.number if number is None else number, compose(part, self.on_part)))
+        return [self.card(number, pose) for number, pose in laid]
+
+    def card(self, number: int, pose: Pose2) -> Card:
+        """One tag at a pose of its own."""
+        return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def picture(
         self, part: Pose2 | None, rng: np.random.Generator, occluders: tuple[Array, ...] = ()
@@ -63,8 +71,33 @@ class Rig:
         quality = self.flaws.jpeg_quality or 95
         return lambda: jpeg(self.picture(part(), rng), quality)
 
+    def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
+        """What a simulated cell's `CameraServer` takes pictures with: a camera to which things happen.
+
+        Args:
+            look: what is before the camera now.
+            seed: of the noise.
+        """
+        rng = np.random.default_rng([seed, 0x43414D])
+        quality = self.flaws.jpeg_quality or 95
+        _ = self.optics.corner_rays  # found once, before anybody waits for a picture
+        return lambda: jpeg(self.seen(look(), rng), quality)
+
+    def seen(self, look: Look, rng: np.random.Generator) -> Picture:
+        """The picture of what there is: of another part with the next number, of a camera that was moved."""
+        if look.covered:
+            return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
+        cards = self.cards(look.pose, self.number + look.strange)
+        if look.second is not None:
+            cards.append(self.card(self.number, compose(look.second, self.on_part)))
+        optics = self.optics.moved(look.moved_mm, 0.0) if look.moved_mm else self.optics
+        return render(optics, cards, self.flaws, rng)
+
 
 def standard_rig(flaws: Flaws | None = None) -> Rig:
-    """The webcam 600 mm under the middle of the table, not quite level; its pictures compressed once."""
+    """The webcam 600 mm under the middle of the table, not quite level; its pictures compressed once.
+
+    The tag is glued on as hands do it: not quite in the middle of the part, nor straight.
+    """
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
-    return Rig(optics, flaws or Flaws(jpeg_quality=None))
+    return Rig(optics, flaws or Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

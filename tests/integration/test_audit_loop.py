@@ -1,0 +1,78 @@
+"""Parts through table, `grasp-runtime`, Modbus gripper, arm, rendered camera and `grasp-audit`."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from audit_loops import agreement, command, judged, mixed
+from cameras import part_tag, true_calibration
+
+from drivers import connect
+from drivers.camera import calibration, tag_file
+from drivers.camera.calibration import Reference
+from drivers.camera.commands import audit as grasp_audit
+from drivers.sim.camera.rig import standard_rig
+from runtime.cell_process import CellProcess
+from runtime.table import dump, load
+
+ROOT = Path(__file__).parents[2]
+TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+PARTS, SEED, TIME_SCALE = 5, 2, 5.0
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Calibration and tag file of the standard camera, and a table some of whose leaves are wrong."""
+    rig = standard_rig()
+    places = tuple(Reference(number, x, y) for number, (x, y, _) in rig.references)
+    known = replace(true_calibration(rig.optics, 0.02), references=places)
+    calibration.save(known, tmp_path / "camera.json")
+    tag_file.save(part_tag(on_part=rig.on_part), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
+    dump(mixed(load(TREE)), tmp_path / "mixed.msgpack")
+    return tmp_path
+
+
+def run(words):
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
+    words = command(folder / "mixed.msgpack", folder, count=PARTS, seed=SEED, time_scale=TIME_SCALE)
+    ended = run(words)
+    assert ended.returncode == 0, ended.stderr
+    parts, outcomes = judged(ended.stdout, folder / "journal.jsonl")
+    assert outcomes == {"leaf": PARTS}
+    told = agreement(parts)
+    assert told["at_leaves"] == PARTS
+    assert {"pass", "fail"} <= set(told["verdicts"])
+    assert told["agreement"] == 1.0
+    assert told["beyond_the_budget"] == 0
+    grasp_audit(["report", str(folder / "journal.jsonl"), "--json"])
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["judged"] == told["verdicts"]["pass"] + told["verdicts"]["fail"]
+
+
+def test_cell_tells_its_camera_and_shows_where_the_part_is(folder):
+    with CellProcess(TREE, world="planner.world:make", seed=3, time_scale=10.0, camera=True) as cell:
+        words = [sys.executable, "-m", "drivers.camera.cli", "judge", "--tree", str(TREE), "--deadline", "60"]
+        words += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
+        scene = connect.scene(cell.endpoints.scene)
+        try:
+            scene.next_part()
+            truth = scene.truth()
+        finally:
+            scene.close()
+        asked = f'{{"part": 1, "x_mm": {truth.x_mm}, "y_mm": {truth.y_mm}, "theta_rad": {truth.theta_rad}}}\n'
+        ended = subprocess.run(
+            [*words, "--camera", cell.endpoints.camera],
+            cwd=ROOT,
+            input=asked,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=True,
+        )
+    assert '"verdict": "pass"' in ended.stdout

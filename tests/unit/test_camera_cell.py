@@ -1,0 +1,139 @@
+"""The camera of a simulated cell: it sees what lies there now, and what goes wrong with part and camera."""
+
+import contextlib
+import io
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cameras import GOAL, NUMBER, camera, part_tag, rig, true_calibration
+from soaking import small_setting
+
+from drivers.camera import calibrate_command, calibration, tag_file
+from drivers.camera.auditor import Auditor, Subject
+from drivers.camera.judge import PASS, UNKNOWN
+from drivers.camera.sources import decoded
+from drivers.sim import cli
+from drivers.sim.camera import album
+from drivers.sim.faults import Channel, Desk, Fault, Listed
+from drivers.sim.scene import CellError
+from drivers.sim.tabletop import BESIDE, Look, TableTop, compose
+
+OPTICS = camera()
+RIG = rig(OPTICS)
+POSE = (12.0, -8.0, 0.7)
+KNOWN = true_calibration(OPTICS)
+
+
+class Lying:
+    """A world that leaves a part where it lies, 21 mm wide."""
+
+    def squeeze(self, pose):
+        return pose, 21.0, "grasped"
+
+
+def table_top(*faults):
+    """A part on the table of a cell, the first closing of the jaws over."""
+    desk = Desk(Listed(faults))
+    setting = replace_world(small_setting())
+    top = TableTop(setting, 1, desk)
+    top.squeeze((0.0, 0.0, 0.0))
+    top.gripped()
+    return top
+
+
+def replace_world(setting):
+    return setting._replace(world="lying", factory=lambda subject, seed: Lying())
+
+
+class Taken:
+    """A source of the pictures that a cell's camera takes."""
+
+    def __init__(self, top):
+        self._take = RIG.watcher(top.look, seed=1)
+
+    def picture(self, until):
+        return decoded(self._take(), "the cell's camera")
+
+
+def audited(top):
+    """The audit's answer for a part that lies where its leaf says."""
+    auditor = Auditor(Taken(top), KNOWN, Subject(GOAL, part_tag()))
+    return auditor.audit(1, top.pose, 0.0)
+
+
+def test_camera_sees_the_part_where_it_lies_now():
+    top = table_top()
+    for _ in range(2):
+        assert audited(top).verdict == PASS
+        top.next_part()
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        (Fault("camera_covered"), "the picture is black"),
+        (Fault("camera_moved", value=2.0), "calibrate again"),
+        (Fault("part_missing"), "no tag is seen"),
+        (Fault("wrong_part", value=3.0), f"tag {NUMBER + 1} is seen, but the part carries tag {NUMBER}"),
+        (Fault("two_parts", value=9.0), "more than one tag lies in view"),
+    ],
+    ids=lambda value: value.kind if isinstance(value, Fault) else None,
+)
+def test_fault_is_seen_while_it_holds_and_no_longer(fault, says):
+    top = table_top(fault)
+    answer = audited(top)
+    assert answer.verdict == UNKNOWN
+    assert says in answer.reason
+    top.squeeze((0.0, 0.0, 0.0))
+    top.gripped()
+    assert audited(top).verdict == PASS
+
+
+def test_what_the_camera_sees_is_what_the_faults_say():
+    assert table_top().look() == Look(table_top().pose)
+    top = table_top(Fault("two_parts", value=9.0), Fault("camera_moved", value=4.0))
+    assert top.look() == Look(top.pose, second=compose(top.pose, BESIDE), moved_mm=4.0)
+
+
+def test_rehearsal_has_no_part_to_see():
+    assert TableTop(small_setting(), 1, Desk(Listed())).look().pose is None
+    with pytest.raises(CellError, match="lies nowhere"):
+        cli.camera(small_setting())
+
+
+def test_camera_beside_its_place_sees_as_one_that_was_put_there():
+    there = replace(OPTICS, eye_mm=OPTICS.eye_mm + np.array([3.0, -2.0, 0.0]))
+    moved = OPTICS.moved(3.0, -2.0)
+    assert np.array_equal(moved.corner_rays, there.corner_rays)
+    points = np.array([[10.0, 20.0, 0.0], [-30.0, 5.0, 2.0]])
+    assert np.array_equal(moved.project(points), there.project(points))
+
+
+def test_faults_of_the_camera_are_counted_in_closings_of_the_jaws():
+    assert {Fault(kind).channel for kind in ("camera_covered", "camera_moved")} == {Channel.SCENE}
+
+
+def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
+    for words in album.write(RIG, tmp_path, seed=3):
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert calibrate_command.main(shlex.split(words)) == 0
+    made, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
+    assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
+    assert [reference.number for reference in made.references] == [580, 581, 582]
+    answer = Auditor(Once(RIG.picture(POSE, np.random.default_rng(4))), made, Subject(GOAL, tag)).audit(
+        1, POSE, 0.0
+    )
+    assert answer.verdict == PASS
+    assert answer.distance < 0.3
+
+
+class Once:
+    """A source of one picture."""
+
+    def __init__(self, picture):
+        self._picture = picture
+
+    def picture(self, until):
+        return self._picture
