@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.ambiguity import ambiguities
-from planner.belief import initial
+from planner.belief import doubting
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
@@ -29,6 +29,7 @@ from planner.search.closed_loop import LookAhead
 from planner.search.costs import costs_of
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
+from planner.search.improve import improve
 from planner.search.outcomes import MotionModel, Simulation
 from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
@@ -88,47 +89,77 @@ def compile_job(
     say = report or silent
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
-    deadline = time.monotonic() + budget_s
-    simulator = replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
-    threads = Threads(simulator.workers)
+    simulator = Simulator.of_job(job, workers)
     reference = Simulation(simulator, encoder_of(job))
+    belief = doubting(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    # Kernels compile at their first call; no budget pays for that.
+    reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
+    deadline = time.monotonic() + budget_s
     ahead: MotionModel = reference
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)
-    look_ahead = growth.look_ahead
-    belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
-    root = TreeNode(belief, 1.0, look_ahead.metric.mode(belief))
-    doubts: list[Doubt] = []
-    for attempt in range(REFINEMENTS + 1):
-        grow(
-            root,
-            growth,
-            [job.seed, attempt],
-            lambda a, b: say("search", a, a + b),
-            lambda: time.monotonic() > deadline,
-        )
-        settle(doubts)
-        if not root.children:
-            raise NoPlanError(
-                f"{job.part.name}: no first squeeze is free of collision and gains anything; open the jaws "
-                "wider, add actions, or reduce the uncertainty"
-            )
-        table = canonical(lower(root, job))
-        say("evaluate", attempt, REFINEMENTS + 1)
-        world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
-        evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
-        if attempt == REFINEMENTS or time.monotonic() > deadline:
-            break
-        beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
-        short = learn(root, beliefs, look_ahead)
-        doubts = doubt(root, stressed(table, job, attempt, scheduler or threads), look_ahead.metric)
-        if short + len(doubts) == 0:
-            break
+    root = TreeNode(belief, 1.0, growth.look_ahead.metric.mode(belief))
+    planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
+    table, evaluation = planning.run(trials)
     table, evaluation = with_evaluation(table, evaluation, job)
     if not evaluation.success.any():
         raise _no_plan(table, evaluation, job)
     return Plan(table, root, evaluation)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Planning:
+    """A tree being planned: grown, improved, judged, and grown further where it falls short."""
+
+    job: Job
+    root: TreeNode
+    growth: Growth
+    workers: int
+    scheduler: Scheduler | None
+    say: Report
+    deadline: float
+
+    def run(self, trials: int) -> tuple[Table, Evaluation]:
+        """Plans the whole tree; the table, canonical, and what it was judged by."""
+        doubts: list[Doubt] = []
+        for attempt in range(REFINEMENTS + 1):
+            self._grow(attempt)
+            settle(doubts)
+            table = canonical(lower(self.root, self.job))
+            self.say("evaluate", attempt, REFINEMENTS + 1)
+            world = ContactWorld(self.job, self.job.seed + SEED_WORLD + attempt, self.workers)
+            evaluation = evaluate(table, self.job, world, trials, self.job.seed + SEED_EVALUATION + attempt)
+            if attempt == REFINEMENTS or self._late():
+                break
+            short, doubts = self._faults(table, evaluation, attempt)
+            if short + len(doubts) == 0:
+                break
+        return table, evaluation
+
+    def _grow(self, attempt: int) -> None:
+        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
+        seed = [self.job.seed, attempt]
+        grow(self.root, self.growth, seed, lambda a, b: self.say("search", a, a + b), self._late)
+        if not self.root.children:
+            raise NoPlanError(
+                f"{self.job.part.name}: no first squeeze is free of collision and gains anything; open the "
+                "jaws wider, add actions, or reduce the uncertainty"
+            )
+        if attempt == 0:
+            improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), self._late)
+
+    def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[int, list[Doubt]]:
+        """Leaves that do not hold in fresh trials, and those that would not in worlds a little off."""
+        metric = self.growth.look_ahead.metric
+        beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
+        short = learn(self.root, beliefs, metric, self.job.goal.confidence)
+        runs = stressed(table, self.job, attempt, self.scheduler or Threads(self.workers))
+        return short, doubt(self.root, runs, metric)
+
+    def _late(self) -> bool:
+        """Whether the budget is spent; never before there is a first squeeze, for a plan must be one."""
+        return bool(self.root.children) and time.monotonic() > self.deadline
 
 
 def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan:

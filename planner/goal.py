@@ -75,11 +75,11 @@ class Metric(NamedTuple):
         return np.array([0.0, *lengths, 1.0 / theta])
 
     def between(self, poses: Array, reference: Array) -> Array:
-        """Distances of poses (..., 3) to reference poses, broadcast against them."""
+        """Distances of poses (..., 3 or more) to reference poses, broadcast against them."""
         added, x, y, theta = self.weights()
-        offset = np.abs(poses - reference)
-        dx, dy = x * offset[..., 0], y * offset[..., 1]
-        turn = theta * np.abs(wrap((poses - reference)[..., 2], self.order))
+        dx = x * np.abs(poses[..., 0] - reference[..., 0])
+        dy = y * np.abs(poses[..., 1] - reference[..., 1])
+        turn = theta * np.abs(wrap(poses[..., 2] - reference[..., 2], self.order))
         if added:
             return np.asarray(self.goal * (np.hypot(dx, dy) + turn))
         return np.asarray(self.goal * np.maximum(np.maximum(dx, dy), turn))

@@ -46,8 +46,8 @@ class Friction:
     Attributes:
         finger_part_min: lower bound; friction is uniform between the two.
         finger_part_max: upper bound.
-        doubt: share of the plan's particles whose friction lies anywhere in an interval wider than stated, so
-            that a part which does not keep to the bounds ends in an honest leaf.
+        doubt: share of the plan's particles whose friction lies outside the bounds, so that a part which does
+            not keep to them ends in an honest leaf.
     """
 
     finger_part_min: float

@@ -47,7 +47,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
     "friction": {
         "finger_part_min": Number(0, 2),
         "finger_part_max": Number(0, 2),
-        "doubt": Number(0, 1, default=0.2),
+        "doubt": Number(0, 1, default=0.3),
     },
     "gripper": {
         "model": Text(default="robotiq-2f-85"),
@@ -95,7 +95,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "squeeze_cost": Number(0, 1, default=0.01),
         "second_cost": Number(0, 1, default=0.0),
         "stability_cost": Number(0, 1, default=0.0),
-        "particles": Integer(10, 10_000_000, default=6000),
+        "particles": Integer(10, 10_000_000, default=20_000),
         "search_particles": Integer(10, 10_000_000, default=400),
         "max_depth": Integer(1, 100, default=12),
     },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -48,7 +47,7 @@ def judge(
     """
     from planner.report import subspaces  # matplotlib takes a second
 
-    simulator = dataclasses.replace(Simulator.of_job(job, workers), doubt=job.friction.doubt)
+    simulator = Simulator.of_job(job, workers)
     model, rolled = learned_model(job, simulator, store, scheduler, report)
     judged = quality(job, model, rolled, report)
     subspaces.figure(judged, simulator.outline, simulator.jaws, picture)

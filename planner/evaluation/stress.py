@@ -7,12 +7,14 @@ does, and the leaf is confidently wrong. The search then looks at such leaves on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief import trusting
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
@@ -88,8 +90,8 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     """Unsettles the leaves that are wrong too often, so that growing the tree goes on there.
 
     Args:
-        root: the tree, modified in place: the beliefs of these leaves become the poses that parts had there
-            in the runs, those that were wrong amplified.
+        root: the tree, modified in place: the beliefs of these leaves are joined by the poses of the parts
+            that were wrong there in the runs, amplified.
         runs: evaluations of its table.
         metric: of the goal.
 
@@ -101,7 +103,8 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     for leaf in sorted({leaf for run in runs for leaf in doubtful(run, len(ends))}):
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        node.belief = _amplified(runs, leaf)
+        wrong = np.concatenate([run.poses[(run.leaf == leaf) & run.wrong] for run in runs])
+        node.belief = np.concatenate([node.belief, _amplified(wrong, len(node.belief))])
         node.mode = metric.mode(node.belief)
     return found
 
@@ -113,9 +116,7 @@ def settle(doubts: Sequence[Doubt]) -> None:
             node.belief, node.mode = belief, mode
 
 
-def _amplified(runs: Sequence[Evaluation], leaf: int) -> Array:
-    """The poses (n, 3) that parts have in a leaf, so few of them right that the wrong ones count."""
-    right = np.concatenate([run.poses[(run.leaf == leaf) & run.within] for run in runs])
-    wrong = np.concatenate([run.poses[(run.leaf == leaf) & ~run.within] for run in runs])
-    most = round(len(wrong) * (1.0 - AMPLIFIED) / AMPLIFIED)
-    return np.concatenate([wrong, right[:: max(1, -(-len(right) // max(most, 1)))]])
+def _amplified(wrong: Array, among: int) -> Array:
+    """Poses (n, 3) as particles (m, 4), repeated until they count among so many others."""
+    times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
+    return trusting(np.tile(wrong, (times, 1)))

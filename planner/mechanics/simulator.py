@@ -41,6 +41,10 @@ class Parameters(NamedTuple):
     mu: Array
     release: Array | None = None
 
+    def rubbing(self, friction: Array) -> Self:
+        """The same, with these coefficients (n,) at both fingers where they are not NaN."""
+        return self._replace(mu=np.where(np.isnan(friction)[:, None], self.mu, friction[:, None]))
+
 
 class RollOut(NamedTuple):
     """What n squeezes came to.
@@ -58,10 +62,6 @@ class RollOut(NamedTuple):
     given_up: IntArray
 
 
-DOUBTED = (1.0 / 3.0, 1.5)
-"""The wider interval of friction, in units of the stated bounds."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulator:
     """The squeeze of one part by one gripper.
@@ -75,7 +75,6 @@ class Simulator:
         release: standard deviations of x, y [mm] and angle [rad] when the jaws open on a held part.
         step_mm: nominal closing step of each finger.
         workers: threads that share the roll-outs.
-        doubt: share of the roll-outs whose friction is drawn from `DOUBTED` times the bounds.
     """
 
     outline: Array
@@ -86,7 +85,6 @@ class Simulator:
     release: tuple[float, float, float] = (0.0, 0.0, 0.0)
     step_mm: float = DEFAULT_STEP_MM
     workers: int = 1
-    doubt: float = 0.0
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
@@ -120,17 +118,9 @@ class Simulator:
     def sample(self, n: int, rng: np.random.Generator) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
         surfaces = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
-        mu = self._friction(n, rng)
+        mu = rng.uniform(*self.friction, size=n)
         release = rng.standard_normal((n, 3)) * np.array(self.release)
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
-
-    def _friction(self, n: int, rng: np.random.Generator) -> Array:
-        """Coefficients of friction (n,), a share of them from the wider interval."""
-        mu = rng.uniform(*self.friction, size=n)
-        if self.doubt > 0.0:
-            low, high = (factor * bound for factor, bound in zip(DOUBTED, self.friction, strict=True))
-            mu = np.where(rng.random(n) < self.doubt, rng.uniform(low, high, size=n), mu)
-        return np.asarray(mu)
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
         """One squeeze, step by step.

@@ -18,6 +18,7 @@ from typing import Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief import frictions
 from planner.encoder import Encoder
 from planner.frames import to_hand
 from planner.mechanics.simulator import RollOut, Simulator
@@ -95,13 +96,16 @@ class LearnedModel:
         farthest = FARTHEST * motion.grid.spacing_mm
         return cls(simulator, encoder, motion, rolled.status, bandwidths, MOST_DRAWS, farthest)
 
-    def roll_out(self, poses: Array, belief: IntArray, rng: np.random.Generator) -> RollOut:
+    def roll_out(
+        self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
+    ) -> RollOut:
         """Squeezes poses, as `Simulator.roll_out` does.
 
         Args:
             poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
             belief: (n,) number of the belief that each is a particle of, from 0 on.
             rng: source of all randomness.
+            friction: (n,) of particles that carry one and so are simulated, NaN of the others; None: none do.
 
         Returns:
             Final poses, widths and statuses; those of the roll-out drawn where the estimate was used.
@@ -111,8 +115,11 @@ class LearnedModel:
         touched = drawn.source >= 0
         status = np.where(touched, self.status[drawn.source], idle)
         given_up = np.zeros(len(poses), np.int64)
-        direct = np.flatnonzero(touched & ~self.covered(drawn.source, drawn.nearest_mm, belief))
-        rolled = self.simulator.roll_out(poses[direct], self.simulator.sample(len(direct), rng))
+        carried = np.full(len(poses), np.nan) if friction is None else friction
+        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & np.isnan(carried)
+        direct = np.flatnonzero(touched & ~covered)
+        parameters = self.simulator.sample(len(direct), rng).rubbing(carried[direct])
+        rolled = self.simulator.roll_out(poses[direct], parameters)
         drawn.poses[direct] = rolled.poses
         drawn.width_mm[direct] = rolled.width_mm
         status[direct] = rolled.status
@@ -137,7 +144,7 @@ class LearnedModel:
         """Squeezes beliefs at placements.
 
         Args:
-            cases: pairs of a belief (n, 3) in the world and a placement (3,).
+            cases: pairs of a belief (n, 3) in the world, or (n, 4) with friction, and a placement (3,).
             rng: source of all randomness.
 
         Returns:
@@ -147,7 +154,7 @@ class LearnedModel:
             return []
         hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
         number = np.repeat(np.arange(len(cases)), [len(belief) for belief, _ in cases])
-        rolled = self.roll_out(hand, number, rng)
+        rolled = self.roll_out(hand, number, rng, frictions([belief for belief, _ in cases]))
         counts = self.encoder.read(rolled.width_mm, rng)
         return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
 

@@ -235,7 +235,7 @@ def content_of(simulator: Simulator) -> bytes:
     for array in arrays:
         digest.update(repr(array.shape).encode() + np.ascontiguousarray(array, "<f8").tobytes())
     numbers = [
-        surface.rho_mm, *simulator.friction, simulator.doubt, simulator.wishart_dof, *simulator.release,
+        surface.rho_mm, *simulator.friction, simulator.wishart_dof, *simulator.release,
         simulator.step_mm,
     ]  # fmt: skip
     digest.update(np.array(numbers, "<f8").tobytes())

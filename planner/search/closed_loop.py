@@ -1,21 +1,29 @@
 """Closed-loop look-ahead: the next squeeze, chosen knowing that the one after may depend on what it shows.
 
-    V(b, d) = max( r(b), max_a [ -c(a) + sum_z P(z | b, a) V(b_z, d - 1) ] ),   V(b, 0) = r(b)
+    J(b, d) = min_a [ c(a) + sum_z P(z | b, a) J(b_z, d - 1) ],    J(b, d) = 0 where r(b) meets the goal,
+    J(b, 0) = 1 - exp(-(1 - r(b)) / tau) + 1 - r(b)
 
-with r the mode ratio and c the cost of a squeeze. Observations partition the particles, so branching on them
-costs no more roll-outs than the paper's open-loop search of the same depth. Actions are widened
-progressively: all of them are squeezed once, and only the most promising are followed further.
+J is the number of squeezes still to make, c the cost of one (1, and what else it costs in units of that), r
+the mode ratio. Where the look-ahead ends J is a guess: a belief that does not meet the goal needs one squeeze
+more, however little it lacks, and a second one the more likely the more it lacks. A tree whose beliefs are
+all nearly there is worth less than one with most of them done; r alone, which the paper climbs, does not see
+that.
+
+Observations partition the particles, so branching on them costs no more roll-outs than the paper's open-loop
+search of the same depth. Actions are widened progressively: all of them are squeezed once, and only the most
+promising are followed further.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief import subsample
+from planner.frames import wrap
 from planner.goal import Metric
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import ActionSet, free_placements, least_clearance
@@ -29,27 +37,33 @@ FOLLOWED = (8, 6, 4)
 """How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
 SECOND_MODE = 0.25
 """What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
-UNSETTLED = 0.015
-"""What the fixed placements may leave open before others are proposed."""
+TAU = 0.02
+"""What a belief may lack, about, before it counts as one that needs another squeeze."""
+NEARLY = 0.5
+"""Squeezes still to make after one of the options, below which none is followed further."""
 LEAST_PROGRESS = 0.001
-"""Gain in mode ratio, the cost of one squeeze not counted, below which none is planned."""
+"""Gain in mode ratio below which no squeeze is planned."""
 SHRINK = 1.0
 """Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
+ALIKE_MM, ALIKE_DEG = 8.0, 20.0
+"""Placements nearer than this are varieties of one."""
+WORTH_TRYING = 0.5
+"""Squeezes that an alternative may seem to cost more."""
 REFINED = 2
 """How many of the best placements are varied."""
 
 
 class Choice(NamedTuple):
-    """The action chosen for a belief.
+    """An action for a belief.
 
     Attributes:
         placement: (3,) the hand frame in the world.
-        value: V of squeezing there.
-        gain: what that is more than stopping here, the cost of one squeeze not counted.
+        to_go: J of squeezing there.
+        gain: in mode ratio, over stopping here.
     """
 
     placement: Array
-    value: float
+    to_go: float
     gain: float
 
 
@@ -59,9 +73,26 @@ class _Squeezed(NamedTuple):
     placements: Array
     outcomes: list[Outcomes]
     cost: Array
-    progress: Array  # expected mode ratio after it
-    worth: Array  # of one squeeze, cost deducted
-    rank: Array
+    ratio: Array  # expected mode ratio after it
+    to_go: Array  # J of depth 1
+    rank: Array  # the same with something for beliefs of two modes; less is better
+
+    def best(self, most: int) -> list[int]:
+        """The most promising options."""
+        return [int(k) for k in np.argsort(self.rank, kind="stable")[:most]]
+
+
+class _Followed(NamedTuple):
+    """One belief's options after all the squeezes looked ahead; J is infinite where one was not followed."""
+
+    to_go: Array
+    ratio: Array
+
+
+def squeezes_left(ratio: Array) -> Array:
+    """J(b, 0) of beliefs with these mode ratios: the squeezes that they still need, guessed."""
+    lacking = np.maximum(1.0 - ratio, 0.0)
+    return np.asarray(1.0 - np.exp(-lacking / TAU) + lacking)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,68 +125,61 @@ class LookAhead:
         """Least distance between the open fingers at a placement and the believed part [mm]."""
         return least_clearance(self.simulator.outline, self.simulator.jaws, belief, placement)
 
-    def choose(self, belief: Array, rng: np.random.Generator) -> Choice | None:
-        """The placement to squeeze at.
+    def choose(self, belief: Array, rng: np.random.Generator, most: int = 1) -> list[Choice]:
+        """The placements to squeeze at, the most promising first.
 
-        The cost decides which action is best, not whether to go on: a belief that does not meet the goal yet
-        is squeezed as long as that gets it nearer. The fixed placements are looked at first, and those about
-        the belief only where these do not settle it. Where nothing gains at the stated depth one squeeze more
-        is looked ahead: a belief of several modes may need two before any progress shows.
+        Where nothing gains at the stated depth one squeeze more is looked ahead: a belief of several modes
+        may need two before any progress shows.
 
         Args:
-            belief: (n, 3) particles in the world.
+            belief: (n, 3) particles in the world, or (n, 4) with friction.
             rng: source of randomness.
+            most: how many at most, each unlike those before it.
 
         Returns:
-            None where no action is free of collision or gains anything.
+            None at all where no action is free of collision or gains anything.
         """
-        found = []
-        for look_ahead, depth in self._stages():
-            choice = look_ahead._best(belief, depth, rng)
-            if choice is not None and choice.gain > LEAST_PROGRESS:
-                found.append(choice)
-                settled = self.confidence - depth * self.costs.squeeze - UNSETTLED
-                if look_ahead is self or choice.value >= settled:
-                    break
-        return max(found, key=lambda choice: choice.value, default=None)
+        for depth in (self.depth, self.depth + 1):
+            gaining = [choice for choice in self._options(belief, depth, rng) if choice.gain > LEAST_PROGRESS]
+            if gaining:
+                return _unlike(sorted(gaining, key=lambda choice: choice.to_go), most)
+        return []
 
-    def _stages(self) -> list[tuple[LookAhead, int]]:
-        """Searches to try one after the other, with their depth."""
-        thorough = [(self, self.depth), (self, self.depth + 1)]
-        if self.actions.proposals is None:
-            return thorough
-        return [(replace(self, actions=replace(self.actions, proposals=None)), self.depth), *thorough]
-
-    def _best(self, belief: Array, depth: int, rng: np.random.Generator) -> Choice | None:
-        """The best of the options, varied a little if placements may be proposed; None without any."""
+    def _options(self, belief: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
+        """All that may be done, the best of it varied a little if placements may be proposed."""
         thin = subsample(belief, self.particles)
         options = self._free(belief, self.actions.options(thin, self.metric))
         if not len(options):
-            return None
+            return []
         (squeezed,) = self._squeeze([thin], [options], rng)
         if self.actions.proposals is not None:
-            top = squeezed.placements[np.argsort(-squeezed.rank, kind="stable")[:REFINED]]
+            top = squeezed.placements[squeezed.best(REFINED)]
             near = self.actions.within(np.concatenate([refined(placement) for placement in top]))
             near = self._free(belief, near)
             if len(near):
                 squeezed = _joined(squeezed, self._squeeze([thin], [near], rng)[0])
-        (values,) = self._follow([squeezed], depth, 0, rng)
-        best = int(np.argmax(values))
-        gain = max(values[best] + self.costs.squeeze, squeezed.progress[best]) - self.metric.mode(thin).ratio
-        return Choice(squeezed.placements[best], float(values[best]), float(gain))
+        (followed,) = self._follow([squeezed], depth, 0, rng)
+        gain = np.maximum(followed.ratio, squeezed.ratio) - self.metric.mode(thin).ratio
+        found = zip(squeezed.placements, followed.to_go, gain, strict=True)
+        return [Choice(a, float(to_go), float(more)) for a, to_go, more in found if np.isfinite(to_go)]
 
-    def _values(self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator) -> Array:
-        """V of each belief, `depth` squeezes to go."""
-        values = np.array([self.metric.mode(belief).ratio - SHRINK / len(belief) for belief in beliefs])
+    def _values(
+        self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
+        ratio = np.array([self.metric.mode(belief).ratio for belief in beliefs])
+        short = np.flatnonzero(ratio < self.confidence)
+        ratio = ratio - SHRINK / np.array([len(belief) for belief in beliefs])
+        to_go = squeezes_left(ratio)
         if depth == 0:
-            return values
-        still = [i for i, value in enumerate(values) if value < self.confidence]
-        options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in still]
-        movable = [(i, choice) for i, choice in zip(still, options, strict=True) if len(choice)]
+            return to_go, ratio
+        options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in short]
+        movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
         squeezed = self._squeeze([beliefs[i] for i, _ in movable], [choice for _, choice in movable], rng)
-        for (i, _), worth in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
-            values[i] = max(values[i], float(worth.max()))
-        return values
+        for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
+            best = int(np.argmin(found.to_go))
+            to_go[i], ratio[i] = found.to_go[best], max(ratio[i], found.ratio[best])
+        return to_go, ratio
 
     def _squeeze(
         self, beliefs: list[Array], options: list[Array], rng: np.random.Generator
@@ -170,44 +194,41 @@ class LookAhead:
         return result
 
     def _judge(self, placements: Array, outcomes: list[Outcomes]) -> _Squeezed:
-        """What one squeeze each is worth."""
+        """What one squeeze each comes to."""
         cost = np.array([self.costs.of(outcome) for outcome in outcomes])
-        progress, worth, rank = [], [], []
-        for outcome, price in zip(outcomes, cost, strict=True):
+        ratio, to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
+        for k, outcome in enumerate(outcomes):
             few = np.array([SHRINK / len(child) for child in outcome.beliefs])
             modes = [self.metric.main_modes(child, self.metric.modes + 1) for child in outcome.beliefs]
-            first = (
-                np.array([sum(mode.ratio for mode in found[: self.metric.modes]) for found in modes]) - few
-            )
+            first = np.array([sum(mode.ratio for mode in found[: self.metric.modes]) for found in modes])
             further = np.array([sum(mode.ratio for mode in found[self.metric.modes :]) for found in modes])
-            progress.append(float(outcome.probability @ (first + few)))
-            worth.append(float(outcome.probability @ first) - price)
-            rank.append(worth[-1] + SECOND_MODE * float(outcome.probability @ further))
-        return _Squeezed(placements, outcomes, cost, np.array(progress), np.array(worth), np.array(rank))
+            ratio[k] = outcome.probability @ first
+            to_go[k] += outcome.probability @ squeezes_left(first - few)
+            rank[k] = to_go[k] - SECOND_MODE * (outcome.probability @ further)
+        return _Squeezed(placements, outcomes, cost, ratio, to_go, rank)
 
     def _follow(
         self, squeezed: list[_Squeezed], depth: int, level: int, rng: np.random.Generator
-    ) -> list[Array]:
-        """Value of every option, the promising ones followed for the squeezes that remain."""
-        values = [options.worth.copy() for options in squeezed]
+    ) -> list[_Followed]:
+        """J of every option, the promising ones followed for the squeezes that remain."""
+        found = [_Followed(options.to_go.copy(), options.ratio.copy()) for options in squeezed]
         if depth == 1:
-            return values
+            return found
         width = FOLLOWED[min(level, len(FOLLOWED) - 1)]
-        followed = [
-            (i, int(k))
-            for i, options in enumerate(squeezed)
-            if options.worth.max() < 1.0 - 2.0 * self.costs.squeeze
-            for k in np.argsort(-options.rank, kind="stable")[:width]
-        ]
-        children = [child for i, k in followed for child in squeezed[i].outcomes[k].beliefs]
-        worth = self._values(children, depth - 1, level + 1, rng)
+        open_ones = [i for i, options in enumerate(squeezed) if (options.to_go - options.cost).min() > NEARLY]
+        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(width)]
+        children = [child for i, k in chosen for child in squeezed[i].outcomes[k].beliefs]
+        to_go, ratio = self._values(children, depth - 1, level + 1, rng)
+        for i in open_ones:
+            found[i].to_go[:] = np.inf
         start = 0
-        for i, k in followed:
+        for i, k in chosen:
             outcome = squeezed[i].outcomes[k]
-            stop = start + len(outcome.beliefs)
-            values[i][k] = float(outcome.probability @ worth[start:stop]) - squeezed[i].cost[k]
-            start = stop
-        return values
+            part = slice(start, start + len(outcome.beliefs))
+            found[i].to_go[k] = squeezed[i].cost[k] + outcome.probability @ to_go[part]
+            found[i].ratio[k] = outcome.probability @ ratio[part]
+            start = part.stop
+        return found
 
     def _free(self, belief: Array, placements: Array) -> Array:
         """Those of the placements at which the open fingers stay clear of the belief."""
@@ -218,13 +239,25 @@ class LookAhead:
         return np.asarray(placements[free])
 
 
+def _unlike(choices: list[Choice], most: int) -> list[Choice]:
+    """The first of the choices, and those worth a trial that are not almost the same squeeze."""
+    found: list[Choice] = []
+    for choice in choices:
+        x, y, turn = np.abs([choice.placement - other.placement for other in found]).reshape(-1, 3).T
+        turn = np.abs(wrap(turn, 2))
+        near = (np.hypot(x, y) < ALIKE_MM) & (turn < np.radians(ALIKE_DEG))
+        if not near.any() and choice.to_go < choices[0].to_go + WORTH_TRYING:
+            found.append(choice)
+    return found[:most]
+
+
 def _joined(a: _Squeezed, b: _Squeezed) -> _Squeezed:
     """The options of both."""
     return _Squeezed(
         np.concatenate([a.placements, b.placements]),
         a.outcomes + b.outcomes,
         np.concatenate([a.cost, b.cost]),
-        np.concatenate([a.progress, b.progress]),
-        np.concatenate([a.worth, b.worth]),
+        np.concatenate([a.ratio, b.ratio]),
+        np.concatenate([a.to_go, b.to_go]),
         np.concatenate([a.rank, b.rank]),
     )

@@ -10,13 +10,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import replenish
-from planner.goal import Mode
+from planner.belief import replenish, trusting
+from planner.goal import Metric, Mode
 from planner.models.partition import Partition
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.outcomes import MotionModel
 
+ALTERNATIVES = 3
+"""Placements kept for a node besides the chosen one."""
 LEAST_PARTICLES = 100
 """A belief thinner than this is repeated before its next squeeze."""
 
@@ -28,7 +30,7 @@ class TreeNode:
     """A node of the plan: a belief, and either an action with its outcomes or a predicted pose.
 
     Attributes:
-        belief: (n, 3) particles in the world.
+        belief: (n, 4) particles in the world with their friction, (n, 3) in the paper's plans.
         share: probability of getting here.
         mode: the pose that explains most of the belief.
         path: which branch was taken at each squeeze on the way.
@@ -38,6 +40,8 @@ class TreeNode:
         unstable: share of the outcomes that friction alone holds.
         release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         clusters: the partition of the outcomes.
+        cost: of the squeeze, in squeezes.
+        alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
     """
 
@@ -51,12 +55,25 @@ class TreeNode:
     unstable: float = 0.0
     release: Array | None = None
     clusters: Partition | None = None
+    cost: float = 0.0
+    alternatives: list[Array] = field(default_factory=list)
     children: list[TreeNode] = field(default_factory=list)
 
     @property
     def depth(self) -> int:
         """Squeezes made so far."""
         return len(self.path)
+
+    @property
+    def lacking(self) -> float:
+        """Share of all parts that end here, if it is a leaf, and are not known to be where it says."""
+        return self.share * (1.0 - self.mode.ratio)
+
+    def become(self, other: TreeNode) -> None:
+        """Takes over another node's squeeze and all that follows it."""
+        for name in ("placement", "opening_mm", "clearance_mm", "unstable", "release", "clusters", "cost"):
+            setattr(self, name, getattr(other, name))
+        self.children = other.children
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +122,7 @@ def grow(
         out_of_time: asked before each node; the tree stays as it is once it says so.
     """
     confidence = growth.look_ahead.confidence
-    waiting = [(-_lacking(node), node.path, node) for node in breadth_first(root) if not node.children]
+    waiting = [(-node.lacking, node.path, node) for node in breadth_first(root) if not node.children]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
@@ -114,21 +131,22 @@ def grow(
         if node.mode.ratio < confidence and node.depth < growth.max_depth:
             _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
             for child in node.children:
-                heapq.heappush(waiting, (-_lacking(child), child.path, child))
+                heapq.heappush(waiting, (-child.lacking, child.path, child))
         if progress is not None:
             progress(done, len(waiting))
 
 
-def learn(root: TreeNode, beliefs: dict[int, Array], look_ahead: LookAhead) -> int:
+def learn(root: TreeNode, beliefs: dict[int, Array], metric: Metric, confidence: float) -> int:
     """Adds to the leaves the poses that an evaluation found there.
 
     Args:
         root: the tree, modified in place.
         beliefs: poses (n, 3) by the leaf's number, breadth first.
-        look_ahead: knows the goal.
+        metric: of the goal.
+        confidence: of the goal.
 
     Returns:
-        The number of leaves that no longer meet the goal.
+        The number of leaves that met the goal before and do not any more.
     """
     short = 0
     leaves = [node for node in breadth_first(root) if not node.children]
@@ -136,28 +154,36 @@ def learn(root: TreeNode, beliefs: dict[int, Array], look_ahead: LookAhead) -> i
         poses = beliefs.get(number)
         if poses is None or not len(poses):
             continue
-        met = node.mode.ratio >= look_ahead.confidence
-        node.belief = np.concatenate([node.belief, poses])
-        node.mode = look_ahead.metric.mode(node.belief)
-        short += met and node.mode.ratio < look_ahead.confidence
+        met = node.mode.ratio >= confidence
+        node.belief = np.concatenate([node.belief, trusting(poses)])
+        node.mode = metric.mode(node.belief)
+        short += met and node.mode.ratio < confidence
     return short
 
 
-def _lacking(node: TreeNode) -> float:
-    """Share of all parts that end here and are not known to be where the node says."""
-    return node.share * (1.0 - node.mode.ratio)
-
-
 def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
-    """Chooses the node's action and adds a child for each cluster of outcomes."""
-    choice = growth.look_ahead.choose(node.belief, rng)
-    if choice is None:
-        return
-    node.placement = placement = choice.placement
+    """Chooses the node's action and squeezes there."""
+    choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES)
+    if choices:
+        squeeze_at(node, choices[0].placement, growth, rng)
+        node.alternatives = [choice.placement for choice in choices[1:]]
+
+
+def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator) -> None:
+    """Squeezes a node's belief, and adds a child for each cluster of outcomes.
+
+    Args:
+        node: a leaf of the tree, modified in place.
+        placement: (3,) the hand frame in the world.
+        growth: how the tree is grown.
+        rng: source of randomness.
+    """
+    node.placement = placement
     node.opening_mm, node.clearance_mm = growth.handling.opening(node.belief, placement)
     belief = replenish(growth.handling.clear(node.belief, placement), LEAST_PARTICLES)
     outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
     node.clusters, node.unstable = outcomes.clusters, outcomes.unstable
+    node.cost = growth.look_ahead.costs.of(outcomes)
     node.release = growth.handling.release(outcomes)
     beliefs = growth.handling.released(placement, node.release, outcomes)
     for k, (share, child) in enumerate(zip(outcomes.probability, beliefs, strict=True)):

@@ -89,9 +89,12 @@ class Handling:
         """The beliefs after the jaws have opened: held parts have come along with the hand."""
         if release is None:
             return outcomes.beliefs
-        move = np.append(release - placement[:2], 0.0)
         widths = self._widths(outcomes)
-        return [b + move if w >= HELD_MM else b for b, w in zip(outcomes.beliefs, widths, strict=True)]
+        moved = [belief.copy() for belief in outcomes.beliefs]
+        for belief, width in zip(moved, widths, strict=True):
+            if width >= HELD_MM:
+                belief[:, :2] += release - placement[:2]
+        return moved
 
     def _clearance(self, opening: float, belief: Array, placement: Array) -> float:
         jaws = np.array([opening, *self.jaws[1:]])

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from planner.arrays import Array, IntArray
+from planner.belief import frictions
 from planner.encoder import Encoder
 from planner.frames import to_hand, to_world
 from planner.mechanics.simulator import Simulator
@@ -24,7 +25,7 @@ class Outcomes(NamedTuple):
 
     Attributes:
         clusters: the partition of encoder counts.
-        beliefs: for each cluster the particles in it, (n_k, 3) in the world.
+        beliefs: for each cluster the particles in it, (n_k, 3) in the world, or (n_k, 4) with their friction.
         unstable: share of the belief that is held by friction alone (jammed): stiff jaws on a light part may
             throw it out of such an equilibrium (paper VII.B).
         width_mm: mean width at which the jaws stop.
@@ -48,7 +49,7 @@ class MotionModel(Protocol):
         """Squeezes beliefs at placements.
 
         Args:
-            cases: pairs of a belief (n, 3) in the world and a placement (3,).
+            cases: pairs of a belief (n, 3) in the world, or (n, 4) with friction, and a placement (3,).
             rng: source of all randomness.
 
         Returns:
@@ -68,7 +69,8 @@ class Simulation:
         if not cases:
             return []
         hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
-        rolled = self.simulator.roll_out(hand, self.simulator.sample(len(hand), rng))
+        friction = frictions([belief for belief, _ in cases])
+        rolled = self.simulator.roll_out(hand, self.simulator.sample(len(hand), rng).rubbing(friction))
         counts = self.encoder.read(rolled.width_mm, rng)
         return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
 
@@ -90,7 +92,7 @@ def split(
     for belief, placement in cases:
         part = slice(start, start + len(belief))
         start += len(belief)
-        poses = to_world(poses_hand[part], placement)
+        poses = np.concatenate([to_world(poses_hand[part], placement), belief[:, 3:]], axis=1)
         clusters = partition(counts[part])
         label = clusters.label[counts[part]]
         beliefs = [poses[label == k] for k in range(len(clusters.mean))]

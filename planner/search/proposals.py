@@ -59,7 +59,8 @@ def proposals_of(job: Job) -> Proposals | None:
         shifts = [0.0]
         for share in COVERED:
             shifts.append(low + share * (high - low) - half)
-            shifts.append(high - share * (high - low) + half)
+            if job.part.symmetry % 2:  # half a turn makes the other end the same
+                shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
     return Proposals(np.array(rows))
 

@@ -35,7 +35,7 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert np.ptp(part.outline_mm, axis=0).tolist() == [30.0, 21.0]
     assert part.symmetry == 2
     assert rectangle.pressure.kind == "boundary"
-    assert rectangle.friction == job.Friction(0.4, 0.6, 0.2)
+    assert rectangle.friction == job.Friction(0.4, 0.6, 0.3)
     gripper = rectangle.gripper
     assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (27.5, 9.5, 85.0)
     assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)

@@ -75,24 +75,24 @@ def test_the_fewest_leaves_are_doubted_that_bring_the_rest_below_what_is_tolerat
 
 def tree():
     """A root with four leaves."""
-    belief = np.zeros((10, 3))
+    belief = np.zeros((50, 4))
     root = TreeNode(belief, 1.0, Mode(np.zeros(3), 0.5))
     root.children = [TreeNode(belief, 0.25, Mode(np.zeros(3), 1.0), (k,)) for k in range(4)]
     return root
 
 
-def test_a_doubted_belief_is_made_of_parts_that_ended_there_enough_of_them_wrong(run, table):
+def test_a_doubted_belief_is_joined_by_the_parts_that_were_wrong_there_so_many_that_they_count(run, table):
     root, metric = tree(), metric_of_table(table)
     runs = [with_wrong(run, (0, 7, 0, 0)), with_wrong(run, (0, 2, 0, 0))]
     (found,) = doubt(root, runs, metric)
     leaf = root.children[1]
     assert found.node is leaf
-    ended = np.concatenate([r.poses[r.leaf == 1] for r in runs])
-    assert all((ended == pose).all(axis=1).any() for pose in leaf.belief)
+    assert np.array_equal(leaf.belief[:50], found.belief)
     wrong = np.concatenate([r.poses[(r.leaf == 1) & ~r.within] for r in runs])
-    assert np.array_equal(leaf.belief[:9], wrong)
-    assert len(wrong) / len(leaf.belief) >= AMPLIFIED
-    assert len(leaf.belief) > 5 * len(wrong)
+    joined = leaf.belief[50:]
+    assert np.isnan(joined[:, 3]).all()
+    assert {tuple(pose) for pose in joined[:, :3]} == {tuple(pose) for pose in wrong}
+    assert AMPLIFIED <= len(joined) / len(leaf.belief) < 2.0 * AMPLIFIED + 0.1
     assert leaf.mode.ratio == metric.mode(leaf.belief).ratio
 
 
