@@ -32,7 +32,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
 
 
 def doubting(job: Job, n: int, rng: np.random.Generator) -> Array:
-    """Draws n poses as `initial`, a share (`friction.doubt`) of them with friction outside the job's interval.
+    """Draws n poses as `initial`, a share of them (`friction.doubt`) with friction outside the bounds.
 
     Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
     bound and `ROUGH` times that.
