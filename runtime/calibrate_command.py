@@ -1,6 +1,8 @@
 """The command `grasp-calibrate`: what a cell has to measure of itself before it can be believed."""
 
 import argparse
+import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -24,20 +26,23 @@ OF_THE_AUDIT = {
     "tag": "where a tag is on its part",
     "pictures": "take pictures, one at each Enter",
 }
-EPILOG = """\
-example:
-  grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json
+EXAMPLE = "grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json"
+EXIT_CODES = """\
+exit codes:
+   0  measured and written    2  usage             21  gripper fault, or not activated
+  20  gripper link fault     23  port not opened   33  the measurements contradict one another
+  40  stopped by the operator
+"""
+EPILOG = f"""\
+examples:
+  {EXAMPLE}
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
 
 For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
 slowly and with the least force. Keep your own fingers out. What the audit measures of its camera is told by
 grasp-calibrate camera --help, tag --help and pictures --help.
 
-exit codes:
-   0  measured and written    2  usage             21  gripper fault, or not activated
-  20  gripper link fault     23  port not opened   33  the measurements contradict one another
-  40  stopped by the operator
-"""
+{EXIT_CODES}"""
 
 
 class Open(Protocol):
@@ -57,7 +62,13 @@ def parser() -> argparse.ArgumentParser:
     )
     built.add_argument("--debug", action="store_true", help="print the traceback of an error")
     subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
-    width = subcommands.add_parser("width", help="the gripper's counts as widths, with gauge blocks")
+    width = subcommands.add_parser(
+        "width",
+        help="the gripper's counts as widths, with gauge blocks",
+        description="Measure which width each encoder count of the gripper means, with gauge blocks.",
+        epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     # Those of the audit have a parser of their own, which is asked before this one.
     for name, told in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=told, add_help=False)
@@ -69,22 +80,23 @@ def parser() -> argparse.ArgumentParser:
         "--blocks",
         default=DEFAULT_BLOCKS,
         metavar="MM,...",
-        help=f"widths of the blocks (default {DEFAULT_BLOCKS})",
+        help=f"widths of the blocks (default: {DEFAULT_BLOCKS})",
     )
-    add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default 3)")
+    add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)")
     add("--tips", metavar="LINK,OFFSET", help="the tips' arc in mm, kept in the file for grasp-runtime")
     add("--current", metavar="LEAST,MOST", help="motor current at rest on a part in mA, kept in the file")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
     return built
 
 
-def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] = input) -> int:
+def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] | None = None) -> int:
     """Measure and write as the arguments say.
 
     Args:
         arguments: parsed.
         open_gripper: opens the gripper.
-        ask: shows the operator a sentence and waits.
+        ask: shows the operator a sentence and waits; None for the terminal.
 
     Returns:
         0.
@@ -92,6 +104,7 @@ def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], 
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
+    ask = ask or (_ask_beside if arguments.json else input)
     widths_mm = _numbers("--blocks", arguments.blocks)
     if arguments.grips < 1 or any(width < 0.0 for width in widths_mm):
         raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
@@ -108,6 +121,9 @@ def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], 
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
     made = _with_extras(made, arguments)
     calibration.save(made, arguments.output)
+    if arguments.json:
+        print(json.dumps({"output": str(arguments.output), **figures(made)}))
+        return 0
     for line in report(made):
         print(line)
     print(f"written to {arguments.output}")
@@ -160,6 +176,26 @@ def report(made: GripperCalibration) -> Iterator[str]:
         alone = "-" if off is None else f"{off:+.3f} mm"
         counts = " ".join(map(str, gauge.counts))
         yield f"{gauge.width_mm:8.2f}  {counts:<16}  {gauge.spread:>6}  {alone:>18}  {line:+.3f} mm"
+
+
+def figures(made: GripperCalibration) -> dict[str, object]:
+    """The measurement in plain types."""
+    linear = calibration.against_linear_mm(made, LINEAR)
+    left_out = [None, *calibration.residuals_mm(made)]
+    blocks = [
+        {
+            "width_mm": gauge.width_mm, "position_counts": list(gauge.counts), "spread_counts": gauge.spread,
+            "off_without_it_mm": off, "off_linear_mm": line,
+        }
+        for gauge, off, line in zip_longest(made.gauges, left_out, linear)
+    ]  # fmt: skip
+    return {"gripper": made.gripper, "blocks": blocks}
+
+
+def _ask_beside(sentence: str) -> None:
+    """Ask where no parser reads it."""
+    print(sentence, end="", file=sys.stderr, flush=True)
+    input()
 
 
 def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:

@@ -4,6 +4,7 @@ The one module of the runtime that opens devices.
 """
 
 import argparse
+import json
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -17,7 +18,7 @@ from runtime import crash, dry_run, fitness, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
-from runtime.console import Console, Lines, Objects
+from runtime.console import Console, Lines, Objects, say
 from runtime.errors import CellError, StoppedError, exit_code_of
 from runtime.executor import Cell, Plan
 from runtime.incidents import Incidents, Report
@@ -170,18 +171,21 @@ def _check_fit(table: Table, plan: Plan) -> None:
 
 def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console) -> int:
     """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
+    told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
     calibration = plan.handling.calibration or Calibration.linear(table.gripper)
     origin = arguments.calibration or "the linear map"
     console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
-    if arguments.port is None:
-        return 0
-    gripper = connect.gripper(arguments.port, read_only=True)
-    try:
-        seen = gripper.state()
-    finally:
-        gripper.close()
-    width_mm = calibration.width_um(seen.position_counts) / 1000
-    console.note(f"the gripper stands at count {seen.position_counts}, which is {width_mm:.2f} mm")
+    if arguments.port is not None:
+        gripper = connect.gripper(arguments.port, read_only=True)
+        try:
+            seen = gripper.state()
+        finally:
+            gripper.close()
+        width_mm = calibration.width_um(seen.position_counts) / 1000
+        console.note(f"the gripper stands at count {seen.position_counts}, which is {width_mm:.2f} mm")
+        told["gripper"] = {"position_counts": seen.position_counts, "width_mm": width_mm}
+    if arguments.json:
+        say(json.dumps(told))
     return 0
 
 
@@ -189,8 +193,12 @@ def _dry_run(
     arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack
 ) -> int:
     devices = _connect(arguments, table, console, stack, Incidents().record)
-    for sentence in dry_run.tell(table, devices.gripper, devices.arm, plan):
-        console.note(sentence)
+    told = dry_run.tell(table, devices.gripper, devices.arm, plan)
+    if arguments.json:
+        say(json.dumps({"told": told}))
+    else:
+        for sentence in told:
+            console.note(sentence)
     console.note("dry run: nothing was written to the gripper, and nothing but questions to the arm")
     return 0
 

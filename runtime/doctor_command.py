@@ -17,12 +17,14 @@ from runtime.ports import Arm, Gripper
 from runtime.table import Calibration, Table, load
 
 EPILOG = """\
-example:
+examples:
   grasp-doctor --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --tree T.msgpack
+  grasp-doctor --port /dev/ttyUSB0 --json
 
 exit codes:
-   0  fit to run, perhaps with warnings   2  usage   3  table file missing   30  table invalid
+   0  fit to run, perhaps with warnings   1  internal error: a bug   2  usage   3  table file missing
   26  something has to be put right first; each sentence says what
+  30  table invalid                      33  calibration refused    40  stopped by the operator
 """
 MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 
@@ -53,13 +55,13 @@ def parser() -> argparse.ArgumentParser:
     add("--arm", help="the arm: tcp://host:port")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
-    add("--json", action="store_true", help="one JSON object a finding")
+    add("--json", action="store_true", help="print one JSON object instead of text")
     add("--debug", action="store_true", help="print the traceback of an error")
     return built
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Check, and print a line for each finding.
+    """Check, and print a line for each finding, or one object of all.
 
     Returns:
         0 where nothing is bad.
@@ -69,10 +71,14 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     """
     table = None if arguments.tree is None else load(arguments.tree)
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
-    bad = 0
+    found: list[Finding] = []
     for finding in findings(arguments.port, arguments.arm, table, measured, drivers, system or System()):
-        bad += finding.verdict is Verdict.BAD
-        say(_as_json(finding) if arguments.json else _as_line(finding))
+        found.append(finding)
+        if not arguments.json:
+            say(_as_line(finding))
+    bad = sum(finding.verdict is Verdict.BAD for finding in found)
+    if arguments.json:
+        say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in found]}))
     if bad:
         raise CellCheckError(f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs")
     return 0
@@ -135,7 +141,5 @@ def _as_line(finding: Finding) -> str:
     return f"{told} -> {finding.remedy}" if finding.remedy else told
 
 
-def _as_json(finding: Finding) -> str:
-    return json.dumps(
-        {"verdict": finding.verdict.value, "sentence": finding.sentence, "remedy": finding.remedy or None}
-    )
+def _as_object(finding: Finding) -> dict[str, object]:
+    return {"verdict": finding.verdict.value, "sentence": finding.sentence, "remedy": finding.remedy or None}

@@ -12,17 +12,20 @@ from runtime.errors import CellError, JournalError, UsageError, exit_code_of
 from runtime.journal import records, verify
 from runtime.replay import Entry, Replay
 
-EPILOG = """\
+EXIT_CODES = """\
+exit codes:
+   0  done, nothing wrong   1  internal error: a bug   2  usage   130  interrupted (Ctrl-C)
+  24  the journal cannot be read, does not verify, or claims what its counts do not justify
+"""
+EPILOG = f"""\
 examples:
   grasp-journal show squeezetree-journal.jsonl --outcome reject
   grasp-journal verify squeezetree-journal.jsonl
   grasp-journal replay squeezetree-journal.jsonl
   grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
 
-exit codes:
-   0  done, nothing wrong   1  internal error: a bug   2  usage
-  24  the journal cannot be read, does not verify, or claims what its counts do not justify
-"""
+{EXIT_CODES}"""
+EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", "widths_um"})
 
 
@@ -51,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    subcommands = built.add_subparsers(required=True, metavar="show|verify|replay|export")
+    subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
     shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
     shown.add_argument("--part", type=int, metavar="N", help="only this part's")
     shown.add_argument("--node", type=int, metavar="N", help="only squeezes at this node")
@@ -69,9 +72,14 @@ def parser() -> argparse.ArgumentParser:
 def _subcommand(
     subcommands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: object, told: str
 ) -> argparse.ArgumentParser:
-    made = subcommands.add_parser(name, help=told, description=f"{told[0].upper()}{told[1:]}.")
+    example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
+    made = subcommands.add_parser(
+        name, help=told, description=f"{told[0].upper()}{told[1:]}.", epilog=f"{example}\n\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
     made.add_argument("journal", type=Path, help="the journal")
-    made.add_argument("--json", action="store_true", help="objects for machines")
+    which = "a record" if name == "show" else "instead of text"
+    made.add_argument("--json", action="store_true", help=f"print one JSON object {which}")
     made.add_argument("--debug", action="store_true", help="print the traceback of an error")
     made.set_defaults(run=run)
     return made
@@ -92,18 +100,17 @@ def _verify(arguments: argparse.Namespace) -> int:
 def _replay(arguments: argparse.Namespace) -> int:
     replay = Replay()
     findings = list(replay.follow(records(arguments.journal)))
-    for finding in findings:
-        if arguments.json:
-            print(json.dumps(finding._asdict()))
-        else:
+    if arguments.json:
+        told = [finding._asdict() for finding in findings]
+        print(json.dumps({"decisions": replay.decisions, "findings": told}))
+    else:
+        for finding in findings:
             print(f"record {finding.seq}: {finding.sentence}")
     if findings:
         raise JournalError(
             arguments.journal, f"{len(findings)} records claim what their counts do not justify"
         )
-    if arguments.json:
-        print(json.dumps({"decisions": replay.decisions, "findings": 0}))
-    else:
+    if not arguments.json:
         print(f"{arguments.journal}: {replay.decisions} decisions derived again, all as recorded")
     return 0
 

@@ -64,16 +64,20 @@ def parser() -> argparse.ArgumentParser:
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
     )
     add("--arm", help="the arm: tcp://host:port; with --port sim its own")
-    add("--count", type=_positive_int, default=1, metavar="N", help="number of parts (default 1)")
+    add("--count", type=_positive_int, default=1, metavar="N", help="number of parts (default: 1)")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(
         "--journal",
         type=Path,
         default=DEFAULT_JOURNAL,
         metavar="P",
-        help=f"append the run to this file, after verifying it (default ./{DEFAULT_JOURNAL})",
+        help=f"append the run to this file, after verifying it (default: ./{DEFAULT_JOURNAL})",
     )
-    add("--json", action="store_true", help="one JSON object a part, sentences on standard error")
+    add(
+        "--json",
+        action="store_true",
+        help="print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error",
+    )
     add("--debug", action="store_true", help="print the traceback of an error")
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
@@ -211,7 +215,7 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
         "--force",
         choices=("regulated", "direct"),
         default="regulated",
-        help="close gently until contact and only then raise the force, or close with it (default regulated)",
+        help="close gently until contact and then raise the force, or close with it (default: regulated)",
     )
     add(
         "--grip-current",
@@ -239,20 +243,20 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         "--on-reject",
         default="next",
         metavar="LIST",
-        help="in this order, each once a part: resqueeze, restart; and last next or stop (default next)",
+        help="in this order, each once a part: resqueeze, restart; and last next or stop (default: next)",
     )
     add(
         "--on-unresolved",
         default="next",
         metavar="LIST",
-        help="restart; and last next or stop (default next)",
+        help="restart; and last next or stop (default: next)",
     )
     add(
         "--after-crash",
         choices=("abort", "resume", "restart"),
         default="abort",
         help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
-        "part over (default abort)",
+        "part over (default: abort)",
     )
 
 
@@ -275,7 +279,7 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
 def _add_simulated(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add("--time-scale", type=_positive, default=1.0, metavar="S", help="times as fast as life")
-    add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default 0)")
+    add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
     add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")
 
 

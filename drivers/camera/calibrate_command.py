@@ -2,9 +2,10 @@
 
 import argparse
 import datetime
+import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -18,7 +19,14 @@ from drivers.camera.sources import open_source
 from drivers.camera.tag_file import PartTag, Pose
 
 PICTURE_S = 10.0
-EPILOG = """\
+Told = Generator[str, None, dict[str, object]]
+"""Lines for people as the work goes on; at its end the same for machines."""
+EXIT_CODES = """\
+exit codes:
+   0  measured and written    2  usage         23  no camera   130  interrupted (Ctrl-C)
+  27  a tag is not seen      33  refused: too few views, large residuals, damaged files
+"""
+EPILOG = f"""\
 example:
   grasp-calibrate pictures --camera /dev/video0 -o views      # once for each view, by Enter
   grasp-calibrate camera --name C930e-1234 --board charuco:12x9:30:22.5 --views views --table table-*.png \\
@@ -28,10 +36,7 @@ example:
 
 touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose that the arm knows.
 
-exit codes:
-   0  measured and written    2  usage         23  no camera
-  27  a tag is not seen      33  refused: too few views, large residuals, damaged files
-"""
+{EXIT_CODES}"""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -44,9 +49,14 @@ def parser() -> argparse.ArgumentParser:
     )
     built.add_argument("--debug", action="store_true", help="print the traceback of an error")
     commands = built.add_subparsers(required=True, metavar="camera | tag | pictures", dest="command")
-    _camera(commands.add_parser("camera", help="lens and place of a camera, from pictures of a board"))
-    _tag(commands.add_parser("tag", help="where a tag is on its part"))
-    _pictures(commands.add_parser("pictures", help="take pictures, one at each Enter"))
+    for name, (told, example, add) in SUBCOMMANDS.items():
+        made = commands.add_parser(
+            name, help=told, description=f"{told[0].upper()}{told[1:]}.",
+            epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+        add(made)
     return built
 
 
@@ -55,8 +65,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     cv2.setNumThreads(1)
     try:
-        for line in options.run(options):
-            print(line, flush=True)
+        told = options.run(options)
+        while True:
+            line = next(told)
+            if not options.json:
+                print(line, flush=True)
+    except StopIteration as end:
+        if options.json:
+            print(json.dumps(end.value))
     except (KeyboardInterrupt, EOFError):
         return 130
     except Exception as error:
@@ -67,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def run_camera(options: argparse.Namespace) -> Iterator[str]:
+def run_camera(options: argparse.Namespace) -> Told:
     """Calibrate a camera, write file and picture, and tell the residuals."""
     material = Material(
         options.name,
@@ -87,6 +103,7 @@ def run_camera(options: argparse.Namespace) -> Iterator[str]:
     _write(picture, residual_picture.draw(made.calibration, made.residuals, boards))
     yield from report(made, material)
     yield f"written to {options.output} and {picture}"
+    return {"output": str(options.output), "picture": str(picture), **figures(made, material)}
 
 
 def report(made: Made, material: Material) -> Iterator[str]:
@@ -107,7 +124,22 @@ def report(made: Made, material: Material) -> Iterator[str]:
     yield f"reference tags: {numbers or 'none, so a moved camera will not be noticed'}"
 
 
-def run_tag(options: argparse.Namespace) -> Iterator[str]:
+def figures(made: Made, material: Material) -> dict[str, object]:
+    """What was measured, in plain types."""
+    known = made.calibration
+    return {
+        "camera": known.camera,
+        "views": known.views,
+        "left_out": list(made.left_out),
+        "residual_px": float(known.rms_px),
+        "table_rms_mm": float(made.residuals.rms_mm),
+        "sigma_mm": float(np.median(known.trust.sigma_mm)),
+        "alignment_mm": float(known.alignment_mm) if material.touched else None,
+        "references": [reference.number for reference in known.references],
+    }
+
+
+def run_tag(options: argparse.Namespace) -> Told:
     """Measure or state where a tag is on its part."""
     tag = PartTag(options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height)
     if options.at is None:
@@ -119,11 +151,18 @@ def run_tag(options: argparse.Namespace) -> Iterator[str]:
     yield f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad"
     yield f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad"
     yield f"written to {options.output}"
+    return {
+        "output": str(options.output), "part": tag.part, "tag": tag.number, "x_mm": float(x_mm),
+        "y_mm": float(y_mm), "theta_rad": float(theta_rad), "sigma_mm": float(tag.sigma_mm),
+        "sigma_rad": float(tag.sigma_rad),
+    }  # fmt: skip
 
 
-def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] = input) -> Iterator[str]:
+def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] | None = None) -> Told:
     """Take so many pictures, each when Enter is pressed."""
+    ask = ask or (_ask_beside if options.json else input)
     source = open_source(options.camera, options.size)
+    taken = []
     options.output.mkdir(parents=True, exist_ok=True)
     try:
         for number in range(options.count):
@@ -132,9 +171,11 @@ def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] = inp
             path = options.output / f"{options.stem}-{number:03d}.png"
             if not cv2.imwrite(str(path), picture):
                 raise CameraFileError(f"{path}: cannot be written")
+            taken.append(str(path))
             yield f"{path}: {picture.shape[1]} x {picture.shape[0]}"
     finally:
         source.close()
+    return {"pictures": taken}
 
 
 def now() -> str:
@@ -150,7 +191,7 @@ def _camera(command: argparse.ArgumentParser) -> None:
     add("--views", type=Path, required=True, metavar="DIR", help="pictures of the board, held and tilted")
     add("--table", type=Path, required=True, nargs="+", metavar="F", help="pictures of it lying on the table")
     add("--above", action="store_true", help="the camera looks down, and the board lies face up")
-    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default 0)")
+    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
     add("--touched", type=Path, metavar="CSV", help="places of a tag that the arm knows, with pictures")
     add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
     add("--references", type=Path, metavar="F", help="a picture of the tags that stay where they are")
@@ -163,7 +204,7 @@ def _tag(command: argparse.ArgumentParser) -> None:
     add("--part", required=True, help="name of the part")
     add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
     add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
-    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default 0)")
+    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
     add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
     add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
     add("--poses", type=Path, metavar="CSV", help="poses of the part that the arm knows, with pictures")
@@ -174,10 +215,35 @@ def _pictures(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=run_pictures)
     add = command.add_argument
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
-    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default 1920x1080)")
-    add("--count", type=int, default=20, metavar="N", help="how many (default 20)")
-    add("--stem", default="view", help="what their names begin with (default view)")
+    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default: 1920x1080)")
+    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
+    add("--stem", default="view", help="what their names begin with (default: view)")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
+
+
+SUBCOMMANDS = {
+    "camera": (
+        "lens and place of a camera, from pictures of a board",
+        "grasp-calibrate camera --name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
+        _camera,
+    ),
+    "tag": (
+        "where a tag is on its part",
+        "grasp-calibrate tag --part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
+        _tag,
+    ),
+    "pictures": (
+        "take pictures, one at each Enter",
+        "grasp-calibrate pictures --camera /dev/video0 -o views",
+        _pictures,
+    ),
+}
+
+
+def _ask_beside(sentence: str) -> None:
+    """Ask where no parser reads it."""
+    print(sentence, end="", file=sys.stderr, flush=True)
+    input()
 
 
 def _pose(text: str) -> Pose:

@@ -13,8 +13,16 @@ from drivers.camera import calibration, drift, service, subject, tag_file
 from drivers.camera.auditor import Auditor
 from drivers.camera.sources import open_source
 
-EPILOG = """\
-example:
+EXIT_CODES = """\
+exit codes:
+  0  done (the questions ended)     2  usage            3  file missing   23  no camera
+  13 a chart of the report alarms  24  a journal does not verify
+  30 table refused                 33  calibration or tag file refused
+  130 interrupted (Ctrl-C)
+"""
+EPILOG = (
+    """\
+examples:
   grasp-runtime --tree T.msgpack --port ... \\
       --audit "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
   grasp-audit report runs/*.jsonl -o report.html
@@ -22,12 +30,9 @@ example:
 judge reads questions from its standard input, one JSON object a line, and answers each by one line:
   {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0} -> {"verdict": "pass", "reason": "...", ...}
 
-exit codes:
-  0  done (the questions ended)     2  usage            3  file missing   23  no camera
-  13 a chart of the report alarms  24  a journal does not verify
-  30 table refused                 33  calibration or tag file refused
-  130 interrupted (Ctrl-C)
 """
+    + EXIT_CODES
+)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,7 +44,13 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = built.add_subparsers(required=True, metavar="judge | report", dest="command")
-    add = commands.add_parser("judge", help="answer questions about parts, one a line").add_argument
+    told = "answer questions about parts, one a line"
+    example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
+    add = commands.add_parser(
+        "judge", help=told, description=f"{told[0].upper()}{told[1:]}: JSON in, JSON out.",
+        epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    ).add_argument  # fmt: skip
     add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table: its goal and its part")
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp://, http:// or a folder")
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
@@ -49,10 +60,10 @@ def parser() -> argparse.ArgumentParser:
         "--moved-mm",
         type=_positive,
         default=drift.LIMIT_MM,
-        help="limit of reference tags (default %(default)s)",
+        help="limit of reference tags (default: %(default)s)",
     )
-    add("--deadline", type=_positive, default=5.0, metavar="S", help="for an answer (default %(default)s)")
-    add("--memory-mb", type=_positive, default=400.0, metavar="MB", help="to grow by (default %(default)s)")
+    add("--deadline", type=_positive, default=5.0, metavar="S", help="for an answer (default: %(default)s)")
+    add("--memory-mb", type=_positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
     add("--debug", action="store_true", help="print the traceback of an error")
     commands.add_parser("report", help="success, residuals and control charts from journals", add_help=False)
     return built

@@ -46,11 +46,15 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--world",
         metavar="MODULE:FACTORY",
-        help=f"the physics (default planner.world:make; without the planner extra {REHEARSAL})",
+        help=f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})",
     )
-    made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default 0)")
+    made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
     made.add_argument(
-        "--time-scale", type=_scale, default=1.0, metavar="S", help="simulated seconds per second (default 1)"
+        "--time-scale",
+        type=_scale,
+        default=1.0,
+        metavar="S",
+        help="simulated seconds per second (default: 1)",
     )
     made.add_argument(
         "--faults",
@@ -64,9 +68,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="instead of serving, write the pictures to calibrate that camera from, and the commands for it",
     )
-    made.add_argument("--json", action="store_true", help="print the endpoints as one JSON object")
+    made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
     made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
-    made.add_argument("--debug", action="store_true", help="show tracebacks")
+    made.add_argument("--debug", action="store_true", help="print the traceback of an error")
     return made
 
 

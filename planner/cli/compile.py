@@ -46,6 +46,8 @@ def parser() -> argparse.ArgumentParser:
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
+        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml --baseline sensorless",
     )
     built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     built.add_argument(

@@ -51,10 +51,13 @@ def parser() -> argparse.ArgumentParser:
         NAME,
         "Run a decision table on many parts in a world, and count how often it finds them.",
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
+        f"{NAME} trees/rectangle/rectangle.msgpack --sweep",
     )
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
-    built.add_argument("--trials", type=shell.positive, default=DEFAULT_TRIALS, help="(default: %(default)s)")
+    built.add_argument(
+        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
+    )
     built.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
     built.add_argument(
         "--worst", type=shell.natural, default=3, metavar="N",

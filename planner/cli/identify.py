@@ -64,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
         "Identify the limit surface of a part on its table from measured pushes, and judge it on pushes that "
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
+        f"{NAME} monday.txt tuesday.txt --kind quartic --json",
     )
     built.add_argument(
         "logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)"

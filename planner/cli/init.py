@@ -35,6 +35,7 @@ def parser() -> argparse.ArgumentParser:
         "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on\n"
         "a terminal. The file that comes out explains every field.",
         f"{NAME} bracket.dxf -o job.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber",
+        f"{NAME} bracket.svg -o job.toml",
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
     built.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")

@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+import textwrap
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
@@ -30,6 +31,8 @@ from planner.progress import Report, silent
 from runtime.table import TableError, TableFileError
 
 INTERRUPTED = 130
+WIDTH = 98
+"""Columns of what --help says."""
 ROLL_OUTS = "rollouts"
 """Folder of the roll-outs in the cache folder."""
 EXIT_CODES = """\
@@ -40,16 +43,17 @@ exit codes:
 """
 
 
-def parser(name: str, description: str, example: str) -> argparse.ArgumentParser:
+def parser(name: str, description: str, *examples: str) -> argparse.ArgumentParser:
     """An argument parser with the options and the epilogue that all commands have."""
+    shown = "\n  ".join(examples)
     result = argparse.ArgumentParser(
         prog=name,
-        description=description,
-        epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+        description=textwrap.fill(description, WIDTH),
+        epilog=f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     result.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-    result.add_argument("--debug", action="store_true", help="show a traceback with errors")
+    result.add_argument("--debug", action="store_true", help="print the traceback of an error")
     return result
 
 

@@ -61,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
         "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
         "reported as jammed at full opening, unmoved.",
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
+        f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
     )
     built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     built.add_argument(

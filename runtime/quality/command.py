@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
     add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
     add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
-    add("--json", action="store_true", help="print the figures as one JSON object")
+    add("--json", action="store_true", help="print one JSON object instead of text")
     add("--debug", action="store_true", help="print the traceback of an error")
     return built
 

@@ -1,5 +1,6 @@
 """`--dry-run`, `--check` and `grasp-doctor` write nothing: proved on the wire, byte by byte."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,21 @@ def test_check_reads_the_gripper_and_touches_no_arm(tree: Path, capsys: pytest.C
     out = capsys.readouterr().out
     assert "the table fits the gripper: 2 nodes" in out
     assert "count 3, which is 85.00 mm" in out
+
+
+def test_as_json_check_and_dry_run_are_one_document_each(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with TappedGripper() as gripper, TappedArm() as arm:
+        words = ["--tree", str(tree), "--port", gripper.path, "--json"]
+        assert main([*words, "--check"]) == 0
+        checked = json.loads(capsys.readouterr().out)
+        assert main([*words, "--arm", arm.url, "--dry-run"]) == 0
+        told = json.loads(capsys.readouterr().out)["told"]
+    assert checked == {"nodes": 2, "gripper": {"position_counts": 3, "width_mm": 85.0}}
+    assert sum(sentence.startswith("node ") for sentence in told) == 2
+    assert main(["--tree", str(tree), "--check", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"nodes": 2, "gripper": None}
 
 
 def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(

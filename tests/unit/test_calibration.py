@@ -202,6 +202,25 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert len(list(report(made))) == 2 + len(BLOCKS)
 
 
+def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    gripper = ArcGripper()
+
+    def answer() -> str:
+        gripper.hold(capsys.readouterr().err)
+        return ""
+
+    monkeypatch.setattr("builtins.input", answer)
+    assert run(arguments(tmp_path, "--activate", "--json"), lambda port: gripper) == 0
+    told = json.loads(capsys.readouterr().out)
+    made = load(tmp_path / "g.json")
+    assert (told["output"], told["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
+    assert [block["position_counts"] for block in told["blocks"]] == [list(g.counts) for g in made.gauges]
+    assert [block["width_mm"] for block in told["blocks"]] == list(BLOCKS)
+
+
 def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

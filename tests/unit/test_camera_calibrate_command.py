@@ -1,5 +1,6 @@
 """`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or a line saying why."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -41,7 +42,16 @@ def studio(tmp_path_factory):
 
 
 def run_camera(studio, *more):
-    words = ["camera", "--name", "S-1", "--board", "charuco:12x9:14:10.5", "--views", str(studio / "views")]
+    words = [
+        "camera",
+        "--json",
+        "--name",
+        "S-1",
+        "--board",
+        "charuco:12x9:14:10.5",
+        "--views",
+        str(studio / "views"),
+    ]
     words += ["--table", str(studio / "table.png"), "-o", str(studio / "camera.json")]
     return calibrate_command.main([*words, *more])
 
@@ -67,6 +77,24 @@ def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
     assert picture.startswith("<svg")
     assert picture.count("<circle") == len(corners_on_board())
     assert calibrated.camera in picture
+
+
+def test_as_json_a_tag_is_one_document(studio, tmp_path, capsys):
+    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "1,2,0.5", "--json"]
+    assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["part"], told["tag"], told["x_mm"], told["theta_rad"]) == ("block", 7, 1.0, 0.5)
+    assert told["output"] == str(tmp_path / "tag.json")
+
+
+def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr("builtins.input", lambda: asked.append(capsys.readouterr().err))
+    words = ["pictures", "--camera", str(studio / "views"), "--count", "2", "--json", "-o", str(tmp_path)]
+    assert calibrate_command.main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"pictures": [str(tmp_path / f"view-00{number}.png") for number in (0, 1)]}
+    assert ["press Enter" in sentence for sentence in asked] == [True, True]
 
 
 def test_tag_is_found_on_its_part(studio, calibrated, capsys):

@@ -208,8 +208,9 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
     with pytest.raises(CellCheckError, match="1 thing to put right"):
         run(given, Drivers(TimeoutError("silence")))
     told = json.loads(capsys.readouterr().out)
-    assert told["verdict"] == "bad"
-    assert told["remedy"]
+    assert told["fit"] is False
+    assert [finding["verdict"] for finding in told["findings"]] == ["bad"]
+    assert told["findings"][0]["remedy"]
     given = parser().parse_args(["--port", "tcp://doctor:1"])
     with pytest.raises(CellCheckError):
         run(given, Drivers(TimeoutError("silence")))

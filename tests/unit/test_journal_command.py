@@ -39,7 +39,7 @@ def test_replay_derives_every_decision(journal: Path, capsys: pytest.CaptureFixt
     assert main(["replay", str(journal)]) == 0
     assert "12 decisions derived again, all as recorded" in lines(capsys)[0]
     assert main(["replay", str(journal), "--json"]) == 0
-    assert json.loads(lines(capsys)[0]) == {"decisions": 12, "findings": 0}
+    assert json.loads(lines(capsys)[0]) == {"decisions": 12, "findings": []}
 
 
 def test_a_forged_decision_is_24_though_its_chain_holds(
@@ -59,7 +59,7 @@ def test_a_forged_decision_is_24_though_its_chain_holds(
     assert seen.out.startswith("record 3: ")
     assert "records claim what their counts do not justify" in seen.err
     assert main(["replay", str(forged), "--json"]) == 24
-    assert json.loads(lines(capsys)[0])["seq"] == 3
+    assert json.loads(lines(capsys)[0])["findings"][0]["seq"] == 3
 
 
 def writing_fields() -> set[str]:

@@ -1,0 +1,79 @@
+"""What each command says of itself: what it does, examples that it takes, exit codes, in the same words."""
+
+import argparse
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime.completion import _subcommands, parsers
+
+RECORD = Path(__file__).parents[2] / "tools" / "decisions" / "0003-one-list-of-exit-codes.md"
+RECORDED = {int(code) for code in re.findall(r"^\| (\d+) \|", RECORD.read_text(), re.MULTILINE)}
+COMMANDS = dict(parsers())
+STREAMS = {"grasp-runtime", "grasp-journal show"}
+"""Those that print one JSON object after another, since their end may be far."""
+
+
+def every(found: dict[str, argparse.ArgumentParser]) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """All commands and subcommands by the words that call them."""
+    for name, made in found.items():
+        yield name, made
+        yield from every({f"{name} {word}": one for word, one in _subcommands(made).items()})
+
+
+ALL = dict(every(COMMANDS))
+LAST = [name for name, made in ALL.items() if not _subcommands(made)]
+
+
+def arguments(made: argparse.ArgumentParser) -> list[argparse.Action]:
+    return [action for action in made._actions if not isinstance(action, argparse._SubParsersAction)]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_it_says_what_it_does_and_each_argument_what_it_is(name: str) -> None:
+    made = ALL[name]
+    assert made.description
+    assert made.description.rstrip()[-1] in ".?"
+    assert [action.dest for action in arguments(made) if not action.help] == []
+    assert [line for line in made.format_help().splitlines() if len(line) > 120] == []
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_it_has_an_example_and_exit_codes_of_the_one_list(name: str) -> None:
+    epilog = ALL[name].epilog or ""
+    assert re.search(r"^examples?\b.*:$", epilog, re.MULTILINE)
+    told = epilog.partition("exit codes")[2].partition(":\n")[2].partition("\n\n")[0]
+    codes = {int(code) for code in re.findall(r"(?:^| |-)(\d{1,3})(?= |-)", told, re.MULTILINE)}
+    assert {0, 2} <= codes <= RECORDED
+
+
+@pytest.mark.parametrize("name", LAST)
+def test_an_example_is_understood(name: str) -> None:
+    epilog = re.sub(r"\\\n\s+", "", ALL[name].epilog or "")
+    lines = [line.strip() for line in epilog.splitlines() if line.startswith(f"  {name} ")]
+    assert lines
+    for line in lines:
+        words = shlex.split(line.partition(" && ")[0].partition(" > ")[0])
+        ALL[name].parse_args(words[len(name.split()) :])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
+    for action in arguments(ALL[name]):
+        told = str(action.help)
+        assert told[0].islower() or not told[0].isalpha() or told.split()[0].strip(",").isupper(), told
+        assert not told.removesuffix("...").endswith("."), told
+        assert not re.search(r"\(default (?!:)|\(defaults", told), told
+        if action.dest == "debug":
+            assert told == "print the traceback of an error"
+        if action.dest == "json":
+            assert told.startswith("print one JSON object ")
+            assert told.startswith("print one JSON object instead of text") is (name not in STREAMS)
+
+
+def test_who_prints_text_prints_json_too() -> None:
+    silent = {"grasp-audit judge", "squeezetree-completion"}  # JSON or a script are all that they print
+    assert {name for name in LAST if "--json" not in ALL[name]._option_string_actions} == silent
