@@ -73,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
-        ".pdf; default: TREE.models.svg beside the table)",
+        ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
     built.add_argument("--strip", action="store_true", help="leave the job out of the table")
     built.add_argument(
@@ -104,22 +104,22 @@ def _single(arguments: argparse.Namespace) -> int:
         plan = compile_job(
             job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
         )
-        judged = None
+        models = None
         if picture:
-            judged = models_report.judge(job, arguments.workers, store, scheduler, report, picture)
+            models = models_report.made(job, arguments.workers, store, scheduler, report, picture)
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         with shell.writing(output) as draft:
             dump(table, draft)
         seconds = time.perf_counter() - started
         advice = None if arguments.no_advice else counsel(plan, job, scheduler, report)
     if arguments.json:
-        models = {"models": models_report.figures(judged, picture)} if judged else {}
-        figures = {**_figures(plan, output, seconds), **models, "advice": advice and advice.figures()}
+        more = {"models": models.figures} if models else {}
+        figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
         shell.print_json(figures)
         return 0
     print("\n".join([_text(plan, job.part.name, output, seconds), *(advice.lines() if advice else ())]))
-    if judged:
-        print(models_report.text(judged, picture))
+    if models:
+        print(models.text)
     return 0
 
 

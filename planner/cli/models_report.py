@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from planner.cli import shell
 from planner.errors import UsageError
 from planner.job import Job
 from planner.mechanics.simulator import Simulator
@@ -19,6 +22,13 @@ from planner.scheduler import Scheduler
 PICTURES = (".png", ".svg", ".pdf")
 BESIDE = "beside the table"
 """What the option has for its value when no file is named."""
+
+
+class Told(NamedTuple):
+    """The report for machines and for people."""
+
+    figures: dict[str, Any]
+    text: str
 
 
 def picture_path(value: str, table: Path) -> Path:
@@ -54,11 +64,29 @@ def judge(
     return judged
 
 
-def figures(judged: Quality, picture: Path) -> dict[str, Any]:
-    """The report in plain types."""
+def made(
+    job: Job, workers: int | None, store: Store | None, scheduler: Scheduler, report: Report, picture: Path
+) -> Told:
+    """Judges the models of a job, and writes the picture and, beside it, the figures for plan-report.
+
+    Raises:
+        ClusterError: the cluster was lost.
+        InputFileError: a file cannot be written.
+    """
+    judged = judge(job, workers, store, scheduler, report, picture)
+    told = figures(judged, picture, job.digest())
+    beside = picture.with_suffix(".json")
+    with shell.writing(beside) as draft:
+        draft.write_text(json.dumps(told) + "\n", encoding="utf-8")
+    return Told(told, text(judged, [picture, beside]))
+
+
+def figures(judged: Quality, picture: Path, job_digest: bytes) -> dict[str, Any]:
+    """The report in plain types, and which job it is about."""
     subspaces = judged.subspaces
     opened, anywhere = judged.collision
     return {
+        "job_digest": job_digest.hex(),
         "rollouts": judged.rollouts,
         "colliding": judged.colliding,
         "spacing_mm": judged.spacing_mm,
@@ -79,8 +107,8 @@ def figures(judged: Quality, picture: Path) -> dict[str, Any]:
     }
 
 
-def text(judged: Quality, picture: Path) -> str:
-    """The report for a terminal."""
+def text(judged: Quality, written: Sequence[Path]) -> str:
+    """The report for a terminal, and the files where it is."""
     from planner.report.subspaces import name
 
     sensor, motion = judged.sensor, f"h1 {judged.h1_mm:.3f} mm, h2 {judged.h2:.3g} of the scatter near by"
@@ -102,7 +130,11 @@ def text(judged: Quality, picture: Path) -> str:
             "ones colliding"
         )
     names = "; ".join(name(judged, k) for k in range(len(judged.subspaces)))
-    lines += [f"widths: {names}", *(f"  {note}" for note in judged.subspaces.notes()), f"wrote {picture}"]
+    lines += [
+        f"widths: {names}",
+        *(f"  {note}" for note in judged.subspaces.notes()),
+        f"wrote {' and '.join(map(str, written))}",
+    ]
     return "\n".join(lines)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.errors import UsageError
-from planner.report import dossier, run_log
+from planner.report import dossier, models, run_log
 from runtime.table import digest, load
 
 NAME = "plan-report"
@@ -28,7 +28,8 @@ def main(argv: list[str] | None = None) -> int:
         job = job_of(table, arguments.tree, arguments.job)
         data = arguments.tree.read_bytes()
         log = run_log.read(arguments.journal, digest(table).hex()) if arguments.journal else None
-        source = dossier.Source(arguments.tree.name, data, log)
+        judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
+        source = dossier.Source(arguments.tree.name, data, log, judged)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)
         with shell.writing(output) as draft:
             draft.write_text(text, encoding="utf-8")
@@ -52,6 +53,7 @@ def parser() -> argparse.ArgumentParser:
         "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
         "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
+        f"{NAME} tree.msgpack -o report.html --models tree.models.json",
     )
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
@@ -59,6 +61,10 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
     )
+    built.add_argument(
+        "--models", type=Path, metavar="M.json",
+        help="show how good the learned models are, as plan-compile --models-report wrote it",
+    )  # fmt: skip
     built.add_argument(
         "--trials", type=shell.positive, default=dossier.TRIALS,
         help="parts sent through the table to draw its beliefs (default: %(default)s)",

@@ -21,6 +21,7 @@ from planner.job import Job
 from planner.part import outline as outlines
 from planner.report import canvas, panels
 from planner.report.details import leaf_details, node_details, runs
+from planner.report.models import Models
 from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.sensitivity import sensitivity
@@ -38,11 +39,12 @@ LISTED = 5000
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a page is about: the table's file name and bytes, and the journal laid over it."""
+    """What a page is about: the table's file name and bytes, the journal laid over it, and its models."""
 
     name: str
     data: bytes
     log: RunLog | None = None
+    models: Models | None = None
 
 
 def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0) -> str:

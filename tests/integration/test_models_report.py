@@ -96,7 +96,7 @@ def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_pa
     report, _ = judged
     picture = tmp_path / "tree.models.svg"
     figure(report, rectangle(), JAWS, picture)
-    out = models_report.text(report, picture)
+    out = models_report.text(report, [picture])
     assert out.count(" deg: ") == 4
     for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):
         assert word in out
@@ -113,6 +113,7 @@ def test_the_command_says_it_in_json_and_draws_beside_the_table(tmp_path, capsys
     assert models["sensor"]["median_mm"] <= models["sensor"]["worst_mm"]
     assert [part["rollouts"] > 0 for part in models["subspaces"]] == [True] * 4
     assert models["picture"] == str(tmp_path / "tree.models.svg")
+    assert json.loads((tmp_path / "tree.models.json").read_text()) == models
     assert (tmp_path / "tree.models.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 

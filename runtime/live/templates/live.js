@@ -73,13 +73,20 @@ function labelOf(target) {
 
 // The drawing, all of it or what lies beside the part's way.
 const view = byId("view"), near = byId("near"), follow = byId("follow");
+function withAncestors(targets) {
+  const found = new Set(targets);
+  for (let target of targets) while ((target = parents.get(target)?.index) !== undefined) found.add(target);
+  return found;
+}
 let zoom = 1, size = [0, 0], way = new Set([0]), now = 0, chosen = 0, drawn = "";
 near.checked = nodes.length + leaves.length > MANY;
 function draw() {
-  const shown = near.checked ? target => way.has(parents.get(target)?.index ?? 0) : () => true;
-  const state = near.checked ? [...way].filter(target => target >= 0).sort().join() : "all";
+  const open = withAncestors([...way, chosen]);
+  const shown = near.checked ? target => open.has(parents.get(target)?.index ?? 0) : () => true;
+  const state = near.checked ? [...open].filter(target => target >= 0).sort().join() : "all";
   if (state === drawn) return;
   drawn = state;
+  const focused = view.contains(document.activeElement) ? document.activeElement.id : "";
   const root = tidy(0, shown), back = shape("g"), front = shape("g"), labels = shape("g", {"aria-hidden": "true"});
   const left = Math.min(...root.contour.map(([low]) => low)), right = Math.max(...root.contour.map(([, high]) => high));
   const place = (spot, x, depth) => {
@@ -99,6 +106,7 @@ function draw() {
   view.replaceChildren(shape("svg", {id: "plan", viewBox: `0 0 ${size.join(" ")}`, role: "group", "aria-label": "Nodes and leaves"}, back, front, labels));
   scale(zoom);
   mark();
+  if (focused && focused !== "view") (byId(focused) ?? view).focus({preventScroll: true});
 }
 function scale(next) {
   zoom = Math.min(Math.max(next, 0.05), 6);
@@ -169,6 +177,7 @@ let told = "";
 function choose(target, focus = false) {
   const state = JSON.stringify([target, steps]);
   chosen = target;
+  draw();
   mark();
   show(target);
   if (focus) byId(keyOf(target))?.focus({preventScroll: true});
@@ -216,8 +225,8 @@ function take(state) {
   steps = state.steps;
   const last = steps.at(-1);
   now = state.node ?? last?.target ?? (last ? last.node : 0);
-  way = new Set([0, ...steps.map(step => step.node), ...steps.map(step => step.target).filter(target => target !== null), now]);
-  for (let target of [...way]) while ((target = parents.get(target)?.index) !== undefined) way.add(target);  // after a crash the first squeezes are not among the steps
+  const reached = steps.flatMap(step => step.target === null ? [step.node] : [step.node, step.target]);
+  way = withAncestors([...reached, now]);  // after a crash the first squeezes are not among the steps
   put("part", state.part ? String(state.part) : "–");
   put("phase", state.phase);
   put("at", nameOf(now));
