@@ -52,7 +52,7 @@ class Monitor:
         if self._views.terminal is not None:
             from runtime.live.terminal import View
 
-            view = View(self._table, self._name, self._status, self._console, self._views.terminal)
+            view = View(self._table, Path(self._name).name, self._status, self._console, self._views.terminal)
             self._console = self._stack.enter_context(view)
         watchdog.notify(watchdog.READY)
 

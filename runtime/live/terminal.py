@@ -62,7 +62,10 @@ class View:
             self._console.step(part, step)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """The status has it."""
+        """The status has it; where a fault or a stop left the cell is said in full, and stays."""
+        if result.safe_state:
+            told = [f"part {result.part}: {result.outcome.name}", result.reason or "", *result.safe_state]
+            self.note("; ".join(filter(None, told)))
         if self._beside:
             self._console.part(result, seen)
 

@@ -12,7 +12,9 @@ from rich.console import Console as Terminal
 from sample_tables import random_table, small_table
 from written_journals import Quiet
 
-from runtime.console import Sighting
+from runtime import options
+from runtime.console import Lines, Sighting
+from runtime.errors import UsageError
 from runtime.live.rows import Outline, Row
 from runtime.live.terminal import View, picture
 from runtime.phases import Phase
@@ -111,3 +113,66 @@ def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.Monke
     assert not view._thread.is_alive()
     with contextlib.suppress(OSError):  # what it could not write
         stream.close()
+
+
+def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    stream = io.StringIO()
+    stopped = PartResult.of(
+        3,
+        Outcome.STOPPED,
+        [],
+        "stopped by the operator",
+        safe_state=("fingers stopped", "arm at retreat height"),
+    )
+    with View(small_table(), "small.msgpack", fed(), Lines(small_table()), stream) as view:
+        view.part(stopped, None)
+        view.summary(Tally(), Path("j"))
+    told = " ".join(stream.getvalue().split())
+    assert "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height" in told
+    # The picture is not where the lines go, so that these are printed too.
+    assert capsys.readouterr().out.splitlines() == [
+        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height",
+        "0 parts: 0.00 squeezes a part; journal j",
+    ]
+
+
+class Screen(io.StringIO):
+    """A stream that calls itself a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("out", "err", "term", "words", "drawn"),
+    [
+        (True, True, "xterm", ["--watch"], "out"),
+        (True, True, "xterm", [], None),
+        (False, True, "xterm", ["--watch"], None),
+        (True, True, "dumb", ["--watch"], None),
+        (False, True, "xterm", ["--watch", "--json"], "err"),
+        (True, True, "xterm", ["--watch", "--json"], None),
+        (False, False, "xterm", ["--watch", "--json"], None),
+    ],
+)
+def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
+    monkeypatch: pytest.MonkeyPatch, *, out: bool, err: bool, term: str, words: list[str], drawn: str | None
+) -> None:
+    streams = {"out": Screen() if out else io.StringIO(), "err": Screen() if err else io.StringIO()}
+    monkeypatch.setattr("sys.stdout", streams["out"])
+    monkeypatch.setattr("sys.stderr", streams["err"])
+    monkeypatch.setenv("TERM", term)
+    given = options.parser().parse_args(["--tree", "t", "--port", "sim", *words])
+    assert options.views(given).terminal is (streams[drawn] if drawn else None)
+
+
+def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = options.parser().parse_args(["--tree", "t", "--port", "sim", "--watch"])
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("runtime.options.find_spec", lambda name: None)
+    options.check_usage(given)  # in a pipe it is not needed
+    monkeypatch.setattr("sys.stdout", Screen())
+    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[watch\]'"):
+        options.check_usage(given)
