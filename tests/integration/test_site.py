@@ -143,9 +143,7 @@ FAULTY = """<html><head><script src="https://cdn.example/x.js"></script></head><
 def test_the_check_of_links_finds_what_is_wrong(links, tmp_path):
     (tmp_path / "index.html").write_text(FAULTY)
     (tmp_path / "other.html").write_text("<p id='near'></p>")
-    (tmp_path / "a.css").write_text(
-        "@import 'https://fonts.example/a'; b { color: url(https://x.example/i) }"
-    )
+    (tmp_path / "a.css").write_text("@import 'https://fonts.example/a'; b { c: url(https://x.example/i) }")
     found = links.check(tmp_path)
     assert found.outside == ["https://example.org/"]
     wrong = ["x.js from elsewhere", "#nowhere leads to no anchor", "missing.html leads to no file"]

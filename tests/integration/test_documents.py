@@ -1,0 +1,203 @@
+"""Every command in every document is understood by the program it names, and every link leads to a file.
+
+Blocks of the pages in `RUN` are run by tests/integration/test_tutorial.py; of the others each command is
+parsed by its own parser. Commands within sentences leave things out: of them options and subcommands are
+checked.
+"""
+
+import argparse
+import importlib
+import re
+import shlex
+import sys
+
+import pytest
+from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
+
+RUN = {DOCS / "tutorial.md", DOCS / "commissioning.md"}
+PARSED = {
+    ROOT / "README.md": "tools/demo runs its commands, for a minute; tools/check is what runs this test",
+    DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
+}
+SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+CURLS = {"--unix-socket"}
+
+
+class Parsed(BaseException):
+    """The arguments were understood; ends the command before it does anything."""
+
+
+def understand(words, monkeypatch):
+    """Lets a command parse its words and no more; the parser that did, and whether it understood them."""
+    asked = []
+    original = argparse.ArgumentParser.parse_args
+
+    def parse_args(self, args=None, namespace=None):
+        asked.append(self)
+        original(self, args, namespace)
+        raise Parsed
+
+    module, _, function = COMMANDS[words[0]].partition(":")
+    with monkeypatch.context() as patched:
+        patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
+        patched.setattr(sys, "argv", list(words))
+        try:
+            getattr(importlib.import_module(module), function)()
+        except Parsed:
+            return asked[-1], True
+        except SystemExit as ended:
+            return (asked[-1] if asked else None), ended.code == 0
+    raise AssertionError(f"{words[0]} parses no arguments")
+
+
+def family(parser):
+    """A parser and those of its subcommands."""
+    found = [parser]
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                found += family(inner)
+    return found
+
+
+def options_of(parser):
+    return {option for each in family(parser) for option in each._option_string_actions}
+
+
+def subcommands_of(parser):
+    return {
+        name
+        for action in parser._actions
+        if isinstance(action, argparse._SubParsersAction)
+        for name in action.choices
+    }
+
+
+def typed(line):
+    """The commands that a line of a shell runs, each as its words, without where their output goes."""
+    lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
+    lexer.whitespace_split = True
+    commands, skip = [[]], False
+    for word in lexer:
+        if skip:
+            skip = False
+        elif set(word) <= set("();<>|&"):
+            skip = not set(word).isdisjoint("<>")
+            if not skip:
+                commands.append([])
+        else:
+            commands[-1].append(word)
+    return [words for words in commands if words and "=" not in words[0]]
+
+
+def check_words(words, monkeypatch):
+    """That a whole command is one its program understands."""
+    if words[0] in COMMANDS:
+        assert understand(words, monkeypatch)[1], shlex.join(words)
+    elif words[0].startswith("tools/") or words[0] == "python":
+        script, *arguments = words[1:] if words[0] == "python" else words
+        text = (ROOT / script).read_text()
+        for word in arguments:
+            assert f'"{word}"' in text or not word.startswith("--"), f"{script} has no {word}"
+            assert word.startswith("--") or f'"{word}"' in text or word.isdigit() or word in METHODS, word
+
+
+METHODS = set(importlib.import_module("planner.report.comparison").METHODS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_in_blocks_are_understood(page, monkeypatch, capsys):
+    found = blocks(page)
+    assert not found or page in RUN or page in PARSED, "run its blocks, or say in PARSED why not"
+    for block in found:
+        assert block.commands, "a block of commands has lines that begin with $"
+        for line in block.commands:
+            for words in typed(line):
+                check_words(words, monkeypatch)
+
+
+def check_sentence(text, monkeypatch):
+    """That the options and subcommands of a command exist that leaves the rest out."""
+    command, *words = shlex.split(text.replace("\\|", "|").replace("[", "").replace("]", ""))
+    assert command in COMMANDS, text
+    first = [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
+    parser, _ = understand([command, *first], monkeypatch)
+    if first and subcommands_of(parser):
+        assert set(words[0].split("|")) <= subcommands_of(parser), text
+    for word in words:
+        assert not word.startswith("--") or word in options_of(parser), f"{command} has no {word}: {text}"
+        if word.partition(" ")[0] in COMMANDS:
+            check_sentence(word, monkeypatch)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_in_sentences_have_these_options(page, monkeypatch, capsys):
+    for text in SENTENCE.findall(page.read_text()):
+        check_sentence(text, monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def known_options():
+    """Every option of every command and tool."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        lines = [[name] for name in COMMANDS] + [
+            *(["grasp-calibrate", name] for name in ("camera", "tag", "pictures")),
+            *(["grasp-audit", name] for name in ("judge", "report")),
+        ]
+        found = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
+    tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]
+    for path in [*tools, *(ROOT / "tests" / "bench").glob("*.py"), *(DOCS / "site").glob("*.py")]:
+        found |= set(OPTION.findall(path.read_text()))
+    return found | CURLS
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_options_and_commands_that_are_named_exist(page, known_options):
+    text = page.read_text()
+    assert set(OPTION.findall(text)) <= known_options
+    assert set(re.findall(r"(?<![\w/.-])(?:plan|grasp)-[a-z]+\b(?!\.)", text)) <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
+    parser, _ = understand([command], monkeypatch)
+    text = (parser.epilog or "").replace("\\\n", " ")
+    examples = [line.strip() for line in text.splitlines() if line.strip().startswith(f"{command} ")]
+    assert examples, "its --help shows no example"
+    for line in examples:
+        for words in typed(line.partition("  #")[0]):
+            check_words(words, monkeypatch)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page):
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
+    assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []
+
+
+def test_the_readme_shows_what_the_demo_runs():
+    demo = (ROOT / "tools" / "demo").read_text()
+    values = dict(re.findall(r"^(\w+)=(\S+)$", demo, re.MULTILINE))
+    shown = [
+        re.sub(r"\$(\w+)|\"\$(\w+)\"", lambda m: values[m[1] or m[2]], line).split(" |")[0].replace('"', "")
+        for line in re.findall(r"^show (.+)$", demo, re.MULTILINE)
+    ]
+    first = blocks(ROOT / "README.md")[0].commands
+    assert first == ["tools/demo", *shown]
+
+
+def test_the_checks_see_mistakes(monkeypatch, capsys):
+    for wrong in (
+        ["plan-init", "a.dxf", "--gripper", "robotiq-2f-99", "-o", "a.toml"],
+        ["grasp-journal", "burn", "a.jsonl"],
+        ["tools/table1", "--rowz", "3"],
+        ["python", "tests/bench/bench_squeeze.py", "--only", "sped"],
+    ):
+        with pytest.raises(AssertionError):
+            check_words(wrong, monkeypatch)
+    for wrong in ("grasp-runtime --tre T", "grasp-journal show|burn J", "plan-fly --json"):
+        with pytest.raises(AssertionError):
+            check_sentence(wrong, monkeypatch)
+    ran = typed("a=$(b); plan-x y > z & grasp-q | tee log")
+    assert ran == [["b"], ["plan-x", "y"], ["grasp-q"], ["tee", "log"]]
