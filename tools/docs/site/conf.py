@@ -41,6 +41,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
+html_show_search_summary = False  # would fetch pages, which a browser forbids those opened from a disk
 html_last_updated_fmt = None
 highlight_language = "none"
 pygments_style = "default"
