@@ -28,12 +28,16 @@ class Block(NamedTuple):
 
 
 def blocks(page: Path) -> list[Block]:
-    """The command blocks of a page, in their order."""
+    """The command blocks of a page, in their order; one of bash or sh is commands only."""
     found = []
     for match in BLOCK.finditer(page.read_text()):
-        lines = textwrap.dedent(match[3]).splitlines()
-        commands = [line[2:] for line in lines if line.startswith("$ ")]
-        found.append(Block(commands, [line for line in lines if not line.startswith("$ ")]))
+        text = textwrap.dedent(match[3])
+        if match[2] == "console":
+            lines = text.splitlines()
+            commands = [line[2:] for line in lines if line.startswith("$ ")]
+            found.append(Block(commands, [line for line in lines if not line.startswith("$ ")]))
+        else:
+            found.append(Block(text.replace("\\\n", " ").splitlines(), []))
     return found
 
 

@@ -17,6 +17,7 @@ from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
 RUN = {DOCS / "tutorial.md", DOCS / "commissioning.md"}
 PARSED = {
     ROOT / "README.md": "tools/demo runs its commands, for a minute; tools/check is what runs this test",
+    ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
@@ -95,6 +96,9 @@ def check_words(words, monkeypatch):
     """That a whole command is one its program understands."""
     if words[0] in COMMANDS:
         assert understand(words, monkeypatch)[1], shlex.join(words)
+        for inner in (word.split(" ", 1) for word in words if " " in word):
+            if inner[0] in COMMANDS:
+                check_words(shlex.split(" ".join(inner)), monkeypatch)
     elif words[0].startswith("tools/") or words[0] == "python":
         script, *arguments = words[1:] if words[0] == "python" else words
         text = (ROOT / script).read_text()

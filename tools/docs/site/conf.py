@@ -1,6 +1,7 @@
 """How tools/site builds the documentation. Its source is the whole repository: pages stay where they are."""
 
 import sys
+import tomllib
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -89,8 +90,37 @@ FOLDERS = {
 """Links to folders, which a site cannot show."""
 
 
+PLACES = {
+    "tools/docs/commands-planner": ("plan-",),
+    "tools/docs/commands-camera": ("grasp-audit",),
+    "tools/docs/commands-cell": ("",),
+}
+"""Which page a command is on: the first that names its beginning."""
+COMMAND = """
+
+.. sphinx_argparse_cli::
+   :module: {module}
+   :func: {function}
+   :hook:
+   :title: {name}
+"""
+
+
+def commands(page: str) -> str:
+    """What every command of pyproject.toml that belongs on a page says of itself."""
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    text = ""
+    for name, target in scripts.items():
+        module, _, function = target.partition(":")
+        if page == next(place for place, begins in PLACES.items() if name.startswith(begins)):
+            text += COMMAND.format(module=module, function=function, name=name)
+    return text
+
+
 def complete(_: Sphinx, page: str, source: list[str]) -> None:
-    """Gives the start page its contents, and links to folders a page."""
+    """Gives the start page its contents, links to folders a page, commands what they say of themselves."""
+    if page in PLACES:
+        source[0] += commands(page)
     if page == root_doc:
         for folder, target in FOLDERS.items():
             source[0] = source[0].replace(folder, target)
