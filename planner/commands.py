@@ -36,6 +36,11 @@ def evaluate() -> int:
     return _run("evaluate")
 
 
+def expect() -> int:
+    """plan-expect."""
+    return _run("expect")
+
+
 def identify() -> int:
     """plan-identify."""
     return _run("identify")

@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple
 from runtime.journal import records
 from runtime.table import Table
 
+ROOT = Path(__file__).parents[1]
 # By how many mm the poses of leaf k, k + 8, ... are off: right, wrong, and close to a threshold of 3 mm.
 OFF_MM = (0.0, 3.03, 0.0, 2.85, 3.12, 3.2, 5.0, 4.0)
 
@@ -51,8 +53,41 @@ def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: floa
     return [*words, "--audit", f"{shlex.join(audit)} --camera {{camera}}"]
 
 
-def judged(said: str, journal: Path, runs_before: int = 0) -> tuple[list[Judged], Counter[str]]:
-    """The parts of one run that were judged, and how all of them ended.
+class Loop(NamedTuple):
+    """What came of so many parts.
+
+    Attributes:
+        parts: that were judged.
+        outcomes: of all parts.
+        faults: reasons of those that ended in one.
+    """
+
+    parts: list[Judged]
+    outcomes: Counter[str]
+    faults: list[str]
+
+
+def loop(tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20) -> Loop:
+    """Run so many parts to a leaf. After a fault another run goes on, with the next seed.
+
+    At many times life's speed a busy machine makes the deadlines of gripper and arm fail; that is not the
+    audit's, so faults are told, not judged.
+    """
+    found = Loop([], Counter(), [])
+    for number in range(runs):
+        if (left := parts - len(found.parts)) <= 0:
+            break
+        words = command(tree, folder, count=left, seed=seed + number, time_scale=time_scale)
+        said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+        more, ended = judged(said, folder / "journal.jsonl", number)
+        found.parts.extend(more)
+        found.outcomes.update(part["outcome"] for part in ended)
+        found.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
+    return found
+
+
+def judged(said: str, journal: Path, runs_before: int = 0) -> tuple[list[Judged], list[dict[str, Any]]]:
+    """The parts of one run that were judged, and all of them as `--json` tells them.
 
     Args:
         said: the run's standard output.
@@ -66,7 +101,7 @@ def judged(said: str, journal: Path, runs_before: int = 0) -> tuple[list[Judged]
         if record["kind"] == "audit" and runs == runs_before:
             part = told[record["part"]]
             found.append(Judged(dict(record), part["error_mm"], part["within_goal"]))
-    return found, Counter(part["outcome"] for part in told.values())
+    return found, list(told.values())
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:

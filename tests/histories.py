@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.quality.history import History, Part, Squeezed
-from runtime.quality.monitor import sigmas
+from runtime.quality.monitor import branch_shares, sigmas
 from runtime.table import PPM, Calibration, Table, count_map, load
 
 TREE = Path(__file__).parents[1] / "trees" / "rectangle" / "rectangle.msgpack"
@@ -44,17 +44,19 @@ def drawn(
     maps = [count_map(node, Calibration.linear(tree.gripper)) for node in tree.nodes]
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
     return [
-        _part(tree, maps, number, rng, width_shift_um, shares or {}, residual_shift, rate)
+        _part(
+            tree, maps, branch_shares(tree), number, rng, width_shift_um, shares or {}, residual_shift, rate
+        )
         for number in range(first, first + count)
     ]
 
 
-def _part(tree, maps, number, rng, width_shift_um, shares, residual_shift, rate):
+def _part(tree, maps, predicted, number, rng, width_shift_um, shares, residual_shift, rate):
     squeezes, target = [], 0
     calibration = Calibration.linear(tree.gripper)
     while target >= 0:
         node = tree.nodes[target]
-        odds = np.array(shares.get(target) or [branch.probability_ppm for branch in node.branches], float)
+        odds = np.array(shares.get(target) or predicted[target], float)
         branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
         spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
         width = rng.normal(branch.expected_um, spread) + width_shift_um

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.errors import UsageError
-from runtime.quality import export
+from runtime.quality import expectation, export
+from runtime.quality.expectation import Expectation
 from runtime.quality.history import History, read
 from runtime.quality.page import page
 from runtime.quality.series import all_series
@@ -16,6 +17,7 @@ from runtime.quality.summary import Summary, summarise
 EPILOG = """\
 example:
   grasp-audit report runs/*.jsonl -o report.html --export parts.csv
+  plan-expect T.msgpack -o expected.json && grasp-audit report runs/*.jsonl --expected expected.json
 
 exit codes:
   0  all charts are in control        2  usage, or journals of different tables
@@ -35,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
     add = built.add_argument
     add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
+    add("--expected", type=Path, metavar="F", help="from plan-expect: tells a change of friction early")
     add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
     add("--json", action="store_true", help="print one JSON object instead of text")
     add("--debug", action="store_true", help="print the traceback of an error")
@@ -46,8 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         history = read(options.journals)
-        summary = summarise(history)
-        write(options, history, summary)
+        expected = None if options.expected is None else expectation.load(options.expected)
+        summary = summarise(history, expected)
+        write(options, history, summary, expected)
     except KeyboardInterrupt:
         return 130
     except Exception as error:
@@ -59,7 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return ALARMED if summary.alarms else 0
 
 
-def write(options: argparse.Namespace, history: History, summary: Summary) -> None:
+def write(
+    options: argparse.Namespace, history: History, summary: Summary, expected: Expectation | None
+) -> None:
     """Write the files that were asked for.
 
     Raises:
@@ -74,7 +80,7 @@ def write(options: argparse.Namespace, history: History, summary: Summary) -> No
         first = history.parts[0].time[:10]
         title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"
         try:
-            options.output.write_text(page(title, summary, all_series(history)), encoding="utf-8")
+            options.output.write_text(page(title, summary, all_series(history, expected)), encoding="utf-8")
         except OSError as error:
             raise UsageError(f"{options.output} cannot be written: {error.strerror}") from error
 

@@ -54,10 +54,17 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Parts in the order in which they were run, and their table."""
+    """Parts in the order in which they were run, and their table.
+
+    Attributes:
+        table: of all of them.
+        parts: in order.
+        table_sha256: digest of the table's bytes; "" where it did not come from a journal.
+    """
 
     table: Table
     parts: tuple[Part, ...]
+    table_sha256: str = ""
 
 
 @dataclass(slots=True)
@@ -106,7 +113,7 @@ def read(paths: Sequence[Path]) -> History:
             parts.extend(_parts(found, table))
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")
-    return History(table, tuple(parts))
+    return History(table, tuple(parts), digest)
 
 
 def _runs(entries: Iterable[Entry]) -> Iterable[tuple[list[Entry], bytes]]:

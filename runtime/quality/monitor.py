@@ -1,14 +1,15 @@
 """All charts over a history: what each of them shows, and where it alarms."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from runtime.quality.charts import WINDOWS, Cusum, Ewma, Frequencies, Share
 from runtime.quality.distributions import wilson
+from runtime.quality.expectation import Expectation, Likelihood
 from runtime.quality.history import History, Part, Squeezed
-from runtime.table import PPM, Leaf, Table
+from runtime.table import PPM, Branch, Leaf, Table
 
 WIDTH_SHIFT_UM = 700.0  # worn fingers, a slipped encoder: two counts
 LEAST_WIDTH_SIGMA_UM = 150.0
@@ -38,6 +39,7 @@ MOVED = "look whether camera, table or arm have moved"
 MEANING = {
     "widths": "widths have shifted: look for worn or loose fingers, and calibrate the gripper",
     "branches": "parts take other branches than predicted: look for another lot, friction, a moved feeder",
+    "readings": "readings are as with another friction ({}): look for oil, dust, worn pads, another lot",
     "failures": "more parts fail the audit than predicted: stop, and look at the overlays",
     "rejects": "more parts are rejected than predicted: look for wrong parts, other friction, shifted widths",
     "residual x": f"measured poses have shifted in x: {MOVED}",
@@ -48,7 +50,10 @@ MEANING = {
 
 @dataclass(slots=True)
 class Monitor:
-    """The charts of one table; sees one part after the other."""
+    """The charts of one table; sees one part after the other.
+
+    `readings` is there only where it is known what to expect of them.
+    """
 
     table: Table
     widths: Cusum
@@ -56,14 +61,15 @@ class Monitor:
     failures: Share
     rejects: Share
     residuals: tuple[Ewma, Ewma, Ewma]
+    readings: Likelihood | None = None
 
     @classmethod
-    def of(cls, table: Table) -> "Monitor":
+    def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
         """Charts that have seen nothing yet."""
         predicted = table.predicted
         _, failed = wilson(round((PPM - predicted.success_ppm) / PPM * predicted.trials), predicted.trials)
         _, rejected = wilson(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
-        shares = [[branch.probability_ppm / PPM for branch in node.branches] for node in table.nodes]
+        shares = branch_shares(table)
         return cls(
             table,
             Cusum(WIDTH_SHIFT_UM),
@@ -71,10 +77,17 @@ class Monitor:
             Share(max(failed, LEAST_SHARE)),
             Share(max(rejected, LEAST_SHARE)),
             (Ewma(), Ewma(), Ewma()),
+            None if expected is None else Likelihood(expected),
         )
 
-    def add(self, part: Part) -> list[str]:
-        """Take one part in; the names of the charts that alarm."""
+    def add(self, part: Part) -> list[tuple[str, str]]:
+        """Take one part in; the charts that alarm, each with its sentence."""
+        found = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
+        if self.readings is not None and (world := self.readings.add(self.table, part)) is not None:
+            found.append(("readings", MEANING["readings"].format(world)))
+        return found
+
+    def _alarmed(self, part: Part) -> list[str]:
         found = []
         shifted = [self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]
         if any(shifted):
@@ -95,12 +108,18 @@ class Monitor:
         return found
 
 
-def watch(history: History) -> Iterator[Alarm]:
-    """All alarms of a history, in order."""
-    monitor = Monitor.of(history.table)
+def watch(history: History, expected: Expectation | None = None) -> Iterator[Alarm]:
+    """All alarms of a history, in order; of the readings too where it is known what to expect of them.
+
+    Raises:
+        UsageError: the expectation is of another table.
+    """
+    if expected is not None:
+        expected.check(history)
+    monitor = Monitor.of(history.table, expected)
     for index, part in enumerate(history.parts):
-        for chart in monitor.add(part):
-            yield Alarm(index, part.number, chart, MEANING[chart])
+        for chart, sentence in monitor.add(part):
+            yield Alarm(index, part.number, chart, sentence)
 
 
 def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
@@ -137,6 +156,32 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
         max(0.1 * sqrt(max(yy, 0)), floor_mm),
         max(0.01 * sqrt(max(tt, 0)), floor_rad),
     )
+
+
+def branch_shares(table: Table) -> list[list[float]]:
+    """Predicted shares of each node's branches, none of them zero.
+
+    From the trials of the table's evaluation where its leaves tell of them, for they are many more than the
+    poses of the beliefs that the tree was grown with; from these where a node has met none of the trials.
+    """
+    reached = [0] * len(table.nodes)
+
+    def trials(target: int) -> int:
+        return reached[target] if target >= 0 else table.leaves[~target].trials
+
+    for index in reversed(range(len(table.nodes))):  # children come after their parents
+        reached[index] = sum(trials(branch.target) for branch in table.nodes[index].branches)
+    return [
+        _shares(node.branches, [trials(branch.target) for branch in node.branches]) for node in table.nodes
+    ]
+
+
+def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
+    if not any(trials):
+        return [branch.probability_ppm / PPM for branch in branches]
+    # Half a trial more (Jeffreys): a branch that no trial took is rare, not impossible.
+    total = sum(trials) + 0.5 * len(trials)
+    return [(taken + 0.5) / total for taken in trials]
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:

@@ -1,10 +1,12 @@
 """What the charts of a report show: one value after the other, with limits."""
 
 from collections.abc import Sequence
+from math import log1p
 from typing import NamedTuple
 
 from runtime.quality.charts import RARE, Cusum, Ewma
 from runtime.quality.distributions import binomial_tail, wilson
+from runtime.quality.expectation import LIMIT, Expectation, Likelihood
 from runtime.quality.history import History
 from runtime.quality.monitor import LEAST_SHARE, WIDTH_SHIFT_UM, deviation, standardised
 from runtime.table import PPM
@@ -28,9 +30,10 @@ class Series(NamedTuple):
     step: str
 
 
-def all_series(history: History) -> tuple[Series, ...]:
+def all_series(history: History, expected: Expectation | None = None) -> tuple[Series, ...]:
     """The charts of a report."""
-    return (failures(history), residuals(history), widths(history))
+    found = (failures(history), residuals(history), widths(history))
+    return found if expected is None else (*found, readings(history, expected))
 
 
 def failures(history: History) -> Series:
@@ -71,6 +74,16 @@ def widths(history: History) -> Series:
             down.append(-chart.down)
     lines = (("wider", tuple(up)), ("narrower", tuple(down)))
     return Series("widths, cumulative sums of deviations", lines, (-chart.limit, chart.limit), "squeeze")
+
+
+def readings(history: History, expected: Expectation) -> Series:
+    """How much likelier the readings are at another friction than at the planned one."""
+    chart, line = Likelihood(expected), []
+    for part in history.parts:
+        chart.add(history.table, part)
+        line.append(log1p(chart.value))
+    title = "readings, logarithm of the Shiryaev-Roberts statistic for another friction"
+    return Series(title, (("friction", tuple(line)),), (log1p(LIMIT),), "part")
 
 
 def thinned(values: Sequence[float], most: int = 1200) -> list[tuple[int, float]]:

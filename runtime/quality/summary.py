@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from runtime.quality.charts import chi_square
 from runtime.quality.distributions import chi_square_tail, wilson
+from runtime.quality.expectation import Expectation
 from runtime.quality.history import History, Part
-from runtime.quality.monitor import Alarm, branch_counts, watch
+from runtime.quality.monitor import Alarm, branch_counts, branch_shares, watch
 from runtime.table import PPM
 
 PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
@@ -107,8 +108,12 @@ class Summary:
         }
 
 
-def summarise(history: History) -> Summary:
-    """The figures of a history."""
+def summarise(history: History, expected: Expectation | None = None) -> Summary:
+    """The figures of a history; of its readings too where it is known what to expect of them.
+
+    Raises:
+        UsageError: the expectation is of another table.
+    """
     parts, table = history.parts, history.table
     passed = sum(part.verdict == "pass" for part in parts)
     judged = passed + sum(part.verdict == "fail" for part in parts)
@@ -126,7 +131,7 @@ def summarise(history: History) -> Summary:
         tuple(_leaves(history)),
         nodes,
         chi_square_tail(statistic, freedom),
-        tuple(watch(history)),
+        tuple(watch(history, expected)),
     )
 
 
@@ -160,8 +165,9 @@ def _leaves(history: History) -> Iterable[LeafRow]:
 def _nodes(history: History) -> Iterable[NodeRow]:
     table = history.table
     trials = table.predicted.trials or PREDICTED_FROM
+    predicted = branch_shares(table)
     for index, counts in enumerate(branch_counts(history.parts, table)):
-        shares = tuple(branch.probability_ppm / PPM for branch in table.nodes[index].branches)
+        shares = tuple(predicted[index])
         statistic, freedom = chi_square(counts[:-1], shares)
         # The prediction is itself a count of trials: of two samples the difference scatters more.
         statistic /= 1.0 + len(history.parts) / trials

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from audit_loops import agreement, command, judged, mixed
+from audit_loops import agreement, loop, mixed
 from cameras import part_tag, true_calibration
 
 from drivers import connect
@@ -35,18 +35,10 @@ def folder(tmp_path):
     return tmp_path
 
 
-def run(words):
-    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
-
-
 def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
-    words = command(folder / "mixed.msgpack", folder, count=PARTS, seed=SEED, time_scale=TIME_SCALE)
-    ended = run(words)
-    assert ended.returncode == 0, ended.stderr
-    parts, outcomes = judged(ended.stdout, folder / "journal.jsonl")
-    assert outcomes == {"leaf": PARTS}
-    told = agreement(parts)
-    assert told["at_leaves"] == PARTS
+    found = loop(folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4)
+    told = agreement(found.parts)
+    assert told["at_leaves"] == PARTS, found.faults
     assert {"pass", "fail"} <= set(told["verdicts"])
     assert told["agreement"] == 1.0
     assert told["beyond_the_budget"] == 0

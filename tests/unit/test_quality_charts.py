@@ -1,5 +1,7 @@
 """Control charts: their distributions against SciPy's, their silence when well, their speed when not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from histories import drawn, history, table
@@ -10,7 +12,7 @@ from scipy import stats
 from runtime.quality import distributions
 from runtime.quality.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
 from runtime.quality.history import Squeezed
-from runtime.quality.monitor import COORDINATES, MEANING, branch_counts, deviation, watch
+from runtime.quality.monitor import COORDINATES, MEANING, branch_counts, branch_shares, deviation, watch
 
 TABLE = table()
 BEFORE = 300
@@ -163,6 +165,7 @@ def test_every_chart_says_what_to_look_at():
         "branches",
         "failures",
         "rejects",
+        "readings",
         *(f"residual {c}" for c in COORDINATES),
     }
     assert all("look" in sentence for sentence in MEANING.values())
@@ -175,6 +178,28 @@ def test_rejected_width_counts_for_the_nearest_branch_unless_it_is_near_none():
     assert off == just_out - branches[0].expected_um
     assert np.isfinite(sigma)
     assert deviation(TABLE, Squeezed(0, None, 80_000)) == (0.0, float("inf"))
+
+
+def test_branch_shares_are_those_of_the_leaves_below():
+    shares, trials = branch_shares(TABLE), [leaf.trials for leaf in TABLE.leaves]
+    assert all(sum(row) == pytest.approx(1.0) for row in shares)
+
+    def chance(target):
+        """Of reaching each leaf from a node, by the shares alone."""
+        if target < 0:
+            return {~target: 1.0}
+        found = {}
+        for branch, share in zip(TABLE.nodes[target].branches, shares[target], strict=True):
+            found |= {leaf: share * odds for leaf, odds in chance(branch.target).items()}
+        return found
+
+    for leaf, odds in chance(0).items():
+        assert odds == pytest.approx(trials[leaf] / sum(trials), abs=2e-4)
+
+
+def test_table_that_was_not_evaluated_is_believed():
+    bare = replace(TABLE, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))
+    assert branch_shares(bare)[0] == [branch.probability_ppm / 1e6 for branch in TABLE.nodes[0].branches]
 
 
 def test_branch_counts_add_up_to_all_squeezes():

@@ -1,0 +1,69 @@
+"""plan-expect: what a cell's encoder should read at each node of a table, for the charts of grasp-audit."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from planner.cli import shell
+from planner.cli.evaluate import job_of
+from planner.expectation import document, expected
+from planner.scheduler import scheduler_of
+from runtime.table import load
+
+NAME = "plan-expect"
+DEFAULT_TRIALS = 100_000
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+
+    def body() -> int:
+        shell.writable(arguments.output)
+        table = load(arguments.tree)
+        job = job_of(table, arguments.tree, arguments.job)
+        with (
+            scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+            shell.progress(arguments.json) as report,
+        ):
+            worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
+        told = document(table, worlds, arguments.trials, arguments.seed)
+        arguments.output.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
+        names = [world.name for world in worlds]
+        if arguments.json:
+            shell.print_json({"worlds": names, "trials": arguments.trials, "written": str(arguments.output)})
+        else:
+            print(f"{arguments.trials} parts each: {', '.join(names)}\nwrote {arguments.output}")
+        return 0
+
+    return shell.run(NAME, arguments.debug, body)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = shell.parser(
+        NAME,
+        "Simulate what the encoder reads at each node of a table, as planned and at other frictions: "
+        "grasp-audit report --expected compares journals with it, and tells a change of friction early.",
+        f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
+    )
+    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="EXPECTED.json", help="the file to write"
+    )
+    parser.add_argument(
+        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
+    parser.add_argument(
+        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
+    )
+    shell.add_scheduler(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""Parts of a cell in the contact world, healthy or drifting, as their journals would tell of them."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.evaluate import evaluate
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.judge import metric_of_table
+from planner.evaluation.outcome import Evaluation
+from planner.frames import wrap
+from planner.job import Job
+from planner.scheduler import Threads
+from planner.worlds import DEFAULT_WORLD, supply
+from runtime.geometry import predicted_pose
+from runtime.quality.history import Part, Squeezed
+from runtime.table import REJECT, Calibration, Table, count_map
+
+SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad
+
+
+class Drift(NamedTuple):
+    """What is wrong with a cell.
+
+    Attributes:
+        friction: between finger and part, None: as planned.
+        width_mm: added to every width.
+        seen_off: added to every measured pose: mm, mm, rad.
+    """
+
+    friction: tuple[float, float] | None = None
+    width_mm: float = 0.0
+    seen_off: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+HEALTHY = Drift()
+
+
+def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALTHY) -> Evaluation:
+    """So many parts squeezed as the table says."""
+    world_job = job
+    if drift.friction is not None:
+        low, high = drift.friction
+        world_job = replace(job, friction=replace(job.friction, finger_part_min=low, finger_part_max=high))
+    world = supply(DEFAULT_WORLD, world_job, seed)
+    disturbance = Disturbance(encoder_offset_mm=drift.width_mm)
+    return evaluate(table, world_job, world, count, seed, Threads(), disturbance)
+
+
+def parts(table: Table, found: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
+    """Parts as journals tell of them, each audited."""
+    calibration = Calibration.linear(table.gripper)
+    maps = [count_map(node, calibration) for node in table.nodes]
+    noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, found.poses.shape)
+    seen = found.poses + noise + drift.seen_off
+    for number, leaf in enumerate(found.leaf):
+        taken = []
+        for node, count in zip(found.path[number], found.counts[number], strict=True):
+            if node >= 0:
+                branch = maps[node][count]
+                width_um = calibration.width_um(int(count))
+                taken.append(Squeezed(int(node), None if branch == REJECT else int(branch), width_um))
+        yield _part(table, number, tuple(taken), int(leaf), seen[number])
+
+
+def _part(
+    table: Table, number: int, taken: tuple[Squeezed, ...], end: int, seen: NDArray[np.float64]
+) -> Part:
+    if end < 0:
+        return Part(number, taken, "reject")
+    leaf = table.leaves[end]
+    predicted = np.array(predicted_pose(leaf))
+    off = seen - predicted
+    turn = float(wrap(np.array([off[2]]), table.goal.symmetry)[0])
+    verdict = "pass" if bool(metric_of_table(table).reached(seen, predicted)) else "fail"
+    outcome = "leaf" if leaf.resolved else "unresolved"
+    return Part(number, taken, outcome, end, verdict, (float(off[0]), float(off[1]), turn))

@@ -1,0 +1,146 @@
+"""The chart of readings: a likelihood ratio, silent on a healthy cell, quick when friction changes."""
+
+import json
+from collections import Counter
+from math import exp, log
+
+import numpy as np
+import pytest
+from histories import drawn, history, table
+
+from runtime.errors import UsageError
+from runtime.quality import expectation
+from runtime.quality.expectation import CLIP, COUNTS, Likelihood, bin_of, load
+from runtime.quality.history import History, Part, Squeezed
+from runtime.quality.monitor import watch
+from runtime.table import Calibration
+
+TABLE = table()
+LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # of the first node's branches: fewer parts jam
+DIGEST = "0" * 64
+
+
+def readings(parts):
+    """How often each width was read at each node, as plan-expect writes it."""
+    rows = [Counter() for _ in TABLE.nodes]
+    for part in parts:
+        for squeeze in part.squeezes:
+            rows[squeeze.node][str(bin_of(TABLE, squeeze))] += 1
+    return [dict(row) for row in rows]
+
+
+def document(worlds):
+    rows = [{"name": name, "readings": row} for name, row in worlds]
+    return {"kind": "expected readings", "version": 1, "table_sha256": DIGEST, "worlds": rows}
+
+
+@pytest.fixture(scope="module")
+def told():
+    planned = readings(drawn(TABLE, 4000, np.random.default_rng(1)))
+    return document(
+        [
+            ("as planned", planned),
+            ("less", readings(drawn(TABLE, 4000, np.random.default_rng(2), shares=LESS))),
+        ]
+    )
+
+
+@pytest.fixture
+def path(told, tmp_path):
+    found = tmp_path / "expected.json"
+    found.write_text(json.dumps(told))
+    return found
+
+
+@pytest.fixture
+def expected(path):
+    return load(path)
+
+
+def test_shares_add_up_and_no_reading_is_impossible(expected):
+    for world in expected.shares:
+        for node in world:
+            assert len(node) == COUNTS
+            assert sum(node) == pytest.approx(1.0)
+            assert min(node) > 0.0
+
+
+def test_mean_ratio_of_a_healthy_squeeze_is_one_at_most(expected):
+    planned, other = expected.shares
+    for before, after in zip(planned, other, strict=True):
+        ratios = [min(q / p, exp(CLIP)) for p, q in zip(before, after, strict=True)]
+        assert sum(p * ratio for p, ratio in zip(before, ratios, strict=True)) <= 1.0 + 1e-9
+
+
+def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
+    parts, chart = drawn(TABLE, 40, np.random.default_rng(3)), Likelihood(expected)
+    gains = np.array([expected.gains(TABLE, part)[0] for part in parts])
+    for part in parts:
+        assert chart.add(TABLE, part) is None
+    assert chart.value == pytest.approx(sum(exp(gains[start:].sum()) for start in range(len(parts))))
+
+
+def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expected, monkeypatch):
+    monkeypatch.setattr(expectation, "LIMIT", 60.0)
+    chart = Likelihood(expected)
+    alarms = sum(chart.add(TABLE, part) is not None for part in drawn(TABLE, 6000, np.random.default_rng(4)))
+    assert 0 < alarms <= 6000 / 60.0
+
+
+def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
+    rng = np.random.default_rng(5)
+    found = list(watch(history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected))
+    assert all(alarm.place >= 300 for alarm in found)
+    assert any(alarm.chart == "readings" and "friction (less)" in alarm.sentence for alarm in found)
+
+
+def test_one_strange_part_counts_for_no_more_than_its_bound(expected):
+    strange = Part(1, tuple(Squeezed(0, None, width) for width in (31_000, 31_400, 32_000)))
+    assert expected.gains(TABLE, strange)[0] <= CLIP < log(expectation.LIMIT) / 2
+
+
+def test_widths_are_binned_as_a_linear_encoder_counts_them():
+    linear, gripper = Calibration.linear(TABLE.gripper), TABLE.gripper
+    for count in range(gripper.count_open, gripper.count_closed + 1):
+        assert bin_of(TABLE, Squeezed(0, None, linear.width_um(count))) == count
+    assert bin_of(TABLE, Squeezed(0, None, 10 * gripper.opening_um)) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"kind": "expectations"}, "does not hold"),
+        ({"version": 2}, "does not hold"),
+        ({"worlds": []}, "does not hold"),
+        ({"worlds": [{"name": "only", "readings": [{}]}]}, "does not hold"),
+        (
+            {"worlds": [{"name": "a", "readings": [{"300": 1}]}, {"name": "b", "readings": [{}]}]},
+            "does not hold",
+        ),
+        (
+            {"worlds": [{"name": "a", "readings": [{"3": -1}]}, {"name": "b", "readings": [{}]}]},
+            "does not hold",
+        ),
+        ({"worlds": 3}, "does not hold"),
+    ],
+)
+def test_files_that_are_refused(change, says, told, tmp_path):
+    found = tmp_path / "changed.json"
+    found.write_text(json.dumps(told | change))
+    with pytest.raises(UsageError, match=says):
+        load(found)
+
+
+def test_file_that_is_none(tmp_path):
+    with pytest.raises(UsageError, match="make it with plan-expect"):
+        load(tmp_path / "none.json")
+    (tmp_path / "text").write_text("{")
+    with pytest.raises(UsageError, match="is no JSON"):
+        load(tmp_path / "text")
+
+
+def test_expectation_of_another_table_is_refused(expected):
+    parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
+    assert list(watch(History(TABLE, parts, DIGEST), expected)) == []
+    with pytest.raises(UsageError, match="another table"):
+        list(watch(History(TABLE, parts, "1" * 64), expected))
