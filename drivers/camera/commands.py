@@ -1,5 +1,6 @@
 """Entry points of the audit's commands; without the audit extra all but the report say what to install."""
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -7,6 +8,8 @@ from importlib import import_module
 AUDIT, CALIBRATE = "drivers.camera.cli", "drivers.camera.calibrate_command"
 REPORT = "runtime.quality.command"
 USAGE = 2
+# Read on import: a missing camera is told with the verdict, and would be logged once a second.
+QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def audit(arguments: Sequence[str] | None = None) -> int:
@@ -23,6 +26,8 @@ def calibrate(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(command: str, module: str, words: Sequence[str]) -> int:
+    for name, value in QUIET.items():
+        os.environ.setdefault(name, value)
     try:
         loaded = import_module(module)
     except ModuleNotFoundError as error:

@@ -82,7 +82,7 @@ class Worker:
             except MemoryError:
                 answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
             except Exception as error:
-                answer = Answer(UNKNOWN, f"{' '.join(str(error).split())} ({type(error).__name__})")
+                answer = Answer(UNKNOWN, _sentence(error))
             self._answers.put(answer)
 
 
@@ -152,6 +152,12 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     most = virtual + extra + RESERVE_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
     return lambda: _memory()[1] > resident + extra
+
+
+def _sentence(error: Exception) -> str:
+    """What an error says; of one that nobody foresaw also what it is."""
+    said = " ".join(str(error).split())
+    return said if hasattr(error, "exit_code") else f"{said} ({type(error).__name__})"
 
 
 def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:

@@ -124,6 +124,7 @@ class Still:
             raise SourceError(f"camera {self._address} answers {error.code} {error.reason}") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", None) or error
+            reason = getattr(reason, "strerror", None) or reason
             raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
         return decoded(data, self._address)
 

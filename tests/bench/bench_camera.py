@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import platform
+import shlex
 import sys
 import tempfile
 import time
@@ -31,13 +32,14 @@ from drivers.camera import calibrate_command, calibration, measure  # noqa: E402
 from drivers.camera.errors import TagError  # noqa: E402
 from drivers.camera.plane import View  # noqa: E402
 from drivers.camera.tags import Finder  # noqa: E402
-from drivers.sim.camera.cards import Card, board_cells, lying, tag_cells  # noqa: E402
-from drivers.sim.camera.optics import Array, webcam  # noqa: E402
+from drivers.sim.camera import album  # noqa: E402
+from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
+from drivers.sim.camera.optics import Array  # noqa: E402
 from drivers.sim.camera.render import Flaws, render  # noqa: E402
+from drivers.sim.camera.rig import standard_rig  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "camera.json"
-OPTICS = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
-FIELD_MM = 30.0
+OPTICS = standard_rig().optics
 CENTRE_MM = 150.0
 LIMITS: dict[str, dict[str, Any]] = {
     "as the 500": {},
@@ -54,68 +56,16 @@ LIMITS: dict[str, dict[str, Any]] = {
 }
 
 
-def board(pose: tuple[float, float, float]) -> Card:
-    """The board on the table."""
-    return lying(board_cells(12, 9), FIELD_MM / 8, pose, face_down=True, margin_mm=10.0)
-
-
-def held(rng: np.random.Generator, spot: tuple[float, float], tilt: tuple[float, float]) -> Card:
-    """The board held before the camera, about a pixel of the picture."""
-    ray = (np.array(spot) - OPTICS.centre) / OPTICS.focal
-    middle = rng.uniform(420.0, 620.0) * np.array([*ray, 1.0])
-    roll = rng.uniform(-0.4, 0.4) + rng.choice([0.0, 0.5 * np.pi])
-    turn = cv2.Rodrigues(np.array([*tilt, 0.0]))[0] @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
-    back = OPTICS.rotation.T
-    axes = back @ turn
-    return Card(
-        board_cells(12, 9),
-        FIELD_MM / 8,
-        10.0,
-        OPTICS.eye_mm + back @ middle,
-        axes[:, 0],
-        axes[:, 1],
-        np.zeros(3),
-    )
-
-
 def calibrated(folder: Path, seed: int) -> dict[str, Any]:
-    """Renders board views and calibrates with the command; the row of its figures."""
-    rng = np.random.default_rng(seed)
-    corners = [(x, y) for x in (380, 1540) for y in (300, 780)]
-    tilts = [(corner, tilt) for corner in corners for tilt in ((0.5, 0.0), (0.0, 0.5))]
-    middle = [((960, 540), tilt) for tilt in ((0.55, 0.2), (-0.5, -0.3), (0.1, -0.6), (-0.1, 0.6))]
-    cards = [
-        held(rng, spot, tuple(np.multiply(tilt, rng.choice([-1.0, 1.0], 2)))) for spot, tilt in tilts + middle
-    ]
-    on_table = [
-        (0.0, 0.0, 0.0),
-        (-260.0, -120.0, 0.05),
-        (260.0, 120.0, -0.1),
-        (-260.0, 120.0, 1.6),
-        (260.0, -120.0, 3.0),
-    ]
-    (folder / "views").mkdir()
-    for number, card in enumerate(cards):
-        cv2.imwrite(str(folder / "views" / f"{number:02d}.png"), render(OPTICS, [card], Flaws(), rng))
-    tables = []
-    for number, pose in enumerate(on_table):
-        tables.append(folder / f"table-{number}.png")
-        cv2.imwrite(str(tables[-1]), render(OPTICS, [board(pose)], Flaws(), rng))
-    words = ["camera", "--name", "bench", "--board", f"charuco:12x9:{FIELD_MM}:{0.75 * FIELD_MM}"]
-    words += [
-        "--views",
-        str(folder / "views"),
-        "--table",
-        *map(str, tables),
-        "-o",
-        str(folder / "camera.json"),
-    ]
-    if calibrate_command.main(words):
+    """Calibrates with our own command, from rendered pictures of a board and of places; the row of its figures."""
+    camera, _ = album.write(standard_rig(), folder, seed)
+    if calibrate_command.main(shlex.split(camera)):
         raise SystemExit("the calibration was refused")
     made = calibration.load(folder / "camera.json")
     return {
         "views": made.views,
         "rms_px": made.rms_px,
+        "alignment_mm": made.alignment_mm,
         "focal_px": made.view.lens.focal,
         "eye_mm": made.view.eye.tolist(),
     }

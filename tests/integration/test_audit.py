@@ -115,6 +115,7 @@ def test_whatever_is_missing_is_told_with_every_verdict(files, change, sentence)
             answer = audit.ask()
             assert answer["verdict"] == "unknown"
             assert sentence in answer["reason"]
+            assert not answer["reason"].endswith("Error)")
 
 
 def test_camera_that_was_plugged_in_late_is_used(files, tmp_path):

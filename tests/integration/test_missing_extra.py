@@ -10,7 +10,9 @@ ROOT = Path(__file__).parents[2]
 BLOCK = "import sys; sys.modules['numpy'] = None; from planner.commands import {0}; sys.exit({0}())"
 
 
-@pytest.mark.parametrize("command", ["compile_job", "simulate", "evaluate", "identify", "report", "init"])
+@pytest.mark.parametrize(
+    "command", ["compile_job", "simulate", "evaluate", "expect", "identify", "report", "init"]
+)
 def test_without_numpy_one_line_names_the_extra(command):
     words = [sys.executable, "-c", BLOCK.format(command)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
