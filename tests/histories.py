@@ -1,16 +1,19 @@
 """Histories of parts drawn from a table's own predictions, healthy or with something wrong."""
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from runtime.quality.expectation import bin_of
 from runtime.quality.history import History, Part, Squeezed
 from runtime.quality.monitor import branch_shares, sigmas
 from runtime.table import PPM, Calibration, Table, count_map, load
 
 TREE = Path(__file__).parents[1] / "trees" / "rectangle" / "rectangle.msgpack"
 COUNT_UM = 374.0
+LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches where fewer parts jam
 
 
 def table() -> Table:
@@ -42,11 +45,10 @@ def drawn(
         first: number of the first part.
     """
     maps = [count_map(node, Calibration.linear(tree.gripper)) for node in tree.nodes]
+    predicted = branch_shares(tree)
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
     return [
-        _part(
-            tree, maps, branch_shares(tree), number, rng, width_shift_um, shares or {}, residual_shift, rate
-        )
+        _part(tree, maps, predicted, number, rng, width_shift_um, shares or {}, residual_shift, rate)
         for number in range(first, first + count)
     ]
 
@@ -80,3 +82,15 @@ def history(tree: Table, *stretches: list[Part]) -> History:
     """Stretches of parts one after the other, numbered through."""
     parts = [part for stretch in stretches for part in stretch]
     return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
+
+
+def expectation_document(tree: Table, digest: str, count: int = 3000) -> dict[str, object]:
+    """What `plan-expect` would write of such parts: as planned, and "less", in which fewer jam."""
+    worlds = []
+    for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):
+        rows = [Counter() for _ in tree.nodes]
+        for part in drawn(tree, count, np.random.default_rng([seed, 0x4558]), shares=shares):
+            for squeeze in part.squeezes:
+                rows[squeeze.node][str(bin_of(tree, squeeze))] += 1
+        worlds.append({"name": name, "readings": [dict(row) for row in rows]})
+    return {"kind": "expected readings", "version": 1, "table_sha256": digest, "worlds": worlds}

@@ -80,8 +80,8 @@ def readings(history: History, expected: Expectation) -> Series:
     """How much likelier the readings are at another friction than at the planned one."""
     chart, line = Likelihood(expected), []
     for part in history.parts:
-        chart.add(history.table, part)
-        line.append(log1p(chart.value))
+        alarm = chart.add(history.table, part)
+        line.append(log1p(LIMIT if alarm else chart.value))
     title = "readings, logarithm of the Shiryaev-Roberts statistic for another friction"
     return Series(title, (("friction", tuple(line)),), (log1p(LIMIT),), "part")
 

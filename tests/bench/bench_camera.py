@@ -57,7 +57,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 
 def calibrated(folder: Path, seed: int) -> dict[str, Any]:
-    """Calibrates with our own command, from rendered pictures of a board and of places; the row of its figures."""
+    """Calibrates with our own command, from rendered pictures of boards and places; its figures."""
     camera, _ = album.write(standard_rig(), folder, seed)
     if calibrate_command.main(shlex.split(camera)):
         raise SystemExit("the calibration was refused")

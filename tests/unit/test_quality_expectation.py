@@ -1,12 +1,11 @@
 """The chart of readings: a likelihood ratio, silent on a healthy cell, quick when friction changes."""
 
 import json
-from collections import Counter
 from math import exp, log
 
 import numpy as np
 import pytest
-from histories import drawn, history, table
+from histories import LESS, drawn, expectation_document, history, table
 
 from runtime.errors import UsageError
 from runtime.quality import expectation
@@ -16,33 +15,12 @@ from runtime.quality.monitor import watch
 from runtime.table import Calibration
 
 TABLE = table()
-LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # of the first node's branches: fewer parts jam
 DIGEST = "0" * 64
-
-
-def readings(parts):
-    """How often each width was read at each node, as plan-expect writes it."""
-    rows = [Counter() for _ in TABLE.nodes]
-    for part in parts:
-        for squeeze in part.squeezes:
-            rows[squeeze.node][str(bin_of(TABLE, squeeze))] += 1
-    return [dict(row) for row in rows]
-
-
-def document(worlds):
-    rows = [{"name": name, "readings": row} for name, row in worlds]
-    return {"kind": "expected readings", "version": 1, "table_sha256": DIGEST, "worlds": rows}
 
 
 @pytest.fixture(scope="module")
 def told():
-    planned = readings(drawn(TABLE, 4000, np.random.default_rng(1)))
-    return document(
-        [
-            ("as planned", planned),
-            ("less", readings(drawn(TABLE, 4000, np.random.default_rng(2), shares=LESS))),
-        ]
-    )
+    return expectation_document(TABLE, DIGEST)
 
 
 @pytest.fixture
@@ -91,7 +69,7 @@ def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     rng = np.random.default_rng(5)
     found = list(watch(history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected))
     assert all(alarm.place >= 300 for alarm in found)
-    assert any(alarm.chart == "readings" and "friction (less)" in alarm.sentence for alarm in found)
+    assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in found)
 
 
 def test_one_strange_part_counts_for_no_more_than_its_bound(expected):

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from histories import TREE, drawn, history, table
+from histories import LESS, TREE, drawn, expectation_document, history, table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import JournalError, UsageError
@@ -275,3 +275,17 @@ def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
     found = reading.read([journal])
     with pytest.raises(UsageError, match=r"install squeezetree\[parquet\]"):
         export.write(export.rows(found.parts, {}), tmp_path / "p.parquet")
+
+
+def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
+    digest = hashlib.sha256(dumps(TABLE)).hexdigest()
+    (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, digest)))
+    parts = [*parts_of(60, seed=8), *parts_of(60, seed=9, first=60, shares=LESS)]
+    words = ["report", str(write(tmp_path / "a.jsonl", parts)), "--expected", str(tmp_path / "e.json")]
+    assert main([*words, "-o", str(tmp_path / "r.html")]) == 13
+    said = capsys.readouterr().out
+    assert "readings are those of less" in said
+    assert "Shiryaev-Roberts" in (tmp_path / "r.html").read_text()
+    (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, "1" * 64, 10)))
+    assert main(words) == 2
+    assert "another table" in capsys.readouterr().err
