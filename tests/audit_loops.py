@@ -78,30 +78,41 @@ def loop(tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, 
         if (left := parts - len(found.parts)) <= 0:
             break
         words = command(tree, folder, count=left, seed=seed + number, time_scale=time_scale)
-        said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout
-        more, ended = judged(said, folder / "journal.jsonl", number)
+        before = len(of_runs(folder / "journal.jsonl"))
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+        runs_now = of_runs(folder / "journal.jsonl")[before:]
+        if not runs_now:  # the cell did not come up
+            found.faults.append(done.stderr.strip().rpartition("\n")[2])
+            continue
+        more, ended = judged(done.stdout, runs_now[0])
         found.parts.extend(more)
         found.outcomes.update(part["outcome"] for part in ended)
         found.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
     return found
 
 
-def judged(said: str, journal: Path, runs_before: int = 0) -> tuple[list[Judged], list[dict[str, Any]]]:
+def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
+    """The records of each run in a journal; none where there is no journal yet."""
+    runs: list[list[dict[str, Any]]] = []
+    for record in records(journal) if journal.exists() else ():
+        if record["kind"] == "header":
+            runs.append([])
+        runs[-1].append(dict(record))
+    return runs
+
+
+def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dict[str, Any]]]:
     """The parts of one run that were judged, and all of them as `--json` tells them.
 
     Args:
         said: the run's standard output.
-        journal: it was recorded in.
-        runs_before: that the journal holds already.
+        run: its records.
     """
     told = {part["part"]: part for part in map(json.loads, said.splitlines())}
-    runs, found = -1, []
-    for record in records(journal):
-        runs += record["kind"] == "header"
-        if record["kind"] == "audit" and runs == runs_before:
-            part = told[record["part"]]
-            found.append(Judged(dict(record), part["error_mm"], part["within_goal"]))
-    return found, list(told.values())
+    asked = [(record, told[record["part"]]) for record in run if record["kind"] == "audit"]
+    return [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked], list(
+        told.values()
+    )
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:

@@ -41,3 +41,13 @@ def test_report_needs_neither_numpy_nor_opencv():
     )
     assert done.returncode == 24
     assert "none.jsonl" in done.stderr
+
+
+def test_cell_without_opencv_names_the_audit_extra_if_asked_for_a_camera():
+    code = "import sys; sys.modules['cv2'] = None; from drivers.sim.cli import main; sys.exit(main({0}))"
+    words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--camera"]
+    command = [sys.executable, "-c", code.format(words)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 31
+    assert done.stderr.count("\n") == 1
+    assert "squeezetree[audit]" in done.stderr
