@@ -1,0 +1,44 @@
+"""Squeezes whose outcome is known, and a look-ahead among them."""
+
+import numpy as np
+import problems
+
+from planner.goal import Metric
+from planner.models.partition import partition
+from planner.search.actions import ActionSet
+from planner.search.closed_loop import LookAhead
+from planner.search.costs import Costs
+from planner.search.outcomes import Outcomes
+
+BELIEF = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0)
+AREA = np.array([[-99.0, -99.0], [99.0, 99.0]])
+TELLING, SILENT, RISKY = 0.0, 1.0, 2.0
+
+
+class Oracle:
+    """Moves nothing; at the angle TELLING (and RISKY) the width tells which side the part lies on."""
+
+    def squeeze(self, cases, rng):
+        outcomes = []
+        for belief, placement in cases:
+            telling = placement[2] in (TELLING, RISKY)
+            counts = np.where((belief[:, 0] > 0) & telling, 200, 100)
+            clusters = partition(counts)
+            label = clusters.label[counts]
+            beliefs = [belief[label == k] for k in range(len(clusters.mean))]
+            outcomes.append(Outcomes(clusters, beliefs, float(placement[2] == RISKY), 20.0))
+        return outcomes
+
+
+def look_ahead(angles, depth=2, unstable=0.0):
+    placements = np.array([[0.0, 0.0, angle] for angle in angles])
+    return LookAhead(
+        actions=ActionSet(placements, None, AREA),
+        simulator=problems.simulator(problems.rectangle()),
+        model=Oracle(),
+        metric=Metric(3.0, 10.0, 2),
+        confidence=0.99,
+        depth=depth,
+        costs=Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0),
+        particles=200,
+    )

@@ -1,0 +1,94 @@
+"""Other squeezes for a node: the cheaper plan stays."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
+
+from planner import job as job_file
+from planner.search.closed_loop import squeezes_left
+from planner.search.expand import Growth, TreeNode, grow, squeeze_at
+from planner.search.handling import handling_of
+from planner.search.improve import bound, improve, price
+
+RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
+PATIENT = 4
+
+
+@pytest.fixture(scope="module")
+def growth():
+    handling = handling_of(job_file.load(RECTANGLE))
+    return Growth(look_ahead([SILENT, TELLING]), Oracle(), handling, PATIENT)
+
+
+def placed(angle):
+    return np.array([0.0, 0.0, angle])
+
+
+def tree(growth, first, other):
+    """A root, squeezed once without result, and a node that squeezes at an angle, with an alternative."""
+    root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+    squeeze_at(root, placed(SILENT), growth, np.random.default_rng(0))
+    (node,) = root.children
+    squeeze_at(node, placed(first), growth, np.random.default_rng(1))
+    node.alternatives = [placed(other)]
+    grow(node, growth, [1])
+    return root, node
+
+
+def test_a_squeeze_that_tells_at_once_takes_the_place_of_one_that_does_not(growth):
+    root, node = tree(growth, SILENT, TELLING)
+    before = price(root, growth)
+    improve(root, growth, [1])
+    assert node.placement[2] == TELLING
+    assert price(root, growth) == pytest.approx(before - growth.look_ahead.costs.least)
+    assert all(leaf.mode.ratio == 1.0 for leaf in node.children)
+
+
+def test_a_worse_one_does_not(growth):
+    root, node = tree(growth, TELLING, SILENT)
+    children = node.children
+    improve(root, growth, [1])
+    assert node.children is children
+    assert node.placement[2] == TELLING
+
+
+def test_nothing_changes_once_time_is_out(growth):
+    root, node = tree(growth, SILENT, TELLING)
+    improve(root, growth, [1], out_of_time=lambda: True)
+    assert node.placement[2] == SILENT
+
+
+def test_nodes_that_few_parts_come_to_are_left_alone(growth):
+    root, node = tree(growth, SILENT, TELLING)
+    node.share = 0.01
+    improve(root, growth, [1])
+    assert node.placement[2] == SILENT
+
+
+def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
+    root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+    assert price(root, growth) == pytest.approx(0.5)
+    squeeze = growth.look_ahead.costs.least
+    assert bound(root, growth) == pytest.approx(squeeze)
+    squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
+    assert price(root, growth) == bound(root, growth) == pytest.approx(squeeze)
+
+
+def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
+    for first in (SILENT, TELLING):
+        root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+        squeeze_at(root, placed(first), growth, np.random.default_rng(0))
+        before = bound(root, growth)
+        grow(root, growth, [1])
+        assert before <= price(root, growth) + 1e-12
+
+
+def test_a_purer_belief_needs_fewer_squeezes_and_one_that_lacks_nothing_none():
+    ratio = np.linspace(0.0, 1.0, 101)
+    left = squeezes_left(ratio)
+    assert np.all(np.diff(left) < 0.0)
+    assert left[-1] == 0.0
+    assert np.all(left[:-2] > 0.5)
+    assert squeezes_left(np.array([1.2]))[0] == 0.0
