@@ -4,7 +4,7 @@ import hashlib
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self, TextIO
+from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime import watchdog
 from runtime.console import Console, Sighting
@@ -13,6 +13,9 @@ from runtime.results import PartResult, Step
 from runtime.status import Status, StatusServer
 from runtime.table import Table, dumps
 from runtime.tally import Tally
+
+if TYPE_CHECKING:
+    from runtime.live.terminal import View
 
 
 class Views(NamedTuple):
@@ -45,15 +48,13 @@ class Monitor:
             self._name, hashlib.sha256(dumps(table)).hexdigest(), table.predicted.success_ppm
         )
         self._views = views or Views()
+        self._view: View | None = None
         self._stack = ExitStack()
 
     def ready(self) -> None:
         """The devices answer, and the run begins."""
-        if self._views.terminal is not None:
-            from runtime.live.terminal import View
-
-            view = View(self._table, Path(self._name).name, self._status, self._console, self._views.terminal)
-            self._console = self._stack.enter_context(view)
+        if self._view is not None:
+            self._console = self._stack.enter_context(self._view)
         watchdog.notify(watchdog.READY)
 
     def note(self, sentence: str) -> None:
@@ -85,6 +86,12 @@ class Monitor:
                 opened.enter_context(StatusServer(self._views.socket, self._status))
             if self._views.http is not None:
                 self._serve(self._views.http, opened)
+            if self._views.terminal is not None:
+                # Loaded before the devices are connected, which take a pause for a broken link.
+                from runtime.live.terminal import View
+
+                name = Path(self._name).name
+                self._view = View(self._table, name, self._status, self._console, self._views.terminal)
             self._stack = opened.pop_all()
         return self
 

@@ -49,6 +49,7 @@ class View:
         self._terminal = Terminal(file=stream, highlight=False)
         self._beside = stream is not sys.stdout
         self._notes: deque[str] = deque(maxlen=MOST_NOTES)
+        self._shown: object = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, name="watch", daemon=True)
 
@@ -98,11 +99,13 @@ class View:
             self._draw(live)
 
     def _draw(self, live: Live) -> None:
+        state = self._status.as_object()
+        if (state, self._terminal.size) == self._shown and not self._notes:
+            return
+        self._shown = (state, self._terminal.size)
         while self._notes:
             self._terminal.print(Text(self._notes.popleft()))
-        live.update(
-            picture(self._outline, self._name, self._status.as_object(), self._terminal), refresh=True
-        )
+        live.update(picture(self._outline, self._name, state, self._terminal), refresh=True)
 
 
 def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Terminal) -> Group:
