@@ -134,6 +134,16 @@ def test_a_table_without_its_file_says_so_and_an_unknown_one_is_refused(kept, mo
     assert "| e | [1, 2] |" in table
 
 
+def test_figures_of_another_shape_are_listed_all_the_same(kept, monkeypatch, tmp_path):
+    monkeypatch.setattr(kept, "RESULTS", tmp_path)
+    (tmp_path / "audit.json").write_text('{"loop": [{"agreement": 1.0}], "drift": {"x": []}}')
+    assert "| 1.agreement | 1 |" in kept.table_of("audit-loop")
+    (tmp_path / "kcde.json").write_text(
+        json.dumps({"more": list(range(3)), **{str(n): n for n in range(60)}})
+    )
+    assert "21 more" in kept.table_of("kcde")
+
+
 FAULTY = """<html><head><script src="https://cdn.example/x.js"></script></head><body>
 <a href="#there">fine</a><a href="#nowhere">no anchor</a><a href="missing.html">no file</a>
 <a href="other.html#far">no anchor there</a><a href="https://example.org/">outside</a>
