@@ -91,12 +91,22 @@ def test_formulas_are_drawn(site):
     assert "\\mathbf" not in text_of(site / "tools/docs/how-it-works.html")
 
 
+def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
+    for page in site.rglob("*.html"):
+        text = page.read_text()
+        for tag in re.findall(r"<pre[^>]*>|<div[^>]*table-wrapper[^>]*>|<p[^>]*>(?=<img)", text):
+            assert 'tabindex="0"' in tag, f"{page.name}: {tag}"
+        assert all("aria-level" in tag for tag in re.findall(r'<[^>]*role="heading"[^>]*>', text))
+        assert all("alt=" in tag for tag in re.findall(r"<img[^>]*>", text))
+        assert all("aria-label" in tag for tag in re.findall(r"<input[^>]*task-list-item[^>]*>", text))
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_is_in_the_reference(site, command):
     pages = [path.read_text() for path in site.glob("tools/docs/commands-*.html")]
     assert any(re.search(rf"<h[12]>{command}<", page) for page in pages)
     usage = "".join(pages)
-    assert f"usage: {command}" in usage or re.search(rf"<pre><span></span>{command}\b", usage)
+    assert f"usage: {command}" in usage or re.search(rf"<pre[^>]*><span></span>{command}\b", usage)
 
 
 def test_the_performance_page_says_what_is_kept(site, kept):
