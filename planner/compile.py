@@ -125,7 +125,7 @@ class _Planning:
         doubts: list[Doubt] = []
         for attempt in range(REFINEMENTS + 1):
             self._grow(attempt)
-            settle(doubts)
+            settle(doubts, self.growth.look_ahead.confidence)
             table = canonical(lower(self.root, self.job))
             self.say("evaluate", attempt, REFINEMENTS + 1)
             world = ContactWorld(self.job, self.job.seed + SEED_WORLD + attempt, self.workers)

@@ -32,6 +32,7 @@ COMMANDS = {
     "plan-compile": Source("planner.cli.compile"),
     "plan-simulate": Source("planner.cli.simulate"),
     "plan-evaluate": Source("planner.cli.evaluate"),
+    "plan-expect": Source("planner.cli.expect"),
     "plan-identify": Source("planner.cli.identify"),
     "plan-init": Source("planner.cli.init"),
     "plan-report": Source("planner.cli.report"),

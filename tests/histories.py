@@ -61,7 +61,8 @@ def _part(tree, maps, predicted, number, rng, width_shift_um, shares, residual_s
         odds = np.array(shares.get(target) or predicted[target], float)
         branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
         spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
-        width = rng.normal(branch.expected_um, spread) + width_shift_um
+        healthy = np.clip(rng.normal(branch.expected_um, spread), branch.low_um, branch.high_um)
+        width = healthy + width_shift_um
         step = tree.gripper.opening_um / (tree.gripper.count_closed - tree.gripper.count_open)
         reading = int(np.clip(round(tree.gripper.count_closed - width / step), 0, 255))
         taken = maps[target][reading]

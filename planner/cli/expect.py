@@ -19,7 +19,7 @@ DEFAULT_TRIALS = 100_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
 
     def body() -> int:
         shell.writable(arguments.output)
@@ -42,27 +42,27 @@ def main(argv: list[str] | None = None) -> int:
     return shell.run(NAME, arguments.debug, body)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = shell.parser(
+def parser() -> argparse.ArgumentParser:
+    made = shell.parser(
         NAME,
         "Simulate what the encoder reads at each node of a table, as planned and at other frictions: "
         "grasp-audit report --expected compares journals with it, and tells a change of friction early.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
     )
-    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
-    parser.add_argument(
+    made.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    made.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    made.add_argument(
         "-o", "--output", type=Path, required=True, metavar="EXPECTED.json", help="the file to write"
     )
-    parser.add_argument(
+    made.add_argument(
         "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
     )
-    parser.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
-    parser.add_argument(
+    made.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
+    made.add_argument(
         "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
     )
-    shell.add_scheduler(parser)
-    return parser
+    shell.add_scheduler(made)
+    return made
 
 
 if __name__ == "__main__":

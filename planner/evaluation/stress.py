@@ -109,10 +109,13 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     return found
 
 
-def settle(doubts: Sequence[Doubt]) -> None:
-    """Gives the leaves that no squeeze would improve back what they were."""
+def settle(doubts: Sequence[Doubt], confidence: float) -> None:
+    """Gives the leaves that no squeeze would improve back what they were.
+
+    Some need no squeeze: another pose of theirs holds for the parts that were wrong, too. They keep it.
+    """
     for node, belief, mode in doubts:
-        if not node.children:
+        if not node.children and node.mode.ratio < confidence:
             node.belief, node.mode = belief, mode
 
 

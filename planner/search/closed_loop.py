@@ -43,6 +43,8 @@ NEARLY = 0.5
 """Squeezes still to make after one of the options, below which none is followed further."""
 LEAST_PROGRESS = 0.001
 """Gain in mode ratio below which no squeeze is planned."""
+LOST = 10.0
+"""Squeezes that a belief is worth which no squeeze gets nearer the goal, at the end of the look-ahead."""
 SHRINK = 1.0
 """Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
 ALIKE_MM, ALIKE_DEG = 8.0, 20.0
@@ -175,10 +177,13 @@ class LookAhead:
             return to_go, ratio
         options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in short]
         movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
+        before = ratio.copy()
         squeezed = self._squeeze([beliefs[i] for i, _ in movable], [choice for _, choice in movable], rng)
         for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
             best = int(np.argmin(found.to_go))
             to_go[i], ratio[i] = found.to_go[best], max(ratio[i], found.ratio[best])
+        lost = short[ratio[short] < before[short] + LEAST_PROGRESS]
+        to_go[lost] += LOST * (1.0 - ratio[lost])
         return to_go, ratio
 
     def _squeeze(

@@ -105,7 +105,7 @@ def test_each_parser_is_its_commands() -> None:
         ("grasp-journal rep", "grasp-journal replay "),
         ("grasp-journal show --outc", "grasp-journal show --outcome "),
         ("grasp-cell --until", "grasp-cell --until-stdin-closes "),
-        ("grasp-audit report --exp", "grasp-audit report --export "),
+        ("grasp-audit report --expo", "grasp-audit report --export "),
         ("grasp-audit judge --pic", "grasp-audit judge --pictures "),
         ("squeezetree-completion --he", "squeezetree-completion --help "),
     ],

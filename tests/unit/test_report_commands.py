@@ -95,8 +95,8 @@ def test_commands_load_matplotlib_only_to_draw() -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "says"),
     [
-        ([], 2, "--readme"),
-        (["a.msgpack"], 2, "--readme"),
+        (["a.msgpack"], 2, "-o a picture"),
+        (["--only", "fig99"], 2, "fig99"),
         (["a.msgpack", "-o", "a.jpg"], 2, ".svg"),
         (["missing.msgpack", "-o", "a.svg"], 3, "missing.msgpack"),
         ([str(JOB), "-o", "a.svg"], 30, "job.toml"),

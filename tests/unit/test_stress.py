@@ -103,9 +103,19 @@ def test_a_doubted_leaf_that_no_squeeze_improves_is_what_it_was(run, table):
     assert [doubted.node for doubted in doubts] == root.children
     grown = root.children[2]
     grown.children = [TreeNode(grown.belief, 0.25, grown.mode, (2, 0))]
-    settle(doubts)
+    settle(doubts, 2.0)
     for k, (leaf, (belief, mode)) in enumerate(zip(root.children, before, strict=True)):
         assert (leaf.belief is belief) == (leaf.mode is mode) == (k != 2)
+
+
+def test_a_doubted_leaf_keeps_a_pose_that_holds_for_the_wrong_ones_too(run, table):
+    root, metric = tree(), metric_of_table(table)
+    (found,) = doubt(root, [with_wrong(run, (0, 7, 0, 0))], metric)
+    joined = found.node.mode
+    settle([found], joined.ratio)
+    assert found.node.mode is joined
+    settle([found], joined.ratio + 1e-9)
+    assert found.node.mode is found.mode
 
 
 def test_worlds_are_off_to_both_sides_of_the_planned_one(job):
