@@ -43,6 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
     made = shell.parser(
         NAME,
         "Simulate what the encoder reads at each node of a table, as planned and at other frictions: "
