@@ -88,6 +88,9 @@ def test_formulas_are_drawn(site):
         r"\$\$.*?\$\$|\$[^$\n]+\$", (ROOT / "tools/docs/how-it-works.md").read_text(), re.DOTALL
     )
     assert len(drawn) == len(written) >= 30
+    heights = [float(em) for em in re.findall(r'<svg role="img"[^>]* height="([\d.]+)em"', page)]
+    assert len(heights) == len(drawn)
+    assert max(heights) < 6.0  # a bracket that grew without bounds would show here
     assert "\\mathbf" not in text_of(site / "tools/docs/how-it-works.html")
 
 
