@@ -96,10 +96,8 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
     track, widths = _track(beliefs, path)
     boxes = [_closed(table, step, jaws) for step in path]
     reach = float(np.max(np.hypot(*outline.T)))
-    half = 1.05 * max(
-        float(np.quantile(np.hypot(*poses[0][:, :2].T), 0.98)) + reach,
-        *(float(np.abs(b).max()) for b in boxes),
-    )
+    spread = max(float(np.quantile(np.hypot(*belief[:, :2].T), 0.98)) for belief in poses)
+    half = 1.05 * max(spread + reach, *(float(np.abs(box).max()) for box in boxes))
     columns = len(poses)
     result = Figure(
         figsize=(WIDTH_IN, 2 * (WIDTH_IN - 0.95) / columns + 0.86), facecolor="white", layout="constrained"
