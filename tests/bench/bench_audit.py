@@ -20,6 +20,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,9 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
         dump(audit_loops.mixed(load(TREE)), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
         found = audit_loops.loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
-    told = {"outcomes": dict(found.outcomes), "faults": found.faults, "time_scale": time_scale}
+    # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
+    faults = Counter(reason.partition(" ")[0] for reason in found.faults)
+    told = {"outcomes": dict(found.outcomes), "faults": dict(faults), "time_scale": time_scale}
     return audit_loops.agreement(found.parts) | told | {"calibration": made}
 
 
