@@ -45,6 +45,8 @@ LEAST_PROGRESS = 0.001
 """Gain in mode ratio below which no squeeze is planned."""
 LOST = 10.0
 """Squeezes that a belief is worth which no squeeze gets nearer the goal, at the end of the look-ahead."""
+LUCK = 0.5
+"""Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 SHRINK = 1.0
 """Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
 ALIKE_MM, ALIKE_DEG = 8.0, 20.0
@@ -61,7 +63,7 @@ class Choice(NamedTuple):
     Attributes:
         placement: (3,) the hand frame in the world.
         to_go: J of squeezing there.
-        gain: in mode ratio, over stopping here.
+        gain: in mode ratio, over stopping here, beyond what luck explains.
     """
 
     placement: Array
@@ -95,6 +97,11 @@ def squeezes_left(ratio: Array) -> Array:
     """J(b, 0) of beliefs with these mode ratios: the squeezes that they still need, guessed."""
     lacking = np.maximum(1.0 - ratio, 0.0)
     return np.asarray(1.0 - np.exp(-lacking / TAU) + lacking)
+
+
+def luck(ratio: float, particles: int, clusters: int) -> float:
+    """What splitting a belief at random adds to its mode ratio: each cluster's mode is chosen to fit it."""
+    return float(LUCK * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +168,9 @@ class LookAhead:
             if len(near):
                 squeezed = _joined(squeezed, self._squeeze([thin], [near], rng)[0])
         (followed,) = self._follow([squeezed], depth, 0, rng)
-        gain = np.maximum(followed.ratio, squeezed.ratio) - self.metric.mode(thin).ratio
+        ratio = self.metric.mode(thin).ratio
+        chance = [luck(ratio, len(thin), len(outcome.beliefs)) for outcome in squeezed.outcomes]
+        gain = np.maximum(followed.ratio, squeezed.ratio) - ratio - np.array(chance)
         found = zip(squeezed.placements, followed.to_go, gain, strict=True)
         return [Choice(a, float(to_go), float(more)) for a, to_go, more in found if np.isfinite(to_go)]
 

@@ -13,12 +13,14 @@ from planner.arrays import Array
 from planner.belief import replenish, trusting
 from planner.goal import Metric, Mode
 from planner.models.partition import Partition
-from planner.search.closed_loop import LookAhead
+from planner.search.closed_loop import LEAST_PROGRESS, LookAhead, luck
 from planner.search.handling import Handling
 from planner.search.outcomes import MotionModel
 
 ALTERNATIVES = 3
 """Placements kept for a node besides the chosen one."""
+MOST_IDLE = 2
+"""Squeezes that may get a belief no nearer the goal: two may be needed to tell two poses apart."""
 LEAST_PARTICLES = 100
 """A belief thinner than this is repeated before its next squeeze."""
 
@@ -41,6 +43,7 @@ class TreeNode:
         release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         clusters: the partition of the outcomes.
         cost: of the squeeze, in squeezes.
+        idle: squeezes before this node, one after the other, that got the belief no nearer the goal.
         alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
     """
@@ -56,6 +59,7 @@ class TreeNode:
     release: Array | None = None
     clusters: Partition | None = None
     cost: float = 0.0
+    idle: int = 0
     alternatives: list[Array] = field(default_factory=list)
     children: list[TreeNode] = field(default_factory=list)
 
@@ -128,7 +132,7 @@ def grow(
     while waiting and not out_of_time():
         _, path, node = heapq.heappop(waiting)
         done += 1
-        if node.mode.ratio < confidence and node.depth < growth.max_depth:
+        if node.mode.ratio < confidence and node.depth < growth.max_depth and node.idle < MOST_IDLE:
             _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
             for child in node.children:
                 heapq.heappush(waiting, (-child.lacking, child.path, child))
@@ -189,3 +193,13 @@ def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.
     for k, (share, child) in enumerate(zip(outcomes.probability, beliefs, strict=True)):
         mode = growth.look_ahead.metric.mode(child)
         node.children.append(TreeNode(child, node.share * float(share), mode, (*node.path, k)))
+    idle = 0 if _gain(node) > LEAST_PROGRESS else node.idle + 1
+    for grown in node.children:
+        grown.idle = idle
+
+
+def _gain(node: TreeNode) -> float:
+    """What a node's squeeze gained in mode ratio, beyond what luck explains."""
+    after = sum(child.share * child.mode.ratio for child in node.children) / node.share
+    ratio = node.mode.ratio
+    return after - ratio - luck(ratio, len(node.belief), len(node.children))

@@ -1,0 +1,81 @@
+"""Progressive widening against exhaustive look-ahead, and with hundreds of placements; not part of the gate.
+
+    python tests/bench/bench_search.py [--only small large] [--seeds 1 2]
+
+Every placement is squeezed once; then either the few most promising are followed further (the default) or all
+of them. Both plan the rectangle with 4 and with 12 placements; with 180, all of them would take hours, and only
+widening is measured. Prints figures and writes `results/search.json` beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from planner import job as job_file  # noqa: E402
+from planner.compile import compile_job  # noqa: E402
+from planner.overrides import job_with  # noqa: E402
+from planner.search import closed_loop  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "search.json"
+JOB = ROOT / "trees" / "rectangle" / "job.toml"
+WIDENED = closed_loop.FOLLOWED
+ALL = (10**6,) * 3
+ANGLES = {4: 45, 12: 15, 180: 5}
+CENTERS = {4: "[[0, 0]]", 12: "[[0, 0]]", 180: "[[-10, 0], [-5, 0], [0, 0], [5, 0], [10, 0]]"}
+CASES = {"small": [(4, WIDENED), (4, ALL), (12, WIDENED), (12, ALL)], "large": [(180, WIDENED)]}
+
+
+def bench(placements: int, followed: tuple[int, ...], seed: int) -> dict[str, Any]:
+    """One plan."""
+    angles = list(range(0, 180, ANGLES[placements]))
+    job = job_with(
+        job_file.load(JOB).canonical(),
+        [
+            ("seed", str(seed)),
+            ("goal.stress_trials", "0"),
+            ("actions.angles_deg", str(angles)),
+            ("actions.centers_mm", CENTERS[placements]),
+        ],
+    )
+    closed_loop.FOLLOWED = followed
+    start = time.perf_counter()
+    plan = compile_job(job)
+    seconds = time.perf_counter() - start
+    figures = plan.evaluation.summary()
+    row = {
+        "placements": placements,
+        "followed": "all" if followed == ALL else list(followed),
+        "seed": seed,
+        "seconds": seconds,
+        "success": figures["success_rate"],
+        "squeezes": figures["mean_squeezes"],
+    }
+    print(
+        f"{placements:3} placements, {row['followed']!s:9} followed, seed {seed}: success {row['success']:.4f}, "
+        f"{row['squeezes']:.2f} squeezes, {seconds:.1f} s",
+        flush=True,
+    )
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
+    options = parser.parse_args()
+    rows = [bench(n, followed, seed) for name in options.only for n, followed in CASES[name] for seed in options.seeds]
+    told = {"machine": platform.platform(), "python": platform.python_version(), "rows": rows}
+    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
