@@ -31,6 +31,7 @@ def tree(growth, first, other):
     root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
     squeeze_at(root, placed(SILENT), growth, np.random.default_rng(0))
     (node,) = root.children
+    node.idle = 0  # else one more squeeze that tells nothing would be the last
     squeeze_at(node, placed(first), growth, np.random.default_rng(1))
     node.alternatives = [placed(other)]
     grow(node, growth, [1])
@@ -74,6 +75,18 @@ def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
     assert bound(root, growth) == pytest.approx(squeeze)
     squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
     assert price(root, growth) == bound(root, growth) == pytest.approx(squeeze)
+
+
+def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_two(growth):
+    silent = Growth(look_ahead([TELLING]), Oracle(), growth.handling, 9)
+    bimodal = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+    squeeze_at(bimodal, placed(SILENT), silent, np.random.default_rng(0))
+    (second,) = bimodal.children
+    squeeze_at(second, placed(SILENT), silent, np.random.default_rng(0))
+    (third,) = second.children
+    assert (second.idle, third.idle) == (1, 2)
+    grow(bimodal, silent, [1])
+    assert third.children == []
 
 
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
