@@ -2,9 +2,9 @@
 
     python tests/bench/bench_search.py [--only small large] [--seeds 1 2]
 
-Every placement is squeezed once; then either the few most promising are followed further (the default) or all
-of them. Both plan the rectangle with 4 and with 12 placements; with 180, all of them would take hours, and only
-widening is measured. Prints figures and writes `results/search.json` beside this file.
+Every placement is squeezed once; then the few most promising are followed further (the default), or all of
+them. Both plan the rectangle with 4 and with 12 placements; with 180, all of them would take hours, and
+only widening is measured. Prints figures and writes `results/search.json` beside this file.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def bench(placements: int, followed: tuple[int, ...], seed: int) -> dict[str, An
         "squeezes": figures["mean_squeezes"],
     }
     print(
-        f"{placements:3} placements, {row['followed']!s:9} followed, seed {seed}: success {row['success']:.4f}, "
-        f"{row['squeezes']:.2f} squeezes, {seconds:.1f} s",
+        f"{placements:3} placements, {row['followed']!s:9} followed, seed {seed}: "
+        f"success {row['success']:.4f}, {row['squeezes']:.2f} squeezes, {seconds:.1f} s",
         flush=True,
     )
     return row
@@ -72,7 +72,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
     options = parser.parse_args()
-    rows = [bench(n, followed, seed) for name in options.only for n, followed in CASES[name] for seed in options.seeds]
+    cases = [case for name in options.only for case in CASES[name]]
+    rows = [bench(n, followed, seed) for n, followed in cases for seed in options.seeds]
     told = {"machine": platform.platform(), "python": platform.python_version(), "rows": rows}
     RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 
