@@ -130,7 +130,8 @@ def l_job(proposals, *overrides):
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    figures = compile_job(l_job("belief"), workers=2, trials=3000).evaluation.summary()
+    job = l_job("belief", ("search.particles", "6000"))
+    figures = compile_job(job, workers=2, trials=3000).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
     assert figures["crashes"] == 0
