@@ -85,7 +85,10 @@ class AuditProcess:
         """
         asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
         assert self._process.stdin is not None
-        os.write(self._process.stdin.fileno(), json.dumps(asked).encode() + b"\n")
+        try:
+            os.write(self._process.stdin.fileno(), json.dumps(asked).encode() + b"\n")
+        except BrokenPipeError as error:
+            raise ConnectionError("the auditor has ended; run its command by itself to see why") from error
         self._owed += 1
         until = self._clock.now() + self._answer_s
         answer = b""

@@ -55,6 +55,13 @@ def test_whatever_else_it_says_is_unknown(auditor: AuditProcess) -> None:
     assert verdict_of(auditor, 1, POSE) == "unknown"
 
 
+@pytest.mark.parametrize("auditor", ["gone"], indirect=True)
+def test_one_that_has_ended_is_said_to_have(auditor: AuditProcess) -> None:
+    auditor._process.wait(10.0)
+    for part in (1, 2):
+        assert "auditor has ended" in str(answer_of(auditor, part, POSE)["reason"])
+
+
 @pytest.mark.parametrize("auditor", ["silent"], indirect=True)
 def test_silence_ends_at_the_deadline(auditor: AuditProcess) -> None:
     auditor._answer_s = 0.05
