@@ -26,7 +26,7 @@ from planner.belief import subsample
 from planner.frames import wrap
 from planner.goal import Metric
 from planner.mechanics.simulator import Simulator
-from planner.search.actions import ActionSet, free_placements, least_clearance
+from planner.search.actions import ActionSet, free_placements
 from planner.search.costs import Costs
 from planner.search.outcomes import MotionModel, Outcomes
 from planner.search.proposals import refined
@@ -129,10 +129,6 @@ class LookAhead:
     costs: Costs
     particles: int
     crash_share: float = 0.0
-
-    def clearance(self, belief: Array, placement: Array) -> float:
-        """Least distance between the open fingers at a placement and the believed part [mm]."""
-        return least_clearance(self.simulator.outline, self.simulator.jaws, belief, placement)
 
     def choose(self, belief: Array, rng: np.random.Generator, most: int = 1) -> list[Choice]:
         """The placements to squeeze at, the most promising first.
