@@ -33,7 +33,7 @@ from planner.search.proposals import refined
 
 LEAST_CLEARANCE_MM = 0.5
 """Open fingers are never planned nearer to a believed part than this."""
-FOLLOWED = (8, 6, 4)
+FOLLOWED = (4, 4, 4)
 """How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
 SECOND_MODE = 0.25
 """What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
@@ -55,6 +55,10 @@ WORTH_TRYING = 0.5
 """Squeezes that an alternative may seem to cost more."""
 REFINED = 2
 """How many of the best placements are varied."""
+HEAVY = 0.2
+"""Share of all parts from which a belief is looked ahead with all the particles allowed."""
+FEWEST = 0.25
+"""Share of those particles that the lightest belief keeps."""
 
 
 class Choice(NamedTuple):
@@ -130,29 +134,33 @@ class LookAhead:
     particles: int
     crash_share: float = 0.0
 
-    def choose(self, belief: Array, rng: np.random.Generator, most: int = 1) -> list[Choice]:
+    def choose(
+        self, belief: Array, rng: np.random.Generator, most: int = 1, share: float = 1.0
+    ) -> list[Choice]:
         """The placements to squeeze at, the most promising first.
 
-        Where nothing gains at the stated depth one squeeze more is looked ahead: a belief of several modes
-        may need two before any progress shows.
+        Where nothing gains at the stated depth one squeeze more is looked ahead, with all particles: a belief
+        of several modes may need two before any progress shows.
 
         Args:
             belief: (n, 3) particles in the world, or (n, 4) with friction.
             rng: source of randomness.
             most: how many at most, each unlike those before it.
+            share: of all parts that come to this belief: the fewer do, the less is spent on it.
 
         Returns:
             None at all where no action is free of collision or gains anything.
         """
-        for depth in (self.depth, self.depth + 1):
-            gaining = [choice for choice in self._options(belief, depth, rng) if choice.gain > LEAST_PROGRESS]
+        few = round(self.particles * max(FEWEST, min(1.0, share / HEAVY) ** 0.5))
+        for depth, particles in ((self.depth, few), (self.depth + 1, self.particles)):
+            options = self._options(belief, subsample(belief, particles), depth, rng)
+            gaining = [choice for choice in options if choice.gain > LEAST_PROGRESS]
             if gaining:
                 return _unlike(sorted(gaining, key=lambda choice: choice.to_go), most)
         return []
 
-    def _options(self, belief: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
+    def _options(self, belief: Array, thin: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
         """All that may be done, the best of it varied a little if placements may be proposed."""
-        thin = subsample(belief, self.particles)
         options = self._free(belief, self.actions.options(thin, self.metric))
         if not len(options):
             return []

@@ -113,6 +113,7 @@ def grow(
     seed: list[int],
     progress: Progress | None = None,
     out_of_time: Callable[[], bool] = lambda: False,
+    reopen: float = 1.0,
 ) -> None:
     """Expands the leaves until each meets the goal or nothing gets it nearer, those that hold most first.
 
@@ -124,9 +125,11 @@ def grow(
         seed: every node draws from a stream of its own, named after its path.
         progress: called with the number of nodes done and the number waiting.
         out_of_time: asked before each node; the tree stays as it is once it says so.
+        reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
     """
     confidence = growth.look_ahead.confidence
-    waiting = [(-node.lacking, node.path, node) for node in breadth_first(root) if not node.children]
+    leaves = [node for node in breadth_first(root) if not node.children and node.mode.ratio < reopen]
+    waiting = [(-node.lacking, node.path, node) for node in leaves]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
@@ -167,7 +170,7 @@ def learn(root: TreeNode, beliefs: dict[int, Array], metric: Metric, confidence:
 
 def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
     """Chooses the node's action and squeezes there."""
-    choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES)
+    choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES, node.share)
     if choices:
         squeeze_at(node, choices[0].placement, growth, rng)
         node.alternatives = [choice.placement for choice in choices[1:]]
