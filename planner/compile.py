@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.ambiguity import ambiguities
+from planner.arrays import BoolArray
 from planner.belief import doubting
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
@@ -34,11 +35,13 @@ from planner.search.outcomes import MotionModel, Simulation
 from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
 from planner.world import ContactWorld
-from runtime.table import Table, canonical
+from runtime.table import Table, canonical, refuted
 
 EVALUATION_TRIALS = 20_000
 MARGIN = 0.5
 """Share of the goal's allowed errors at which the search takes a leaf for good: the rest is reserve."""
+RESERVE = 0.75
+"""The same for a leaf that the tree has already: one more squeeze for all its parts must be worth it."""
 AHEAD_STEP_MM = 0.8
 """Closing step of the squeezes that are only looked ahead: twice the tree's own, a hundredth of a mm off."""
 REFINEMENTS = 3
@@ -142,7 +145,7 @@ class _Planning:
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
         seed = [self.job.seed, attempt]
-        reopen = self.job.goal.confidence if attempt else 1.0
+        reopen = self._reopen if attempt else 1.0
         grow(self.root, self.growth, seed, lambda a, b: self.say("search", a, a + b), self._late, reopen)
         if not self.root.children:
             raise NoPlanError(
@@ -156,9 +159,19 @@ class _Planning:
         """Leaves that do not hold in fresh trials, and those that would not in worlds a little off."""
         metric = self.growth.look_ahead.metric
         beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
-        short = learn(self.root, beliefs, metric, self.job.goal.confidence)
+        against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
+        short = learn(self.root, beliefs, metric, self._reopen, against)
         runs = stressed(table, self.job, attempt, self.scheduler or Threads(self.workers))
         return short, doubt(self.root, runs, metric)
+
+    def _refuted(self, within: BoolArray) -> bool:
+        """Whether trials that came to a leaf speak against it, as they would once the plan is done."""
+        return refuted(int(within.sum()), len(within), self.job.goal.confidence)
+
+    @property
+    def _reopen(self) -> float:
+        """Mode ratio below which a leaf is grown further: fresh trials must not refute what stays."""
+        return 1.0 - RESERVE * (1.0 - self.job.goal.confidence)
 
     def _late(self) -> bool:
         """Whether the budget is spent; never before there is a first squeeze, for a plan must be one."""

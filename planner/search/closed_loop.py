@@ -16,6 +16,7 @@ promising are followed further.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,11 +24,11 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief import subsample
-from planner.frames import wrap
 from planner.goal import Metric
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import ActionSet, free_placements
 from planner.search.costs import Costs
+from planner.search.options import Choice, Options, joined, luck, squeezes_left, unlike
 from planner.search.outcomes import MotionModel, Outcomes
 from planner.search.proposals import refined
 
@@ -37,57 +38,24 @@ FOLLOWED = (4, 4, 4)
 """How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
 SECOND_MODE = 0.25
 """What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
-TAU = 0.02
-"""What a belief may lack, about, before it counts as one that needs another squeeze."""
 NEARLY = 0.5
 """Squeezes still to make after one of the options, below which none is followed further."""
 LEAST_PROGRESS = 0.001
 """Gain in mode ratio below which no squeeze is planned."""
 LOST = 10.0
 """Squeezes that a belief is worth which no squeeze gets nearer the goal, at the end of the look-ahead."""
-LUCK = 0.5
-"""Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 SHRINK = 1.0
 """Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
-ALIKE_MM, ALIKE_DEG = 8.0, 20.0
-"""Placements nearer than this are varieties of one."""
-WORTH_TRYING = 0.5
-"""Squeezes that an alternative may seem to cost more."""
 REFINED = 2
 """How many of the best placements are varied."""
 HEAVY = 0.2
 """Share of all parts from which a belief is looked ahead with all the particles allowed."""
+OUTSIDE = 20
+"""Particles outside the mode that it takes to see whether a squeeze tells them from the rest."""
+CONTENDERS = 6
+"""Squeezes of which that is asked."""
 FEWEST = 0.25
 """Share of those particles that the lightest belief keeps."""
-
-
-class Choice(NamedTuple):
-    """An action for a belief.
-
-    Attributes:
-        placement: (3,) the hand frame in the world.
-        to_go: J of squeezing there.
-        gain: in mode ratio, over stopping here, beyond what luck explains.
-    """
-
-    placement: Array
-    to_go: float
-    gain: float
-
-
-class _Squeezed(NamedTuple):
-    """One belief's options after one squeeze each."""
-
-    placements: Array
-    outcomes: list[Outcomes]
-    cost: Array
-    ratio: Array  # expected mode ratio after it
-    to_go: Array  # J of depth 1
-    rank: Array  # the same with something for beliefs of two modes; less is better
-
-    def best(self, most: int) -> list[int]:
-        """The most promising options."""
-        return [int(k) for k in np.argsort(self.rank, kind="stable")[:most]]
 
 
 class _Followed(NamedTuple):
@@ -95,17 +63,6 @@ class _Followed(NamedTuple):
 
     to_go: Array
     ratio: Array
-
-
-def squeezes_left(ratio: Array) -> Array:
-    """J(b, 0) of beliefs with these mode ratios: the squeezes that they still need, guessed."""
-    lacking = np.maximum(1.0 - ratio, 0.0)
-    return np.asarray(1.0 - np.exp(-lacking / TAU) + lacking)
-
-
-def luck(ratio: float, particles: int, clusters: int) -> float:
-    """What splitting a belief at random adds to its mode ratio: each cluster's mode is chosen to fit it."""
-    return float(LUCK * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +97,8 @@ class LookAhead:
         """The placements to squeeze at, the most promising first.
 
         Where nothing gains at the stated depth one squeeze more is looked ahead, with all particles: a belief
-        of several modes may need two before any progress shows.
+        of several modes may need two before any progress shows. Where that does not help, what the belief
+        lacks may be too little for so few particles to show.
 
         Args:
             belief: (n, 3) particles in the world, or (n, 4) with friction.
@@ -151,13 +109,44 @@ class LookAhead:
         Returns:
             None at all where no action is free of collision or gains anything.
         """
-        few = round(self.particles * max(FEWEST, min(1.0, share / HEAVY) ** 0.5))
-        for depth, particles in ((self.depth, few), (self.depth + 1, self.particles)):
+        for depth, particles in self._efforts(belief, share):
             options = self._options(belief, subsample(belief, particles), depth, rng)
-            gaining = [choice for choice in options if choice.gain > LEAST_PROGRESS]
+            gaining = sorted((k for k in options if k.gain > LEAST_PROGRESS), key=lambda k: k.to_go)
+            if gaining and gaining[0].to_go < 1.0 + NEARLY:
+                gaining = self._checked(belief, gaining, rng)
             if gaining:
-                return _unlike(sorted(gaining, key=lambda choice: choice.to_go), most)
+                return unlike(gaining, most)
         return []
+
+    def _efforts(self, belief: Array, share: float) -> Iterator[tuple[int, int]]:
+        """Squeezes to look ahead and particles to do it with, one after the other until something gains."""
+        yield self.depth, round(self.particles * max(FEWEST, min(1.0, share / HEAVY) ** 0.5))
+        yield self.depth + 1, self.particles
+        if self._telling(belief) > self.particles:
+            yield self.depth, self._telling(belief)
+
+    def _telling(self, belief: Array) -> int:
+        """How many particles it takes to see those outside the mode."""
+        lacking = 1.0 - self.metric.mode(belief).ratio
+        return min(len(belief), round(OUTSIDE / max(lacking, LEAST_PROGRESS)))
+
+    def _checked(self, belief: Array, choices: list[Choice], rng: np.random.Generator) -> list[Choice]:
+        """Choices that seem to be the last squeeze needed, judged again by what few particles cannot show."""
+        if self._telling(belief) <= self.particles:
+            return choices
+        thin = subsample(belief, self._telling(belief))
+        (squeezed,) = self._squeeze([thin], [np.array([k.placement for k in choices[:CONTENDERS]])], rng)
+        gain = self._gain(thin, squeezed, squeezed.ratio)
+        found = zip(squeezed.placements, squeezed.to_go, gain, strict=True)
+        return sorted(
+            (Choice(a, float(j), float(g)) for a, j, g in found if g > LEAST_PROGRESS), key=lambda k: k.to_go
+        )
+
+    def _gain(self, belief: Array, squeezed: Options, after: Array) -> Array:
+        """What each option gains in mode ratio, beyond what luck explains."""
+        ratio = self.metric.mode(belief).ratio
+        chance = [luck(ratio, len(belief), len(outcome.beliefs)) for outcome in squeezed.outcomes]
+        return np.asarray(after - ratio - np.array(chance))
 
     def _options(self, belief: Array, thin: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
         """All that may be done, the best of it varied a little if placements may be proposed."""
@@ -170,11 +159,9 @@ class LookAhead:
             near = self.actions.within(np.concatenate([refined(placement) for placement in top]))
             near = self._free(belief, near)
             if len(near):
-                squeezed = _joined(squeezed, self._squeeze([thin], [near], rng)[0])
+                squeezed = joined(squeezed, self._squeeze([thin], [near], rng)[0])
         (followed,) = self._follow([squeezed], depth, 0, rng)
-        ratio = self.metric.mode(thin).ratio
-        chance = [luck(ratio, len(thin), len(outcome.beliefs)) for outcome in squeezed.outcomes]
-        gain = np.maximum(followed.ratio, squeezed.ratio) - ratio - np.array(chance)
+        gain = self._gain(thin, squeezed, np.maximum(followed.ratio, squeezed.ratio))
         found = zip(squeezed.placements, followed.to_go, gain, strict=True)
         return [Choice(a, float(to_go), float(more)) for a, to_go, more in found if np.isfinite(to_go)]
 
@@ -199,9 +186,7 @@ class LookAhead:
         to_go[lost] += LOST * (1.0 - ratio[lost])
         return to_go, ratio
 
-    def _squeeze(
-        self, beliefs: list[Array], options: list[Array], rng: np.random.Generator
-    ) -> list[_Squeezed]:
+    def _squeeze(self, beliefs: list[Array], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """Every option of every belief, once, in one batch."""
         cases = [(belief, a) for belief, choice in zip(beliefs, options, strict=True) for a in choice]
         outcomes = self.model.squeeze(cases, rng)
@@ -211,7 +196,7 @@ class LookAhead:
             start += len(choice)
         return result
 
-    def _judge(self, placements: Array, outcomes: list[Outcomes]) -> _Squeezed:
+    def _judge(self, placements: Array, outcomes: list[Outcomes]) -> Options:
         """What one squeeze each comes to."""
         cost = np.array([self.costs.of(outcome) for outcome in outcomes])
         ratio, to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
@@ -223,10 +208,10 @@ class LookAhead:
             ratio[k] = outcome.probability @ first
             to_go[k] += outcome.probability @ squeezes_left(first - few)
             rank[k] = to_go[k] - SECOND_MODE * (outcome.probability @ further)
-        return _Squeezed(placements, outcomes, cost, ratio, to_go, rank)
+        return Options(placements, outcomes, cost, ratio, to_go, rank)
 
     def _follow(
-        self, squeezed: list[_Squeezed], depth: int, level: int, rng: np.random.Generator
+        self, squeezed: list[Options], depth: int, level: int, rng: np.random.Generator
     ) -> list[_Followed]:
         """J of every option, the promising ones followed for the squeezes that remain."""
         found = [_Followed(options.to_go.copy(), options.ratio.copy()) for options in squeezed]
@@ -255,27 +240,3 @@ class LookAhead:
         if self.crash_share > 0.0 and not free.any():
             free = free_placements(part, jaws, belief, placements, 0.0, self.crash_share)
         return np.asarray(placements[free])
-
-
-def _unlike(choices: list[Choice], most: int) -> list[Choice]:
-    """The first of the choices, and those worth a trial that are not almost the same squeeze."""
-    found: list[Choice] = []
-    for choice in choices:
-        x, y, turn = np.abs([choice.placement - other.placement for other in found]).reshape(-1, 3).T
-        turn = np.abs(wrap(turn, 2))
-        near = (np.hypot(x, y) < ALIKE_MM) & (turn < np.radians(ALIKE_DEG))
-        if not near.any() and choice.to_go < choices[0].to_go + WORTH_TRYING:
-            found.append(choice)
-    return found[:most]
-
-
-def _joined(a: _Squeezed, b: _Squeezed) -> _Squeezed:
-    """The options of both."""
-    return _Squeezed(
-        np.concatenate([a.placements, b.placements]),
-        a.outcomes + b.outcomes,
-        np.concatenate([a.cost, b.cost]),
-        np.concatenate([a.ratio, b.ratio]),
-        np.concatenate([a.to_go, b.to_go]),
-        np.concatenate([a.rank, b.rank]),
-    )

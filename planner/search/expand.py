@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,8 +13,9 @@ from planner.arrays import Array
 from planner.belief import replenish, trusting
 from planner.goal import Metric, Mode
 from planner.models.partition import Partition
-from planner.search.closed_loop import LEAST_PROGRESS, LookAhead, luck
+from planner.search.closed_loop import LEAST_PROGRESS, LookAhead
 from planner.search.handling import Handling
+from planner.search.options import luck
 from planner.search.outcomes import MotionModel
 
 ALTERNATIVES = 3
@@ -43,6 +44,7 @@ class TreeNode:
         release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         clusters: the partition of the outcomes.
         cost: of the squeeze, in squeezes.
+        refuted: fresh trials spoke against it, as a leaf.
         idle: squeezes before this node, one after the other, that got the belief no nearer the goal.
         alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
@@ -59,6 +61,7 @@ class TreeNode:
     release: Array | None = None
     clusters: Partition | None = None
     cost: float = 0.0
+    refuted: bool = False
     idle: int = 0
     alternatives: list[Array] = field(default_factory=list)
     children: list[TreeNode] = field(default_factory=list)
@@ -128,8 +131,9 @@ def grow(
         reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
     """
     confidence = growth.look_ahead.confidence
-    leaves = [node for node in breadth_first(root) if not node.children and node.mode.ratio < reopen]
-    waiting = [(-node.lacking, node.path, node) for node in leaves]
+    leaves = [node for node in breadth_first(root) if not node.children]
+    open_ones = [leaf for leaf in leaves if leaf.mode.ratio < reopen or leaf.refuted]
+    waiting = [(-node.lacking, node.path, node) for node in open_ones]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
@@ -143,14 +147,21 @@ def grow(
             progress(done, len(waiting))
 
 
-def learn(root: TreeNode, beliefs: dict[int, Array], metric: Metric, confidence: float) -> int:
+def learn(
+    root: TreeNode,
+    beliefs: dict[int, Array],
+    metric: Metric,
+    confidence: float,
+    against: Collection[int] = (),
+) -> int:
     """Adds to the leaves the poses that an evaluation found there.
 
     Args:
         root: the tree, modified in place.
         beliefs: poses (n, 3) by the leaf's number, breadth first.
         metric: of the goal.
-        confidence: of the goal.
+        confidence: mode ratio that leaves must have.
+        against: the leaves that the evaluation refutes.
 
     Returns:
         The number of leaves that met the goal before and do not any more.
@@ -162,9 +173,10 @@ def learn(root: TreeNode, beliefs: dict[int, Array], metric: Metric, confidence:
         if poses is None or not len(poses):
             continue
         met = node.mode.ratio >= confidence
+        node.refuted = number in against
         node.belief = np.concatenate([node.belief, trusting(poses)])
         node.mode = metric.mode(node.belief)
-        short += met and node.mode.ratio < confidence
+        short += (met and node.mode.ratio < confidence) or node.refuted
     return short
 
 

@@ -7,10 +7,11 @@ import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner import job as job_file
-from planner.search.closed_loop import squeezes_left
-from planner.search.expand import Growth, TreeNode, grow, squeeze_at
+from planner.belief import trusting
+from planner.search.expand import Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price
+from planner.search.options import squeezes_left
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 PATIENT = 4
@@ -105,3 +106,19 @@ def test_a_purer_belief_needs_fewer_squeezes_and_one_that_lacks_nothing_none():
     assert left[-1] == 0.0
     assert np.all(left[:-2] > 0.5)
     assert squeezes_left(np.array([1.2]))[0] == 0.0
+
+
+def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth):
+    def leaf():
+        node = TreeNode(trusting(BELIEF), 1.0, growth.look_ahead.metric.mode(BELIEF))
+        assert node.mode.ratio == 0.5
+        return node
+
+    left, reopened, refuted = leaf(), leaf(), leaf()
+    grow(left, growth, [1], reopen=0.5)
+    assert left.children == []
+    grow(reopened, growth, [1], reopen=0.6)
+    assert len(reopened.children) == 2
+    assert learn(refuted, {0: BELIEF}, growth.look_ahead.metric, 0.4, against=[0]) == 1
+    grow(refuted, growth, [1], reopen=0.4)
+    assert len(refuted.children) == 2
