@@ -10,8 +10,8 @@ all nearly there is worth less than one with most of them done; r alone, which t
 that.
 
 Observations partition the particles, so branching on them costs no more roll-outs than the paper's open-loop
-search of the same depth. Actions are widened progressively: all of them are squeezed once, and only the most
-promising are followed further.
+search of the same depth. Actions are widened progressively: all of them are squeezed once (hundreds of them
+by few particles at first), and only the most promising are followed further.
 """
 
 from __future__ import annotations
@@ -42,10 +42,16 @@ NEARLY = 0.5
 """Squeezes still to make after one of the options, below which none is followed further."""
 LEAST_PROGRESS = 0.001
 """Gain in mode ratio below which no squeeze is planned."""
+LEAST_AT_STAKE = 0.002
+"""Share of all parts that a belief must lack for a deeper look ahead."""
 LOST = 10.0
 """Squeezes that a belief is worth which no squeeze gets nearer the goal, at the end of the look-ahead."""
 SHRINK = 1.0
 """Particles that each child belief is taken to have wrong: thin ones look purer than they are."""
+WIDE = 32
+"""Options of a belief that are judged by all its particles; of more, those that few speak for."""
+SKETCH = 50
+"""Particles that speak for an option first."""
 REFINED = 2
 """How many of the best placements are varied."""
 HEAVY = 0.2
@@ -96,8 +102,8 @@ class LookAhead:
     ) -> list[Choice]:
         """The placements to squeeze at, the most promising first.
 
-        Where nothing gains at the stated depth one squeeze more is looked ahead, with all particles: a belief
-        of several modes may need two before any progress shows. Where that does not help, what the belief
+        Where nothing gains at the stated depth one squeeze more is looked ahead if that matters: a belief of
+        several modes may need two before any progress shows. Where that does not help, what the belief
         lacks may be too little for so few particles to show.
 
         Args:
@@ -120,8 +126,10 @@ class LookAhead:
 
     def _efforts(self, belief: Array, share: float) -> Iterator[tuple[int, int]]:
         """Squeezes to look ahead and particles to do it with, one after the other until something gains."""
-        yield self.depth, round(self.particles * max(FEWEST, min(1.0, share / HEAVY) ** 0.5))
-        yield self.depth + 1, self.particles
+        few = round(self.particles * max(FEWEST, min(1.0, share / HEAVY) ** 0.5))
+        yield self.depth, few
+        if share * (1.0 - self.metric.mode(belief).ratio) > LEAST_AT_STAKE:
+            yield self.depth + 1, few
         if self._telling(belief) > self.particles:
             yield self.depth, self._telling(belief)
 
@@ -153,7 +161,7 @@ class LookAhead:
         options = self._free(belief, self.actions.options(thin, self.metric))
         if not len(options):
             return []
-        (squeezed,) = self._squeeze([thin], [options], rng)
+        (squeezed,) = self._squeeze([thin], self._shortlist([thin], [options], rng), rng)
         if self.actions.proposals is not None:
             top = squeezed.placements[squeezed.best(REFINED)]
             near = self.actions.within(np.concatenate([refined(placement) for placement in top]))
@@ -178,13 +186,26 @@ class LookAhead:
         options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in short]
         movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
         before = ratio.copy()
-        squeezed = self._squeeze([beliefs[i] for i, _ in movable], [choice for _, choice in movable], rng)
+        moved = [beliefs[i] for i, _ in movable]
+        squeezed = self._squeeze(moved, self._shortlist(moved, [choice for _, choice in movable], rng), rng)
         for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
             best = int(np.argmin(found.to_go))
             to_go[i], ratio[i] = found.to_go[best], max(ratio[i], found.ratio[best])
         lost = short[ratio[short] < before[short] + LEAST_PROGRESS]
         to_go[lost] += LOST * (1.0 - ratio[lost])
         return to_go, ratio
+
+    def _shortlist(self, beliefs: list[Array], options: list[Array], rng: np.random.Generator) -> list[Array]:
+        """Of more options than all particles can judge, those that few particles say most for.
+
+        One round of sequential halving (Karnin, Koren and Somekh, ICML 2013).
+        """
+        wide = [i for i, choice in enumerate(options) if len(choice) > WIDE]
+        few = [subsample(beliefs[i], SKETCH) for i in wide]
+        short = list(options)
+        for i, squeezed in zip(wide, self._squeeze(few, [options[i] for i in wide], rng), strict=True):
+            short[i] = np.asarray(options[i][sorted(squeezed.best(WIDE))])
+        return short
 
     def _squeeze(self, beliefs: list[Array], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """Every option of every belief, once, in one batch."""

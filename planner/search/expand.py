@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -22,6 +23,8 @@ ALTERNATIVES = 3
 """Placements kept for a node besides the chosen one."""
 MOST_IDLE = 2
 """Squeezes that may get a belief no nearer the goal: two may be needed to tell two poses apart."""
+NEWS = 0.002
+"""Mode ratio that an exhausted leaf must have lost before squeezes are looked for again."""
 LEAST_PARTICLES = 100
 """A belief thinner than this is repeated before its next squeeze."""
 
@@ -45,6 +48,7 @@ class TreeNode:
         clusters: the partition of the outcomes.
         cost: of the squeeze, in squeezes.
         refuted: fresh trials spoke against it, as a leaf.
+        exhausted: mode ratio at which no squeeze gained anything; above 1 where none was looked for.
         idle: squeezes before this node, one after the other, that got the belief no nearer the goal.
         alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
@@ -62,6 +66,7 @@ class TreeNode:
     clusters: Partition | None = None
     cost: float = 0.0
     refuted: bool = False
+    exhausted: float = math.inf
     idle: int = 0
     alternatives: list[Array] = field(default_factory=list)
     children: list[TreeNode] = field(default_factory=list)
@@ -75,6 +80,10 @@ class TreeNode:
     def lacking(self) -> float:
         """Share of all parts that end here, if it is a leaf, and are not known to be where it says."""
         return self.share * (1.0 - self.mode.ratio)
+
+    def worth_growing(self, reopen: float) -> bool:
+        """Whether a leaf holds less than `reopen`, or is refuted, and that is news."""
+        return (self.mode.ratio < reopen or self.refuted) and self.mode.ratio < self.exhausted - NEWS
 
     def become(self, other: TreeNode) -> None:
         """Takes over another node's squeeze and all that follows it."""
@@ -132,7 +141,7 @@ def grow(
     """
     confidence = growth.look_ahead.confidence
     leaves = [node for node in breadth_first(root) if not node.children]
-    open_ones = [leaf for leaf in leaves if leaf.mode.ratio < reopen or leaf.refuted]
+    open_ones = [leaf for leaf in leaves if leaf.worth_growing(reopen)]
     waiting = [(-node.lacking, node.path, node) for node in open_ones]
     heapq.heapify(waiting)
     done = 0
@@ -186,6 +195,8 @@ def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
     if choices:
         squeeze_at(node, choices[0].placement, growth, rng)
         node.alternatives = [choice.placement for choice in choices[1:]]
+    else:
+        node.exhausted = node.mode.ratio
 
 
 def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator) -> None:
