@@ -12,8 +12,7 @@ from sample_tables import small_table
 from written_journals import Quiet
 
 from runtime import watchdog
-from runtime.errors import PortBusyError, UsageError
-from runtime.lock import PortLock
+from runtime.errors import UsageError
 from runtime.monitor import Monitor, Views
 from runtime.phases import Phase
 from runtime.results import Outcome, PartResult, Step
@@ -143,32 +142,3 @@ def test_without_a_service_manager_nothing_is_told() -> None:
     assert not watchdog.notify("READY=1", environment={})
     assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
     assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})
-
-
-def test_a_port_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
-    device, link = tmp_path / "ttyUSB0", tmp_path / "by-id"
-    device.touch()
-    link.symlink_to(device)
-    with PortLock(str(device), tmp_path):
-        with pytest.raises(PortBusyError, match=f"process {os.getpid()}") as refused:
-            PortLock(str(link), tmp_path)
-        assert refused.value.exit_code == 23
-        with PortLock("tcp://h:1", tmp_path), PortLock("tcp://h:2", tmp_path):
-            pass
-        for one, other in (("tcp://h:1?tool=0,0,1", "tcp://h:1"), ("can:can0", "can:can0?node=12")):
-            with PortLock(one, tmp_path), pytest.raises(PortBusyError):
-                PortLock(other, tmp_path)
-    with PortLock(str(link), tmp_path) as again:
-        again.close()
-
-
-def test_a_lock_that_cannot_be_made_is_a_busy_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(PortBusyError, match="cannot be opened"):
-        PortLock("tcp://h:1", tmp_path / "no folder")
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with PortLock("tcp://h:1") as lock:
-        assert lock.path.parent == tmp_path
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "none"))
-    with PortLock(f"tcp://h:{os.getpid()}") as lock:
-        assert lock.path.parent != tmp_path
-    lock.path.unlink()
