@@ -4,12 +4,14 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import zip_longest
+from math import isfinite
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TextIO
 
 from runtime import calibration, strokes
-from runtime.calibration import Gauge, GripperCalibration
+from runtime.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
 from runtime.clock import SystemClock
 from runtime.decision import CLOSING_CONTACT
 from runtime.errors import GripperStateError, UsageError
@@ -104,10 +106,8 @@ def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], 
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
-    ask = ask or (_ask_beside if arguments.json else input)
-    widths_mm = _numbers("--blocks", arguments.blocks)
-    if arguments.grips < 1 or any(width < 0.0 for width in widths_mm):
-        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+    ask = ask or _Terminal(sys.stderr if arguments.json else sys.stdout)
+    widths_mm, tips, current = _checked(arguments)
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
         try:
@@ -115,11 +115,11 @@ def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], 
                 ask("The fingers will open and close fully: clear the space between them and press Enter. ")
                 gripper.activate()
             ready_gripper(gripper)
-            gauges = list(measure(gripper, sorted(widths_mm), arguments.grips, ask))
+            gauges = list(measure(gripper, widths_mm, arguments.grips, ask))
         finally:
             gripper.close()
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
-    made = _with_extras(made, arguments)
+    made = replace(made, tips=tips, current_ma=current)
     calibration.save(made, arguments.output)
     if arguments.json:
         print(json.dumps({"output": str(arguments.output), **figures(made)}))
@@ -192,10 +192,17 @@ def figures(made: GripperCalibration) -> dict[str, object]:
     return {"gripper": made.gripper, "blocks": blocks}
 
 
-def _ask_beside(sentence: str) -> None:
-    """Ask where no parser reads it."""
-    print(sentence, end="", file=sys.stderr, flush=True)
-    input()
+class _Terminal:
+    """Asks the operator, where no parser reads it."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def __call__(self, sentence: str) -> None:
+        print(sentence, end="", file=self._file, flush=True)
+        if not sys.stdin.readline():
+            print(file=self._file)
+            raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
@@ -206,7 +213,17 @@ def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[
     return settled.position_counts, settled.object_flag
 
 
-def _with_extras(made: GripperCalibration, arguments: argparse.Namespace) -> GripperCalibration:
+def _checked(
+    arguments: argparse.Namespace,
+) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
+    """Blocks in rising order, tips and current; looked at before anybody holds a block."""
+    widths_mm = sorted(_numbers("--blocks", arguments.blocks))
+    if arguments.grips < 1 or widths_mm[0] < 0.0:
+        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+    if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
+        raise UsageError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
+    if not arguments.output.parent.is_dir():
+        raise UsageError(f"--output {arguments.output}: there is no folder {arguments.output.parent}")
     tips = current = None
     if arguments.tips is not None:
         link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
@@ -214,14 +231,16 @@ def _with_extras(made: GripperCalibration, arguments: argparse.Namespace) -> Gri
     if arguments.current is not None:
         least, most = _numbers("--current", arguments.current, 2)
         current = (round(least), round(most))
-    return GripperCalibration(made.gripper, made.made, made.gauges, made.widths_um, tips, current)
+    return widths_mm, tips, current
 
 
 def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
-        raise UsageError(f"{option} {text!r}: write numbers separated by commas") from None
+        numbers = []
+    if not numbers or not all(map(isfinite, numbers)):
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
     if wanted is not None and len(numbers) != wanted:
         raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
     return numbers

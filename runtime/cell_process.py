@@ -56,18 +56,22 @@ class CellProcess:
             camera: whether it has a camera under its table.
 
         Raises:
-            CellStartError: it ended or stayed silent; with what it said.
+            CellStartError: it cannot be started, ended or stayed silent; with what it said.
         """
         command = [sys.executable, "-P", "-m", MODULE, "--json", "--until-stdin-closes"]
         command += ["--tree", str(table), "--world", world, "--seed", str(seed)]
         command += ["--time-scale", repr(time_scale), *(["--camera"] if camera else [])]
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-            env=_environment(),
-        )
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                start_new_session=True,
+                env=_environment(),
+            )
+        except OSError as error:
+            told = f"grasp-cell cannot be started: {error.strerror}: {command[0]}"
+            raise CellStartError(f"{told}; try it by itself") from error
         try:
             self.endpoints = _endpoints(_first_line(self._process, START_S, SystemClock()))
         except BaseException:

@@ -126,10 +126,14 @@ def say(line: str, file: TextIO | None = None) -> None:
     try:
         print(line, file=file, flush=True)
     except OSError:
-        # Python flushes once more on its way out, and would complain then.
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, file.fileno())
-        os.close(nowhere)
+        give_up(file)
+
+
+def give_up(file: TextIO) -> None:
+    """Let what is still to be printed go nowhere: Python flushes on its way out, and would complain then."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, file.fileno())
+    os.close(nowhere)
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:

@@ -86,7 +86,6 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
     yield Finding(Verdict.GOOD, f"Port {port} exists and may be opened.")
     if os.major(path.stat().st_rdev) in PSEUDO_TERMINALS:
         yield Finding(Verdict.GOOD, "It is a pseudo-terminal, as a simulated cell has.")
-        return  # whoever made it holds it
     holders = list(_holders(path, system.proc))
     if holders:
         told = ", ".join(f"{name} (process {pid})" for pid, name in holders)
@@ -220,17 +219,24 @@ def _group(path: Path) -> str:
 
 
 def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
-    """Processes that have the device open, as far as we may look, without ourselves."""
+    """Processes that have the device open, as far as we may look; not ourselves, nor a terminal's maker."""
     wanted = path.stat().st_rdev
+    pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
     for folder in proc.glob("[0-9]*"):
         if int(folder.name) == os.getpid():
             continue
         try:
             opened = any(_rdev(entry) == wanted for entry in (folder / "fd").iterdir())
-            if opened:
+            if opened and (pseudo is None or not _made(folder, pseudo)):
                 yield int(folder.name), (folder / "comm").read_text().strip()
         except OSError:  # gone meanwhile, or not ours to look at
             continue
+
+
+def _made(folder: Path, pseudo: int) -> bool:
+    """Whether a process has the other end of a pseudo-terminal (Linux, drivers/tty/pty.c, fdinfo)."""
+    told = (entry.read_text().split() for entry in (folder / "fdinfo").iterdir())
+    return any(words[-2:] == ["tty-index:", str(pseudo)] for words in told)
 
 
 def _rdev(entry: Path) -> int:

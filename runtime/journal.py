@@ -286,4 +286,5 @@ def _sync_directory(path: Path) -> None:
 
 
 def _unwritable(path: Path, error: OSError) -> JournalError:
-    return JournalError(path, f"cannot be written: {error.strerror}; free the disk or name another file")
+    remedy = "make its folder" if isinstance(error, FileNotFoundError) else "free the disk"
+    return JournalError(path, f"cannot be written: {error.strerror}; {remedy} or name another file")

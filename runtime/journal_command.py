@@ -5,9 +5,11 @@ import json
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 
 from runtime import export
+from runtime.console import give_up
 from runtime.errors import CellError, JournalError, UsageError, exit_code_of
 from runtime.journal import records, verify
 from runtime.replay import Entry, Replay
@@ -33,17 +35,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     arguments = parser().parse_args(argv)
     try:
-        return int(arguments.run(arguments))
+        code = int(arguments.run(arguments))
+        sys.stdout.flush()
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # whoever read us has seen enough
-        sys.stderr.close()
+        give_up(sys.stdout)
         return 0
     except CellError as error:
-        if arguments.debug:
-            traceback.print_exc()
-        print(f"grasp-journal: {error}", file=sys.stderr)
-        return exit_code_of(error)
+        return _told(error, debug=arguments.debug)
+    except OSError as error:  # files tell theirs as a CellError
+        give_up(sys.stdout)
+        told = f"standard output cannot be written: {error.strerror}; free the disk or name another file"
+        return _told(UsageError(told), debug=arguments.debug)
+    return code
+
+
+def _told(error: CellError, *, debug: bool) -> int:
+    if debug:
+        traceback.print_exc()
+    print(f"grasp-journal: {error}", file=sys.stderr)
+    return exit_code_of(error)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -99,7 +111,7 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 def _replay(arguments: argparse.Namespace) -> int:
     replay = Replay()
-    findings = list(replay.follow(records(arguments.journal)))
+    findings = list(replay.follow(_entries(arguments.journal)))
     if arguments.json:
         told = [finding._asdict() for finding in findings]
         print(json.dumps({"decisions": replay.decisions, "findings": told}))
@@ -119,7 +131,7 @@ def _show(arguments: argparse.Namespace) -> int:
     wanted = None
     if arguments.outcome is not None:
         wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
-    for run, entry in _numbered(records(arguments.journal)):
+    for run, entry in _numbered(_entries(arguments.journal)):
         if not _is_wanted(arguments, entry) or (
             wanted is not None and (run, entry.get("part")) not in wanted
         ):
@@ -132,12 +144,21 @@ def _export(arguments: argparse.Namespace) -> int:
     write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(arguments.output.suffix)
     if write is None:
         raise UsageError(f"--output {arguments.output}: name it .csv or .parquet")
-    rows = write(export.rows(records(arguments.journal)), arguments.output)
+    rows = write(export.rows(_entries(arguments.journal)), arguments.output)
     if arguments.json:
         print(json.dumps({"rows": rows, "output": str(arguments.output)}))
     else:
         print(f"{rows} squeezes written to {arguments.output}")
     return 0
+
+
+def _entries(path: Path) -> Iterator[dict[str, object]]:
+    """The records of a journal, of which there is at least one."""
+    entries = records(path)
+    first = next(entries, None)
+    if first is None:
+        raise JournalError(path, "is empty")
+    return chain([first], entries)
 
 
 def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[str, object]]]:

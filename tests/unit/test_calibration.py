@@ -1,5 +1,6 @@
 """Calibrations: through every block, never rising, better than the linear map, and refused when touched."""
 
+import io
 import json
 from math import acos, sin
 from pathlib import Path
@@ -208,11 +209,12 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     gripper = ArcGripper()
 
-    def answer() -> str:
-        gripper.hold(capsys.readouterr().err)
-        return ""
+    class Operator:
+        def readline(self) -> str:
+            gripper.hold(capsys.readouterr().err)
+            return "\n"
 
-    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.stdin", Operator())
     assert run(arguments(tmp_path, "--activate", "--json"), lambda port: gripper) == 0
     told = json.loads(capsys.readouterr().out)
     made = load(tmp_path / "g.json")
@@ -234,17 +236,42 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(
     assert not (tmp_path / "g.json").exists()
 
 
-@pytest.mark.parametrize(
-    "wrong", [("--blocks", "1,two"), ("--blocks=-1,2",), ("--grips", "0"), ("--tips", "1,2,3")]
-)
-def test_wrong_arguments_are_usage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: tuple[str, ...]
+def test_without_a_terminal_nobody_can_press_enter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
-    gripper.activate()
+    with pytest.raises(UsageError, match="run it in a terminal"):
+        run(arguments(tmp_path, "--activate"), lambda port: gripper)
+    assert "press Enter" in capsys.readouterr().out
+    assert not gripper.now.activated
+    assert gripper.asked == []
+    assert gripper.closed
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ("--blocks", "1,two"),
+        ("--blocks=-1,2,3",),
+        ("--blocks", "0,5,nan"),
+        ("--blocks", "0,inf,5"),
+        ("--blocks", "0,10"),
+        ("--blocks", "0,10,10"),
+        ("--grips", "0"),
+        ("--tips", "1,2,3"),
+        ("--current", "800"),
+        ("--output", "no folder/g.json"),
+    ],
+)
+def test_wrong_arguments_are_told_before_anything_is_opened(tmp_path: Path, wrong: tuple[str, ...]) -> None:
+    def opened(port: str):
+        raise AssertionError("the gripper was opened")
+
     with pytest.raises(UsageError, match=wrong[0].partition("=")[0]):
-        run(arguments(tmp_path, *wrong), lambda port: gripper, gripper.hold)
+        run(arguments(tmp_path, *wrong), opened)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_arc_is_the_one_meant() -> None:

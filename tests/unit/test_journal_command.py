@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +14,8 @@ from written_journals import ENDS, write_run
 from runtime.clock import SystemClock
 from runtime.journal import Journal, records
 from runtime.journal_command import main
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -137,3 +141,32 @@ def test_an_output_that_cannot_be_is_usage(
 ) -> None:
     assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 2
     assert name in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["show"], ["verify"], ["replay"], ["export", "-o", "out.csv"]])
+def test_an_empty_journal_tells_nothing_that_could_be_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("j.jsonl").touch()
+    assert main([words[0], "j.jsonl", *words[1:]]) == 24
+    assert capsys.readouterr() == ("", "grasp-journal: journal j.jsonl: is empty\n")
+    assert not Path("out.csv").exists()
+
+
+@pytest.mark.parametrize(("output", "code", "told"), [("/dev/full", 2, "No space left"), (None, 0, "")])
+def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
+    journal: Path, output: str | None, code: int, told: str
+) -> None:
+    """On a disk that is full, and into a pipe whose reader has seen enough, as with `| head`."""
+    command = [sys.executable, "-m", "runtime.journal_command", "show", str(journal)]
+    if output is None:
+        reader, writer = os.pipe()
+        os.close(reader)
+    else:
+        writer = os.open(output, os.O_WRONLY)
+    ended = subprocess.run(command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert ended.returncode == code, ended.stderr
+    assert told in ended.stderr
+    assert ended.stderr.count("\n") == (1 if told else 0)
