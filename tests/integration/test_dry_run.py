@@ -116,5 +116,5 @@ def test_the_doctor_finds_a_gripper_with_another_slave_id(
         assert doctor(["--port", gripper.path, "--json"]) == 26
         assert set(gripper.functions) <= READS
     seen = capsys.readouterr()
-    assert "answers as slave 4 at 115200 baud" in seen.out
+    assert "answers as slave 4 at " in seen.out
     assert "things to put right" in seen.err

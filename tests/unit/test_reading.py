@@ -62,13 +62,24 @@ def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> N
             check_closed(settled(count, flag), CALIBRATION, BAND)
 
 
+def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wider() -> None:
+    """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
+    steps = Calibration((5_001,) * 100 + (5_000,) * 156)
+    check_closed(settled(100, 3), steps, BAND)
+    with pytest.raises(GripperStateError, match=r"closed on nothing and stands 5\.00 mm open"):
+        check_closed(settled(99, 3), steps, BAND)
+    with pytest.raises(GripperStateError, match=r"closed on nothing and stands 48\.68 mm open"):
+        check_closed(settled(100, 3), CALIBRATION, BAND)
+
+
 @pytest.mark.parametrize(
     ("band", "flag", "current", "believed"),
     [
         (BAND, 2, 0, True),  # the manual's own example of a held object
         (BAND, 2, 1000, True),
-        (BAND, 2, 1010, False),
+        (BAND, 2, 1001, False),
         (BAND, 3, 2550, False),
+        (BAND, 3, -1, False),  # a motor cannot draw less than nothing
         (CurrentBand(50, 800), 2, 40, False),
         (CurrentBand(50, 800), 2, 50, True),
         (CurrentBand(50, 800), 2, 800, True),
@@ -104,16 +115,18 @@ def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(count
     if passed is not None:
         assert check_passed(reading, 100, CALIBRATION) is passed
         return
-    with pytest.raises(GripperStateError, match="the two do not fit"):
+    wide = {100: r"48\.68", 103: r"47\.5[56]"}[count]
+    told = rf"reports flag {flag} at {wide} mm while closing to 48\.68 mm; the two do not fit"
+    with pytest.raises(GripperStateError, match=told):
         check_passed(reading, 100, CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_passed(reading, 99, CALIBRATION)
 
 
 def test_a_journalled_reading_has_all_of_it() -> None:
-    assert reading_fields(settled()) == {
+    assert reading_fields(settled()._replace(seconds=0.512349)) == {
         "object_flag": 2,
         "echo_counts": 255,
         "current_ma": 300,
-        "settle_s": 0.51,
+        "settle_s": 0.5123,
     }
