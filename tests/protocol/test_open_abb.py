@@ -340,3 +340,27 @@ def test_random_bytes_never_move_it(served):
         reply = talk(client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode())
         assert reply == "0 0 "
     assert served.model.moves == 0
+
+
+def test_a_circle_passes_its_point_and_ends_at_its_end(arm):
+    ask(arm, "9 1 0 0 0 #")
+    ask(arm, "8 100 90 #")
+    assert ask(arm, "35 30 30 100 0 1 0 0 #") == "35 1 "
+    assert arm.moves == 0
+    answer = arm.execute("36 60 0 100 0 1 0 0 #", 0.0)
+    assert (answer.text, answer.ready_s) == ("36 1 ", pytest.approx(2 * math.hypot(0.3, 0.3)))
+    halfway = arm.pose_at(answer.ready_s / 2)
+    assert (halfway.x_mm, halfway.y_mm) == pytest.approx((30.0, 30.0), abs=0.1)
+    assert pose(arm)[:3] == pytest.approx([60.0, 0.0, 100.0])
+
+
+def test_external_axes_read_back_what_they_were_told(arm):
+    """The server answers 5 with the last target, not with a reading."""
+    assert ask(arm, "34 1 2 3 4 5 6.5 #") == "34 1 "
+    assert ask(arm, "5 #") == "5 1 1.00 2.00 3.00 4.00 5.00 6.50"
+
+
+def test_a_speed_that_is_none_halts_at_the_next_move(arm):
+    assert ask(arm, "8 0 90 #") == "8 1 "
+    assert arm.execute("1 10 0 100 0 1 0 0 #", 0.0).text is None
+    assert arm.halted

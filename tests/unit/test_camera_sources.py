@@ -137,3 +137,24 @@ def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
     assert np.abs(first - empty).max() > 80
     assert np.abs(moved - empty).max() > 80
     assert np.abs(first - moved).max() > 80
+
+
+def test_a_file_is_neither_a_camera_nor_a_folder(tmp_path):
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(SourceError, match="is neither a camera nor a folder of pictures"):
+        open_source(str(tmp_path / "notes.txt"))
+
+
+def test_a_folder_that_vanishes_is_told_in_a_sentence(tmp_path):
+    gone = tmp_path / "pictures"
+    gone.mkdir()
+    source = open_source(str(gone))
+    gone.rmdir()
+    with pytest.raises(SourceError, match=r"folder .*pictures: No such file or directory"):
+        source.picture(soon())
+
+
+def test_a_picture_that_cannot_be_read_is_told_by_name(tmp_path):
+    (tmp_path / "a.png").mkdir()
+    with pytest.raises(SourceError, match=r"picture .*a\.png: Is a directory"):
+        open_source(str(tmp_path)).picture(soon())

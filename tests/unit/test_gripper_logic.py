@@ -330,3 +330,15 @@ def test_link_errors_pass():
     for call in (gripper.state, gripper.activate, gripper.stop):
         with pytest.raises(LinkError, match="gone"):
             call()
+
+
+def test_a_request_that_another_program_changes_is_a_fault_and_no_width():
+    """Settled, but at somebody else's request: the reading would be taken for an answer to ours."""
+    link, gripper = active()
+    gripper.move(200, 255, 0)
+    ours, theirs = bytes((0xF9, 0, 0, 200, 199, 0)), bytes((0xF9, 0, 0, 120, 199, 0))
+    blocks = iter([ours] * 3)
+    link.read = lambda: (link.clock.sleep(TRANSACTION_S), next(blocks, theirs))[1]
+    with pytest.raises(GripperFault, match="is another program using it"):
+        gripper.wait()
+    assert len(link.writes) == 1

@@ -1,5 +1,6 @@
 """The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
 
+import hashlib
 import itertools
 import json
 import os
@@ -225,3 +226,48 @@ def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path: Path) -> None:
             journal.record("squeeze", {"seq": 1})
         with pytest.raises(ValueError, match="not JSON compliant"):
             journal.record("squeeze", {"width_mm": float("nan")})
+
+
+def sealed(entry: dict[str, object]) -> bytes:
+    """A line whose digest is right, whatever stands in it."""
+    body = json.dumps(entry, separators=(",", ":")).encode()
+    return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (b"not a record at all" * 20 + b"\n", "line 1: is no record of a journal"),
+        (sealed({"kind": "part"}), "line 1: lacks one of"),
+        (sealed({"seq": 0, "time": "now", "kind": "part", "previous": "x"}), "line 1: does not follow"),
+        (sealed({"seq": 7, "time": "now", "kind": "part", "previous": "x"}), "line 1: has sequence number 7"),
+    ],
+)
+def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path: Path, line: bytes, told: str) -> None:
+    """Whoever can write a file can also write digests; the chain is what cannot be joined."""
+    path = tmp_path / "j.jsonl"
+    path.write_bytes(line)
+    with pytest.raises(JournalError, match=told):
+        verify(path)
+
+
+def test_nonsense_with_a_digest_is_not_json(tmp_path: Path) -> None:
+    body = b'{"seq":0,nonsense}'
+    path = tmp_path / "j.jsonl"
+    path.write_bytes(body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n')
+    with pytest.raises(JournalError, match="line 1: is not JSON"):
+        verify(path)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"journal_version": 2}, "is not a header of journal version 1"),
+        ({"journal_version": 1, "table_base64": "?"}, "the embedded table is not base64"),
+    ],
+)
+def test_a_header_of_another_kind_is_told(tmp_path: Path, fields: dict[str, object], told: str) -> None:
+    with Journal(tmp_path / "j.jsonl", STAMP) as journal:
+        journal.record("header", fields)
+    with pytest.raises(JournalError, match=f"line 1: {told}"):
+        verify(tmp_path / "j.jsonl")

@@ -252,3 +252,26 @@ def test_the_exception_frame_of_the_library_reads_as_one():
     found = RtuFraming().find(sent, read_request(RTU, 3))
     assert found is not None
     assert found.pdu.isError()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        frame("09 04 06 B900 00FF BD00"),  # another function's answer, as long
+        frame("09 10 03E8 0003"),  # the acknowledgement of a write
+        frame("09 84 02"),  # the refusal of another function
+        frame("09 03 04 B900 00FF"),  # too few registers
+    ],
+)
+def test_an_answer_to_something_else_is_passed_over(other):
+    made, _, _ = link([(0.001, other + answer())])
+    assert made.read() == STATUS
+    assert made.counters.stray_bytes == len(other)
+
+
+def test_an_acknowledgement_of_another_write_is_none():
+    for wrong in (frame("09 10 03E9 0003"), frame("09 10 03E8 0002")):
+        made, line, _ = link([(0.001, wrong)])
+        with pytest.raises(LinkTimeout):
+            made.write(bytes(6))
+        assert len(line.sent) == 1
