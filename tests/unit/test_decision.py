@@ -180,3 +180,9 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
     assert release_point(node, REJECT) is None
     assert release_point(thin, 0) is None
     assert release_point(TABLE.nodes[0], 0) is None
+
+
+def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
+    """Targets are told apart by their sign: ~0 is -1. (No proved table leads back to its root.)"""
+    assert advance(Course(1), 0, TABLE, Policy()) == Course(0)
+    assert advance(Course(1), ~0, TABLE, Policy()) == Course(1, Outcome.LEAF, 0)

@@ -79,7 +79,8 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
         (BAND, 2, 1000, True),
         (BAND, 2, 1001, False),
         (BAND, 3, 2550, False),
-        (BAND, 3, -1, False),  # a motor cannot draw less than nothing
+        (BAND, 2, -1, False),  # a motor cannot draw less than nothing
+        (BAND, 3, -1, False),
         (CurrentBand(50, 800), 2, 40, False),
         (CurrentBand(50, 800), 2, 50, True),
         (CurrentBand(50, 800), 2, 800, True),
