@@ -19,7 +19,9 @@ from runtime.tips import TipArc
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3
-AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000))
+AT_21, AT_30, AT_36, AT_60 = (
+    (CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
+)
 EMPTY = (229, ARRIVED)
 ARC = TipArc()
 
@@ -34,6 +36,19 @@ def run(made: FakeCell, plan: Plan, table: Table | None = None, phases: list | N
         lambda part, phase, node: seen.append((phase, node)),
     )
     return executor.run_part(1)
+
+
+def meeting(stop: int) -> FakeCell:
+    """A cell whose jaws meet the part at a count, whatever they are asked to close to."""
+    made = fake_cell([])
+
+    def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
+        made.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+        count, flag = (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
+        made.gripper.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
+
+    made.gripper.move = meet
+    return made
 
 
 def jaw_moves(made: FakeCell) -> list[tuple]:
@@ -55,15 +70,7 @@ def test_a_regulated_squeeze_meets_the_part_gently_and_only_then_raises_the_forc
 
 
 def test_a_part_met_early_is_still_only_touched_first() -> None:
-    made = fake_cell([AT_21])
-    wide = CALIBRATION.count(60_000)
-
-    def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        made.log.call("gripper", "move", position_counts, speed_counts, force_counts)
-        count, flag = (wide, CONTACT) if position_counts > wide else (max(position_counts, 3), 3)
-        made.gripper.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
-
-    made.gripper.move = meet
+    made = meeting(AT_60[0])
     result = run(made, Plan(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
     forces = [force for position, _, force in jaw_moves(made) if position > 0]
@@ -93,8 +100,13 @@ def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> N
             made.gripper.now = made.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
 
     made.gripper.move = slip
-    result = run(made, Plan(handling=Handling(regulated=True)))
+    table = small_table()
+    squeeze = table.nodes[0].squeeze._replace(force_mn=200_000)  # four raises, of which the first loses it
+    table = with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze))
+    table = replace(table, limits=replace(table.limits, max_force_mn=235_000))
+    result = run(made, Plan(handling=Handling(regulated=True)), table)
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
+    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, 64]
 
 
 def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
@@ -113,10 +125,19 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
 # -- tips -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("regulated", [False, True])
-def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool) -> None:
-    made = fake_cell([AT_21])
-    assert run(made, Plan(handling=Handling(regulated=regulated, arc=ARC))).leaf == 0
+@pytest.mark.parametrize(
+    ("regulated", "arc", "stop"),
+    [
+        (False, ARC, AT_21),
+        (True, ARC, AT_21),
+        (False, replace(ARC, level_mm=0.25), AT_36),  # so level that letting go takes stages too
+        (True, replace(ARC, level_mm=0.25), AT_60),
+    ],
+)
+def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, arc: TipArc, stop) -> None:
+    made = meeting(stop[0])
+    result = run(made, Plan(handling=Handling(regulated=regulated, arc=arc)))
+    assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
     low_mm, width_mm, tips = 10.0, 0.0, []
     z_mm, down = 30.0, False
     for call in made.log.calls:
@@ -125,16 +146,16 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool) ->
             down = down or (z_mm < 30.0)
         elif call.name == "move" and down and z_mm < 30.0:
             start_mm, count = width_mm, call.arguments[0]
-            width_mm = CALIBRATION.width_um(AT_21[0] if count == 255 else count) / 1000
+            width_mm = CALIBRATION.width_um(min(count, stop[0])) / 1000
             tips += [
-                z_mm - ARC.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
+                z_mm - arc.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
                 for k in range(21)
                 if abs(width_mm - 85.0) > 1.0  # the last opening is not followed: the tips draw back
             ]
         elif call.name == "move":
             width_mm = CALIBRATION.width_um(max(call.arguments[0], 3)) / 1000
     assert tips
-    assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + 2 * ARC.level_mm
+    assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + 2 * arc.level_mm
 
 
 def test_a_cell_without_room_for_the_arc_is_refused() -> None:
@@ -146,6 +167,19 @@ def test_a_cell_without_room_for_the_arc_is_refused() -> None:
         Hand(
             made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling(arc=TipArc(taught_mm=40.0))
         )
+
+
+def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
+    """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
+    made = fake_cell([])
+    room = replace(LIMITS, retreat_height_um=200_000)
+    for link_mm, refused in ((40.0, True), (40.01, False)):
+        flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
+        if not refused:
+            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+            continue
+        with pytest.raises(TableError, match="check link and offset"):
+            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
 
 
 # -- drags ----------------------------------------------------------------------------------------

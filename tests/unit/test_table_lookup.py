@@ -1,5 +1,7 @@
 """Look-up by the rule: every node, every count, every object flag, against the rule as it is written."""
 
+from dataclasses import FrozenInstanceError
+
 import pytest
 from grown_tables import grown_table
 from sample_tables import GRIPPER, every_field_table, random_table, small_table
@@ -81,11 +83,63 @@ def test_a_flag_that_contradicts_the_width_is_rejected() -> None:
     assert decide(decisions(node_of((0, 2_000, 4_000)), LINE), closed, object_detected=True) == REJECT
 
 
-@pytest.mark.parametrize("count", [-1, 256, -256, 10**9])
+@pytest.mark.parametrize("count", [-257, -256, -1, 256, 511, 10**9])
 def test_what_is_no_count_is_rejected(count: int) -> None:
-    decided = decisions(small_table().nodes[0], LINE)
-    assert decide(decided, count, object_detected=True) == REJECT
-    assert decide(decided, count, object_detected=False) == REJECT
+    """Also where every count has a branch, so that a look-up from the list's end would find one."""
+    nothing, any_grip = (0, 0, 1_999), (2_000, 40_000, 85_000)
+    for decided in (decisions(small_table().nodes[0], LINE), decisions(node_of(nothing, any_grip), LINE)):
+        assert decide(decided, count, object_detected=True) == REJECT
+        assert decide(decided, count, object_detected=False) == REJECT
+
+
+def test_a_grip_begins_at_two_millimetres_of_expected_width() -> None:
+    """TABLE.md: from this expected width on the jaws hold a part."""
+    assert (HELD_UM, REJECT) == (2_000, -1)
+    at = LINE.count(1_900)
+    for expected, grip in ((1_999, False), (2_000, True)):
+        decided = decisions(node_of((1_500, expected, 2_500)), LINE)
+        assert (decide(decided, at, object_detected=True) == 0) == grip
+        assert (decide(decided, at, object_detected=False) == 0) == (not grip)
+
+
+def test_a_width_that_two_intervals_share_is_the_nearer_ones() -> None:
+    millimetres = Calibration(tuple(range(255_000, -1, -1_000)))
+    for below, above, taken in (((20, 24, 25), (25, 29, 30), 0), ((20, 21, 25), (25, 26, 30), 1)):
+        node = node_of(*(tuple(1_000 * edge for edge in row) for row in (below, above)))
+        assert count_map(node, millimetres)[millimetres.count(25_000)] == taken
+
+
+def test_intervals_that_end_together_still_have_one_range_each() -> None:
+    """Only a later one that ends before an earlier one leaves no single range (`won`)."""
+    assert won(node_of((20, 24, 30), (22, 28, 30)).branches) == [(20, 26), (27, 30)]
+    assert won(node_of((20, 24, 30), (22, 28, 29)).branches) is None
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "ranges"),
+    [
+        ((20, 21, 30), (22, 29, 40), [(20, 25), (26, 40)]),  # the middle of 21 and 29
+        ((20, 21, 30), (28, 29, 40), [(20, 27), (28, 40)]),  # up to where the upper one begins
+        ((20, 29, 30), (22, 40, 50), [(20, 30), (31, 50)]),  # to where the lower one ends
+        ((20, 21, 30), (31, 32, 40), [(20, 30), (31, 40)]),  # apart
+        ((20, 24, 25), (25, 29, 30), [(20, 25), (26, 30)]),  # a width in common
+    ],
+)
+def test_two_intervals_share_their_widths_at_the_middle_of_what_both_contain(below, above, ranges) -> None:
+    node = node_of(below, above)
+    assert won(node.branches) == ranges
+    for width in range(20, 51):
+        taken = [number for number, (least, most) in enumerate(ranges) if least <= width <= most]
+        expected = slow_decision(node, width, False)
+        assert taken == ([] if expected == REJECT else [expected])
+
+
+def test_a_calibration_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        LINE.widths_um = ()
+    assert not hasattr(LINE, "__dict__")
+    assert Calibration(LINE.widths_um) == LINE
+    assert repr(LINE) == f"Calibration(widths_um={LINE.widths_um})"
 
 
 @pytest.mark.parametrize(
@@ -135,5 +189,7 @@ def test_counts_of_an_interval_are_those_whose_widths_lie_in_it(calibration, low
 def test_calibration_that_rises_is_refused() -> None:
     with pytest.raises(TableError, match="must not rise with the count; they do at 1"):
         Calibration((5, 6, *([0] * 254)))
-    with pytest.raises(TableError, match="256 widths"):
-        Calibration((5, 4))
+    for widths in ((5, 4), (0,) * 255, (0,) * 257):
+        told = f"a calibration has 256 widths, this one has {len(widths)}"
+        with pytest.raises(TableError, match=told):
+            Calibration(widths)
