@@ -200,6 +200,20 @@ def runtime(kept: dict) -> str:
     return markdown(["figure", "measured", "aim"], rows)
 
 
+def mutation(kept: dict) -> str:
+    rows = [
+        [name, found["changes"], found["equivalent"], found["killed"], len(found["survivors"])]
+        for name, found in kept["modules"].items()
+    ]
+    note = f"{percent(kept['score'], 1)} of all that alter anything were found."
+    return f"{markdown(['module', 'changes', 'alter nothing', 'found', 'not found'], rows)}\n\n{note}"
+
+
+def robustness(kept: dict) -> str:
+    rows = [[f"`{command}`", found["did"], found["findings"]] for command, found in kept.items()]
+    return markdown(["command", "what it did", "findings"], rows)
+
+
 def camera(kept: dict) -> str:
     header = ["pictures", "found", "error, 95 %", "error, worst", "angle, 95 %", "a picture"]
     shown = {"the work area, true calibration": kept["work_area"], **kept["limits"]}
@@ -290,6 +304,8 @@ TABLES = {
     "collision": collision,
     "rollouts": rollouts,
     "runtime": runtime,
+    "mutation": mutation,
+    "robustness": robustness,
     "camera": camera,
     "audit-loop": audit_loop,
     "audit-drift": audit_drift,
