@@ -1,6 +1,8 @@
 """What the executor does beyond the plain loop: gentle force, level tips, drags, audit, delivery."""
 
-from dataclasses import replace
+import math
+from dataclasses import FrozenInstanceError, replace
+from itertools import pairwise
 
 import pytest
 from fake_cell import FakeCell, Log, State, fake_cell
@@ -13,7 +15,7 @@ from runtime.executor import Executor, Plan
 from runtime.hand import Hand, Handling
 from runtime.phases import Phase
 from runtime.results import Outcome, PartResult
-from runtime.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
+from runtime.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts, opening_counts
 from runtime.table import Calibration, Table
 from runtime.tips import TipArc
 
@@ -23,6 +25,7 @@ AT_21, AT_30, AT_36, AT_60 = (
     (CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
 )
 EMPTY = (229, ARRIVED)
+CLOSED = (229, CONTACT)  # on something thinner than a count
 ARC = TipArc()
 
 
@@ -132,6 +135,8 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
         (True, ARC, AT_21),
         (False, replace(ARC, level_mm=0.25), AT_36),  # so level that letting go takes stages too
         (True, replace(ARC, level_mm=0.25), AT_60),
+        (False, ARC, CLOSED),
+        (True, ARC, CLOSED),
     ],
 )
 def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, arc: TipArc, stop) -> None:
@@ -154,8 +159,30 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, ar
             ]
         elif call.name == "move":
             width_mm = CALIBRATION.width_um(max(call.arguments[0], 3)) / 1000
+    targets = [call.arguments[:4] for call in made.log.named("move_linear")]
+    assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
     assert tips
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + 2 * arc.level_mm
+
+
+def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part() -> None:
+    made = meeting(AT_21[0])
+    assert run(made, Plan(handling=Handling(arc=ARC))).leaf == 0
+    calls = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    closed = max(k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255)
+    clear, level, wide = calls[closed + 1 : closed + 4]
+    assert clear.arguments[0] == opening_counts(26_000, CALIBRATION)
+    assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
+    assert wide.arguments[0] == 0
+
+
+def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
+    table = small_table()
+    squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
+    made = meeting(CALIBRATION.count(58_000))
+    run(made, Plan(handling=Handling(arc=ARC)), with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)))
+    opened = {position for position, _, _ in jaw_moves(made)} - {255}
+    assert min(opened) == opening_counts(60_000, CALIBRATION)
 
 
 def test_a_cell_without_room_for_the_arc_is_refused() -> None:
@@ -173,13 +200,62 @@ def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
     """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
     made = fake_cell([])
     room = replace(LIMITS, retreat_height_um=200_000)
-    for link_mm, refused in ((40.0, True), (40.01, False)):
+    for link_mm, refused in ((30.0, True), (40.0, True), (40.01, False)):
         flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
         if not refused:
             Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
             continue
         with pytest.raises(TableError, match="check link and offset"):
             Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+
+
+@pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
+def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm: float, refused: bool) -> None:
+    made, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
+    if not refused:
+        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+        return
+    with pytest.raises(TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"):
+        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+
+
+def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
+    """Link 50, offset 2.5: the tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top."""
+    made, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
+    for retreat_um, refused in ((30_000, True), (30_001, False)):
+        limits = replace(LIMITS, squeeze_height_um=10_000, retreat_height_um=retreat_um)
+        if not refused:
+            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+            continue
+        with pytest.raises(TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"):
+            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+
+
+@pytest.mark.parametrize(("z_mm", "moves"), [(59.94, 1), (59.95, 0), (60.0, 0), (75.0, 0)])
+def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> None:
+    made = fake_cell([])
+    made.arm.at = (1.0, 2.0, z_mm, 0.5)
+    Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling()).retreat()
+    targets = [call.arguments[:4] for call in made.log.named("move_linear")]
+    assert targets == [(1.0, 2.0, 60.0, 0.5)] * moves
+
+
+def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
+    made = fake_cell([])
+    hand = Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling())
+    assert not hasattr(Handling(), "__dict__")
+    with pytest.raises(FrozenInstanceError):
+        Handling().regulated = True
+    assert hand.where() == (5.0, 5.0, 30.0, 0.1)
+    assert hand.arm_known
+
+    def silent() -> tuple[float, float, float, float]:
+        raise ConnectionError("2.0 s of silence")
+
+    made.arm.pose = silent
+    with pytest.raises(ConnectionError):
+        hand.where()
+    assert not hand.arm_known
 
 
 # -- drags ----------------------------------------------------------------------------------------

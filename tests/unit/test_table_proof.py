@@ -76,6 +76,8 @@ def test_an_underflow_is_not_taken_for_a_refutation() -> None:
     assert not refuted(1_000, 2_000, 0.5)
     assert not refuted(2_000, 2_000, 0.5)
     assert refuted(900, 2_000, 0.5)
+    assert refuted(700, 1_500, 0.5)  # 2.6 standard deviations off, by few enough misses to be summed
+    assert not refuted(720, 1_500, 0.5)
     assert not refuted(700, 700, 0.37)  # exp(-696) is still one
     assert not refuted(260, 701, 0.37)
 
@@ -176,6 +178,16 @@ def test_a_table_is_as_deep_as_allowed_and_no_deeper(depth: int) -> None:
             prove_shape(replace(table, limits=replace(table.limits, max_depth=depth - 1)))
 
 
+def test_of_several_nodes_too_deep_the_first_is_named() -> None:
+    root, second = TABLE.nodes
+    both = root._replace(branches=(root.branches[0]._replace(target=2), root.branches[1]))
+    third = second._replace(branches=tuple(b._replace(target=b.target - 2) for b in second.branches))
+    leaves = (TABLE.leaves[0],) * 5
+    wide = replace(TABLE, nodes=(both, second, third), leaves=leaves)
+    with pytest.raises(TableError, match="node 2 is deeper than"):
+        prove_shape(replace(wide, limits=replace(TABLE.limits, max_depth=1)))
+
+
 def test_the_first_place_that_is_reached_twice_or_never_is_named() -> None:
     root, second = TABLE.nodes
     loop = second._replace(branches=(second.branches[0]._replace(target=0), second.branches[1]))
@@ -253,7 +265,7 @@ def test_a_branch_that_no_count_means_is_told_in_millimetres() -> None:
 def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
     """Fully closed jaws hold nothing: an interval of that width alone is a branch for nothing, or none."""
     squeeze = TABLE.nodes[0].squeeze
-    for expected_um, missing in ((HELD_UM - 1, []), (HELD_UM, [0])):
+    for expected_um, missing in ((HELD_UM - 1, []), (HELD_UM, [0]), (HELD_UM + 1, [0])):
         row = (0, expected_um, expected_um)
         wide = Calibration((*[9_000] * 255, 0))  # counts that mean 9 mm, and one that means closed
         assert unreadable(Node(squeeze, branches(row)), wide) == missing
