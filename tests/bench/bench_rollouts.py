@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,8 @@ def main() -> None:
     benches: dict[str, Callable[[int], Any]] = {"generate": generate, "cluster": cluster, "sweep": sweep}
     parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
     options = parser.parse_args()
+    if "cluster" in options.only and find_spec("distributed") is None:
+        parser.error("the cluster needs: pip install 'squeezetree[cluster]'; else --only generate sweep")
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     for name in options.only:
         results[name] = benches[name](options.count)
