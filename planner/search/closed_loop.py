@@ -119,7 +119,7 @@ class LookAhead:
             options = self._options(belief, subsample(belief, particles), depth, rng)
             gaining = sorted((k for k in options if k.gain > LEAST_PROGRESS), key=lambda k: k.to_go)
             if gaining and gaining[0].to_go < 1.0 + NEARLY:
-                gaining = self._checked(belief, gaining, rng)
+                gaining = self._checked(belief, particles, gaining, rng)
             if gaining:
                 return unlike(gaining, most)
         return []
@@ -130,7 +130,7 @@ class LookAhead:
         yield self.depth, few
         if share * (1.0 - self.metric.mode(belief).ratio) > LEAST_AT_STAKE:
             yield self.depth + 1, few
-        if self._telling(belief) > self.particles:
+        if self._telling(belief) > few:
             yield self.depth, self._telling(belief)
 
     def _telling(self, belief: Array) -> int:
@@ -138,9 +138,11 @@ class LookAhead:
         lacking = 1.0 - self.metric.mode(belief).ratio
         return min(len(belief), round(OUTSIDE / max(lacking, LEAST_PROGRESS)))
 
-    def _checked(self, belief: Array, choices: list[Choice], rng: np.random.Generator) -> list[Choice]:
+    def _checked(
+        self, belief: Array, particles: int, choices: list[Choice], rng: np.random.Generator
+    ) -> list[Choice]:
         """Choices that seem to be the last squeeze needed, judged again by what few particles cannot show."""
-        if self._telling(belief) <= self.particles:
+        if self._telling(belief) <= particles:
             return choices
         thin = subsample(belief, self._telling(belief))
         (squeezed,) = self._squeeze([thin], [np.array([k.placement for k in choices[:CONTENDERS]])], rng)
