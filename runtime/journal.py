@@ -121,7 +121,8 @@ class Journal:
             ValueError: a field has a reserved name or is not a number JSON can hold.
         """
         if self._failed:
-            raise JournalError(self.path, "could not be written before; what it holds since is not known")
+            told = "could not be written before, and what it holds since is not known"
+            raise JournalError(self.path, f"{told}; free the disk or name another file")
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
         end = self._end
