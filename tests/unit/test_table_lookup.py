@@ -102,6 +102,13 @@ def test_a_grip_begins_at_two_millimetres_of_expected_width() -> None:
         assert (decide(decided, at, object_detected=False) == 0) == (not grip)
 
 
+def test_jaws_a_micrometre_apart_may_hold_something() -> None:
+    almost = Calibration((*[9_000] * 254, 1, 0))
+    decided = decisions(node_of((0, 2_000, 3_000)), almost)
+    assert decide(decided, 254, object_detected=True) == 0
+    assert decide(decided, 255, object_detected=True) == REJECT
+
+
 def test_a_width_that_two_intervals_share_is_the_nearer_ones() -> None:
     millimetres = Calibration(tuple(range(255_000, -1, -1_000)))
     for below, above, taken in (((20, 24, 25), (25, 29, 30), 0), ((20, 21, 25), (25, 26, 30), 1)):

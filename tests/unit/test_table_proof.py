@@ -82,6 +82,13 @@ def test_an_underflow_is_not_taken_for_a_refutation() -> None:
     assert not refuted(260, 701, 0.37)
 
 
+def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long() -> None:
+    """At a confidence of 1 nothing else bounds the number of terms."""
+    assert not refuted(10**6, 10**6, 1.0)
+    assert refuted(10**6 - 1, 10**6, 1.0)
+    assert refuted(0, 10**10, 1.0)
+
+
 def test_no_trials_speak_against_nothing() -> None:
     assert wilson_upper(0, 0) == 1.0
     assert not refuted(0, 0, 0.99)
@@ -233,6 +240,10 @@ def test_branches_may_touch_and_overlap(rows) -> None:
         (
             ((20_000, 21_000, 22_000), (20_000, 21_000, 23_000)),
             "node 0, branch 1: expected_um is 21000, allowed is 21001..23000",
+        ),
+        (
+            ((20_000, 22_000, 25_000), (20_000, 21_000, 25_000)),
+            "node 0, branch 1: expected_um is 21000, allowed is 22001..25000",
         ),
     ],
 )
