@@ -142,18 +142,21 @@ def read_poses(path: Path) -> tuple[Touched, ...]:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-        return tuple(
-            Touched(
-                path.parent / row["picture"],
-                (float(row["x_mm"]), float(row["y_mm"]), float(row.get("theta_rad") or 0.0)),
-            )
-            for row in rows
-        )
     except OSError as error:
         raise CameraFileError(f"poses {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise CameraFileError(f"poses {path}: is no text; write CSV") from error
+    return tuple(_touched(path, number, row) for number, row in enumerate(rows, start=2))
+
+
+def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
+    try:
+        pose = float(row["x_mm"]), float(row["y_mm"]), float(row.get("theta_rad") or 0.0)
+        return Touched(path.parent / row["picture"], pose)
     except (KeyError, TypeError, ValueError) as error:
         raise CameraFileError(
-            f"poses {path}: {error!r}; the columns are picture, x_mm, y_mm and theta_rad"
+            f"poses {path}, line {line}: write a picture's name and numbers below the first line "
+            "picture,x_mm,y_mm,theta_rad"
         ) from error
 
 
@@ -188,8 +191,10 @@ def _views(material: Material) -> tuple[tuple[int, int], list[BoardView], list[s
     for path in (*material.table, *(path for path in material.held if path not in material.table)):
         picture = load_picture(path)
         found_size = (picture.shape[1], picture.shape[0])
-        if size not in (None, found_size):
-            raise RefusedError(f"{path.name} is {found_size[0]} x {found_size[1]}, the others {size}")
+        if size is not None and size != found_size:
+            raise RefusedError(
+                f"{path.name} is {_words(found_size)}, those before it {_words(size)}; take all at one size"
+            )
         size = found_size
         view = material.board.find(picture, path.name)
         if view is None:
@@ -197,6 +202,10 @@ def _views(material: Material) -> tuple[tuple[int, int], list[BoardView], list[s
         else:
             views.append(view)
     return size or (0, 0), views, left_out
+
+
+def _words(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
 
 
 def _tag_place(path: Path, view: View, number: int) -> tuple[float, float]:

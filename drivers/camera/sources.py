@@ -4,6 +4,7 @@ A picture is always of *now*: a stream is read all the time, and what was expose
 asked is thrown away.
 """
 
+import os
 import threading
 import time
 import urllib.error
@@ -21,6 +22,8 @@ FRESH_FRAMES = 2  # the first frame after the question may have been exposed bef
 POLL_S = 0.005
 RETRY_S = 1.0
 MAX_PICTURE_BYTES = 64 << 20
+FFMPEG_SAYS_NOTHING = "-8"
+KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
 
 
@@ -59,13 +62,15 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
         return Stream(address, cv2.CAP_FFMPEG) if streams else Still(address)
     if address.startswith("rtsp://"):
         return Stream(address, cv2.CAP_FFMPEG)
+    if not address or "://" in address:
+        raise SourceError(f"camera {address!r} is of no known kind; {KINDS}")
     path = Path(f"/dev/video{address}" if address.isdecimal() else address)
     if path.is_dir():
         return Folder(path)
     if not path.exists():
         raise SourceError(f"there is no camera or folder {path}; check the cable and the name")
     if not path.is_char_device():
-        raise SourceError(f"{path} is neither a camera nor a folder of pictures")
+        raise SourceError(f"{path} is neither a camera nor a folder of pictures; {KINDS}")
     return Stream(str(path), cv2.CAP_V4L2, size)
 
 
@@ -148,6 +153,7 @@ class Stream:
         self._frames = 0
         self._trouble = "has not sent a picture yet"
         self._closed = threading.Event()
+        _hush()
         self._thread = threading.Thread(target=self._read, name="camera", daemon=True)
         self._thread.start()
 
@@ -200,6 +206,12 @@ class Stream:
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_AUTOFOCUS, 0)
         return capture
+
+
+def _hush() -> None:
+    """Keep OpenCV and FFmpeg from writing beside our own sentences what each attempt to connect came to."""
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
 
 
 def decoded(data: bytes, name: str) -> Picture:

@@ -1,6 +1,7 @@
 """`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or a line saying why."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,8 @@ from boards import OPTICS, cards, corners_on_board, places
 from cameras import NUMBER, SIDE_MM, angle_between, part_tag, rig
 
 from drivers.camera import calibrate_command, calibration, tag_file
+from drivers.camera.calibrate import read_poses
+from drivers.camera.errors import CameraFileError
 from drivers.camera.plane import compose
 from drivers.sim.camera.render import Flaws, render
 
@@ -130,3 +133,31 @@ def test_mistakes_at_calibrating_are_told_in_one_line(studio, capsys, monkeypatc
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("row", ["a.png,1.0,here", "a.png,1.0", "1.0"])
+def test_line_of_poses_that_is_wrong_is_named(row, tmp_path):
+    found = tmp_path / "poses.csv"
+    found.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")
+    with pytest.raises(
+        CameraFileError, match=r"poses\.csv, line 3: write a picture's name and numbers below"
+    ):
+        read_poses(found)
+
+
+def test_poses_without_their_first_line_and_poses_that_are_no_text(tmp_path):
+    found = tmp_path / "poses.csv"
+    found.write_text("a.png,1.0,2.0\nb.png,1.0,2.0\n")
+    with pytest.raises(CameraFileError, match="below the first line picture,x_mm,y_mm,theta_rad"):
+        read_poses(found)
+    found.write_bytes(bytes(range(128, 256)))
+    with pytest.raises(CameraFileError, match="is no text"):
+        read_poses(found)
+
+
+def test_pictures_of_two_sizes_are_refused_by_name(studio, tmp_path, capsys):
+    views = tmp_path / "views"
+    views.mkdir()
+    cv2.imwrite(str(views / "small.png"), np.zeros((120, 160), np.uint8))
+    assert run_camera(studio, "--views", str(views)) == 33
+    assert re.search(r"small.png is 160 x 120, those before it \d+ x \d+; take all", capsys.readouterr().err)

@@ -72,6 +72,8 @@ def test_file_that_is_no_picture_is_told(tmp_path):
         ("/dev/video99", "no camera or folder /dev/video99"),
         ("99", "no camera or folder /dev/video99"),
         (__file__, "neither a camera nor a folder"),
+        ("", "camera '' is of no known kind; name /dev/video0"),
+        ("ftp://127.0.0.1/table", "camera 'ftp://127.0.0.1/table' is of no known kind"),
     ],
 )
 def test_address_of_nothing_is_refused(address, sentence):
