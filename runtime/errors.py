@@ -79,6 +79,10 @@ class JournalError(CellError):
         self.line = line
 
 
+class TornError(JournalError):
+    """The last line of a journal is not whole: a crash cut it short, and nothing was done upon it."""
+
+
 class PortBusyError(CellError):
     """Another process of ours works with the same device; two of them would interleave their motions."""
 

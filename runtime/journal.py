@@ -23,7 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from runtime.errors import JournalError
+from runtime.errors import JournalError, TornError
 
 VERSION = 1
 GENESIS = "0" * 64
@@ -228,7 +228,7 @@ def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
 
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
     if not line.endswith(b"\n"):
-        raise JournalError(path, "cut short; the run ended while it was written", number)
+        raise TornError(path, "cut short; the run ended while it was written", number)
     if b',"digest":"' not in line[-len(_tail(GENESIS)) :]:
         raise JournalError(path, "is no record of a journal", number)
     body = line[: -len(_tail(GENESIS))] + b"}"

@@ -88,9 +88,10 @@ def write(
 def lines(summary: Summary) -> list[str]:
     """The figures in words."""
     told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
+    if summary.verdicts:
+        told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))
     if summary.judged:
         low, high = summary.interval
-        told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))
         told.append(
             f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
             f"predicted {summary.predicted:.4f}"

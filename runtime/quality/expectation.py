@@ -3,7 +3,8 @@
 Each part has a likelihood ratio: how much likelier its readings are at another friction than as planned.
 Their products, begun anew at every part and added up (Shiryaev 1963, Roberts 1966), are the chart. On a
 healthy cell its mean grows by one a part at most, so that to a false alarm there are, in the mean, at least
-as many parts as the limit says (Pollak, Annals of Statistics 15, 1987).
+as many parts as the limit says (Pollak, Annals of Statistics 15, 1987). That holds as far as the shares do:
+they are counted in trials, and take a reading to depend on those before it through its node alone.
 """
 
 import json
@@ -19,8 +20,8 @@ from runtime.table import Table
 KIND, VERSION = "expected readings", 1
 COUNTS = 256
 PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
-LIMIT = 5e4  # parts to a false alarm, at least, in the mean
-CLIP = log(50.0)  # of one part: a single strange one is no drift
+LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
+CLIP = log(200.0)  # of one part: a single strange one is no drift
 
 Shares = tuple[tuple[float, ...], ...]
 

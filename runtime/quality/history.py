@@ -2,12 +2,13 @@
 
 import base64
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import UsageError
+from runtime.errors import JournalError, TornError, UsageError
 from runtime.journal import records
 from runtime.table import Table, loads
 
@@ -104,16 +105,27 @@ def read(paths: Sequence[Path]) -> History:
     digest = ""
     parts: list[Part] = []
     for path in paths:
-        for found, data in _runs(records(path)):
+        for found, data in _runs(_whole_records(path)):
             name = hashlib.sha256(data).hexdigest()
             if table is None:
                 table, digest = loads(data), name
             elif name != digest:
                 raise UsageError(f"journal {path}: is of another table; report on one table at a time")
-            parts.extend(_parts(found, table))
+            try:
+                parts.extend(_parts(found, table))
+            except (KeyError, ValueError, IndexError) as error:
+                raise JournalError(
+                    path, "holds a squeeze that is none of its table's; leave it out"
+                ) from error
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)
+
+
+def _whole_records(path: Path) -> Iterator[Entry]:
+    """The records of a journal, without a last line that a crash cut short: nothing was done upon that."""
+    with suppress(TornError):
+        yield from records(path)
 
 
 def _runs(entries: Iterable[Entry]) -> Iterable[tuple[list[Entry], bytes]]:

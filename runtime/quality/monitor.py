@@ -39,7 +39,8 @@ MOVED = "look whether camera, table or arm have moved"
 MEANING = {
     "widths": "widths have shifted: look for worn or loose fingers, and calibrate the gripper",
     "branches": "parts take other branches than predicted: look for another lot, friction, a moved feeder",
-    "readings": "readings are those of {}, not as planned: look for oil, dust, worn pads, another lot",
+    "readings": "readings are those of {}, not as planned: look for oil, dust, worn pads, another lot "
+    "(where widths have shifted too, first for that)",
     "failures": "more parts fail the audit than predicted: stop, and look at the overlays",
     "rejects": "more parts are rejected than predicted: look for wrong parts, other friction, shifted widths",
     "residual x": f"measured poses have shifted in x: {MOVED}",

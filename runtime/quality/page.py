@@ -9,14 +9,17 @@ from runtime.quality.summary import LeafRow, NodeRow, Summary
 
 # Okabe and Ito's palette: told apart whatever one's eyes.
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
-WIDTH, HEIGHT, LEFT, EDGE = 760.0, 190.0, 46.0, 14.0
+WIDTH, HEIGHT, LEFT, TOP, EDGE = 760.0, 202.0, 46.0, 26.0, 14.0
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a }
 body { max-width: 860px; margin: 2em auto; padding: 0 1em }
 h1 { font-size: 1.35em } h2 { font-size: 1.05em; margin-top: 1.8em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .15em .8em; text-align: right; border-bottom: 1px solid #e2e2e2 }
-th { font-weight: 600 } svg { width: 100% } .good { color: #00734f } .bad { color: #b34700; font-weight: 600 }
+th { font-weight: 600 } svg { width: 100%; overflow: visible }
+polyline { vector-effect: non-scaling-stroke } @media (max-width: 600px) { svg { font-size: 20px } }
+.wide { overflow-x: auto } .wide td { white-space: nowrap }
+.good { color: #00734f } .bad { color: #b34700; font-weight: 600 }
 """.strip()
 
 
@@ -40,6 +43,7 @@ def page(title: str, summary: Summary, charts: Iterable[Series]) -> str:
     )
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>\n{STYLE}\n</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
@@ -51,7 +55,7 @@ def picture(chart: Series) -> str:
         return "<p>Nothing was measured.</p>"
     low, high = min(0.0, *values, *chart.limits), max(0.0, *values, *chart.limits)
     count = max(len(line) for _, line in chart.lines)
-    across, up = (WIDTH - LEFT - EDGE) / max(count - 1, 1), (HEIGHT - 2 * EDGE) / ((high - low) or 1.0)
+    across, up = (WIDTH - LEFT - EDGE) / max(count - 1, 1), (HEIGHT - TOP - EDGE) / ((high - low) or 1.0)
 
     def place(index: float, value: float) -> str:
         return f"{LEFT + index * across:.1f},{HEIGHT - EDGE - (value - low) * up:.1f}"
@@ -66,8 +70,8 @@ def picture(chart: Series) -> str:
     for number, (name, line) in enumerate(chart.lines):
         points = " ".join(place(index, value) for index, value in thinned(line))
         drawn.append(f'<polyline points="{points}" stroke="{COLOURS[number]}" stroke-width="1.3"/>')
-        drawn.append(word(LEFT + 60 + 90 * number, 12, name, COLOURS[number]))
-    drawn.append(word(LEFT - 5, EDGE + 4, f"{high:.3g}"))
+        drawn.append(word(LEFT + 80 + 125 * number, 12, name, COLOURS[number]))
+    drawn.append(word(LEFT - 5, TOP + 4, f"{high:.3g}"))
     drawn.append(word(LEFT - 5, HEIGHT - EDGE + 4, f"{low:.3g}"))
     drawn.append(word(WIDTH - EDGE, HEIGHT + 14, f"{chart.step} {count}"))
     return "\n".join([*drawn, "</svg>"])
@@ -76,11 +80,12 @@ def picture(chart: Series) -> str:
 def _verdict(summary: Summary) -> Iterator[str]:
     ended = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
     yield f"<p>{sum(summary.outcomes.values())} parts: {escape(ended)}.</p>"
+    audits = ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
     if not summary.judged:
-        yield "<p>No part was judged; run with --audit to learn the success rate.</p>"
+        why = f"Audits: {audits}; the journals say why." if audits else "Run with --audit to learn the rate."
+        yield f"<p>No part was judged. {escape(why)}</p>"
         return
     rate, (low, high) = summary.passed / summary.judged, summary.interval
-    audits = ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
     words = "as predicted" if summary.agrees else "not as predicted"
     yield (
         f"<p>Audits: {escape(audits)}. Success {rate:.4f} (95 %: {low:.4f} to {high:.4f}), predicted "
@@ -101,7 +106,7 @@ def _alarms(summary: Summary) -> Iterator[str]:
 def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in names)
     lines = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
-    return "\n".join(["<table>", f"<tr>{head}</tr>", *lines, "</table>"])
+    return "\n".join(['<div class="wide"><table>', f"<tr>{head}</tr>", *lines, "</table></div>"])
 
 
 def _leaf(row: LeafRow) -> Iterator[str]:

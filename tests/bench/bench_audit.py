@@ -1,6 +1,6 @@
 """The audit in a whole simulated cell, and its charts on cells that drift; not part of the gate.
 
-    python tests/bench/bench_audit.py [--parts 200] [--blocks 20] [--runs 200] [--expected F]
+    python tests/bench/bench_audit.py [--parts 200] [--blocks 40] [--runs 200] [--expected F]
 
 Prints figures and writes `results/audit.json` beside this file.
 
@@ -97,7 +97,7 @@ def main() -> None:
     )
     parser.add_argument("--parts", type=int, default=200)
     parser.add_argument("--time-scale", type=float, default=5.0)
-    parser.add_argument("--blocks", type=int, default=20, help="of 10 000 healthy parts")
+    parser.add_argument("--blocks", type=int, default=40, help="of 10 000 healthy parts")
     parser.add_argument("--runs", type=int, default=200, help="histories of each drift")
     parser.add_argument("--expected", type=Path, help="from plan-expect, made if need be")
     parser.add_argument("--only", nargs="+", choices=WHAT, default=WHAT)

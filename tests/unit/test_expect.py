@@ -43,6 +43,7 @@ def test_worlds_are_the_planned_one_and_others_about_it():
     assert (first.name, first.overrides) == (expectation.PLANNED, ())
     planned = (JOB.friction.finger_part_min, JOB.friction.finger_part_max)
     for case, factor in zip(others, expectation.FACTORS, strict=True):
+        assert ("less" in case.name, "more" in case.name) == (case is others[0], case is others[-1])
         assert [float(value) for _, value in case.overrides] == pytest.approx(
             [factor * value for value in planned]
         )
@@ -56,7 +57,7 @@ def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tm
     assert json.loads(json.dumps(expectation.document(TABLE, again, 3000, 0))) == told
 
 
-@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.8, 1.0)])
+@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])
 def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))

@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import json
 import math
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -135,6 +136,39 @@ def test_changed_journal_is_refused(tmp_path):
         reading.read([path])
 
 
+def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
+    whole = write(tmp_path / "a.jsonl", parts_of(6), ended=False)
+    told = reading.read([whole]).parts
+    with whole.open("ab") as file:
+        file.write(b'{"seq":99,"kind":"squ')
+    assert reading.read([whole]).parts == told
+    whole.write_bytes(b'{"seq":0,"kind":"hea')
+    with pytest.raises(UsageError, match="no part yet"):
+        reading.read([whole])
+
+
+@pytest.mark.parametrize("change", [{"node": 999}, {"node": "first"}, {"width_um": None}])
+def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
+    path = tmp_path / "a.jsonl"
+    with Chain(path) as journal:
+        journal.header(TABLE)
+        journal.record("part", {"part": 1})
+        journal.record("squeeze", {"node": 0, "width_um": 30_000, "target": 1} | change)
+    with pytest.raises(JournalError, match=r"a\.jsonl: holds a squeeze that is none of its table's"):
+        reading.read([path])
+
+
+def test_audits_of_which_none_could_judge_are_told(tmp_path, capsys):
+    parts = [replace(part, verdict="unknown", residual=None) for part in parts_of(5) if part.verdict]
+    words = ["report", str(write(tmp_path / "a.jsonl", parts)), "-o", str(tmp_path / "r.html")]
+    assert main(words) == 0
+    assert f"audits    {len(parts)} unknown\n" in capsys.readouterr().out
+    assert (
+        f"No part was judged. Audits: {len(parts)} unknown; the journals say why."
+        in (tmp_path / "r.html").read_text()
+    )
+
+
 def test_summary_counts_what_the_parts_say():
     found = history(TABLE, parts_of(400))
     told = summarise(found)
@@ -207,6 +241,8 @@ def test_page_is_whole_and_needs_no_network():
     assert "a &lt; b" in text
     assert "widths have shifted" in text
     assert text.count("<svg") == 3
+    assert 'name="viewport" content="width=device-width' in text
+    assert text.count('<div class="wide"><table>') == text.count("<table>")
     assert "nan" not in text
 
 

@@ -254,13 +254,15 @@ def audit_loop(kept: dict) -> str:
 
 
 def audit_drift(kept: dict) -> str:
-    header = ["what goes wrong", "noticed", "parts until then, median", "most", "charts that ring"]
+    header = [
+        "what goes wrong", "within 50 parts", "at best", "parts until then, median", "most", "charts that ring",
+    ]  # fmt: skip
     rows = [
         [
-            name, percent(found["flagged"], 0), f"{found['delay_median']:g}", found["delay_max"],
-            ", ".join(found["by"]),
+            name, percent(found["flagged"], 1), percent(found["at_best"], 1) if "at_best" in found else "",
+            f"{found['delay_median']:g}", found["delay_max"], ", ".join(found["by"]),
         ]
-        for name, found in kept["drift"].items()
+        for name, found in kept["drift"].items() if name != "runs"
     ]  # fmt: skip
     healthy = kept["healthy"]
     note = f"Nothing wrong: {sum(healthy['alarms'].values())} alarms in {healthy['parts']} parts."
