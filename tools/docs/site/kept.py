@@ -254,9 +254,10 @@ def audit_loop(kept: dict) -> str:
 
 
 def audit_drift(kept: dict) -> str:
-    header = [
-        "what goes wrong", "within 50 parts", "at best", "parts until then, median", "most", "charts that ring",
-    ]  # fmt: skip
+    names = (
+        "what goes wrong; noticed within 50 parts; at best; parts until then, median; most; charts that ring"
+    )
+    header = names.split("; ")
     rows = [
         [
             name, percent(found["flagged"], 1), percent(found["at_best"], 1) if "at_best" in found else "",
