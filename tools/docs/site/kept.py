@@ -40,15 +40,25 @@ def interval(rate: float, bounds: list[float]) -> str:
 def compared(kept: dict) -> str:
     """Rows of tools/table1: Table I, or the zoo."""
     header = ["row", "part", "materials", "the paper's robot", "method", "success (95 % interval)"]
-    header += ["wrong", "rejected", "unresolved", "squeezes, mean / most", "nodes", "compiled in"]
+    header += [
+        "pose within goal",
+        "wrong",
+        "rejected",
+        "unresolved",
+        "squeezes, mean / most",
+        "nodes",
+        "compiled in",
+    ]
     rows = []
     for row in kept["rows"]:
         paper = "" if row["paper"] is None else percent(row["paper"], 1)
         name = [row["row"], row["part"], row["materials"], paper, row["method"]]
         if "no_plan" in row:
-            rows.append([*name, "no plan", "", "", "", "", "", f"{row['compile_seconds']:.1f} s"])
+            rows.append([*name, "no plan", "", "", "", "", "", "", f"{row['compile_seconds']:.1f} s"])
             continue
-        shares = [percent(row[key]) for key in ("wrong_rate", "reject_rate", "unresolved_rate")]
+        shares = [
+            percent(row[key]) for key in ("within_rate", "wrong_rate", "reject_rate", "unresolved_rate")
+        ]
         squeezes = f"{row['mean_squeezes']:.2f} / {row['max_squeezes']}"
         rate = interval(row["success_rate"], row["success_ci95"])
         rows.append([*name, rate, *shares, squeezes, row["nodes"], f"{row['compile_seconds']:.1f} s"])
