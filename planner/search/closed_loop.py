@@ -56,12 +56,12 @@ REFINED = 2
 """How many of the best placements are varied."""
 HEAVY = 0.2
 """Share of all parts from which a belief is looked ahead with all the particles allowed."""
+FEWEST = 0.25
+"""Share of those particles that the lightest belief keeps."""
 OUTSIDE = 20
 """Particles outside the mode that it takes to see whether a squeeze tells them from the rest."""
 CONTENDERS = 6
 """Squeezes of which that is asked."""
-FEWEST = 0.25
-"""Share of those particles that the lightest belief keeps."""
 
 
 class _Followed(NamedTuple):

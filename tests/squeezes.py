@@ -1,0 +1,47 @@
+"""Squeezes on a fake cell: what the jaws meet, the run of a part, and what was asked of the jaws."""
+
+from fake_cell import FakeCell, State, fake_cell
+from sample_tables import GRIPPER, small_table
+
+from runtime.executor import Executor, Plan
+from runtime.results import PartResult
+from runtime.table import Calibration, Table
+from runtime.tips import TipArc
+
+CALIBRATION = Calibration.linear(GRIPPER)
+CONTACT, ARRIVED = 2, 3
+AT_21, AT_30, AT_36, AT_60 = (
+    (CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
+)
+EMPTY = (229, ARRIVED)
+CLOSED = (229, CONTACT)  # on something thinner than a count
+ARC = TipArc()
+
+
+def run(made: FakeCell, plan: Plan, table: Table | None = None, phases: list | None = None) -> PartResult:
+    seen = [] if phases is None else phases
+    executor = Executor(
+        table or small_table(),
+        made.cell,
+        lambda part, step: None,
+        plan,
+        lambda part, phase, node: seen.append((phase, node)),
+    )
+    return executor.run_part(1)
+
+
+def meeting(stop: int) -> FakeCell:
+    """A cell whose jaws meet the part at a count, whatever they are asked to close to."""
+    made = fake_cell([])
+
+    def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
+        made.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+        count, flag = (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
+        made.gripper.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
+
+    made.gripper.move = meet
+    return made
+
+
+def jaw_moves(made: FakeCell) -> list[tuple]:
+    return [call.arguments for call in made.log.named("move")]

@@ -1,0 +1,164 @@
+"""The tips keep their height while the jaws move."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from fake_cell import fake_cell
+from sample_tables import LIMITS, small_table, with_node
+from squeezes import (
+    ARC,
+    AT_21,
+    AT_36,
+    AT_60,
+    CALIBRATION,
+    CLOSED,
+    jaw_moves,
+    meeting,
+    run,
+)
+
+from runtime.errors import TableError
+from runtime.executor import Plan
+from runtime.hand import Hand, Handling
+from runtime.results import Outcome
+from runtime.strokes import GENTLE_FORCE, opening_counts
+from runtime.table import Calibration
+from runtime.tips import TipArc
+
+
+@pytest.mark.parametrize(
+    ("regulated", "arc", "stop"),
+    [
+        (False, ARC, AT_21),
+        (True, ARC, AT_21),
+        (False, replace(ARC, level_mm=0.25), AT_36),  # so level that letting go takes stages too
+        (True, replace(ARC, level_mm=0.25), AT_60),
+        (False, ARC, CLOSED),
+        (True, ARC, CLOSED),
+    ],
+)
+def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, arc: TipArc, stop) -> None:
+    made = meeting(stop[0])
+    result = run(made, Plan(handling=Handling(regulated=regulated, arc=arc)))
+    assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
+    low_mm, width_mm, tips = 10.0, 0.0, []
+    z_mm, down = 30.0, False
+    for call in made.log.calls:
+        if call.name == "move_linear":
+            z_mm = call.arguments[2]
+            down = down or (z_mm < 30.0)
+        elif call.name == "move" and down and z_mm < 30.0:
+            start_mm, count = width_mm, call.arguments[0]
+            width_mm = CALIBRATION.width_um(min(count, stop[0])) / 1000
+            tips += [
+                z_mm - arc.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
+                for k in range(21)
+                if abs(width_mm - 85.0) > 1.0  # the last opening is not followed: the tips draw back
+            ]
+        elif call.name == "move":
+            width_mm = CALIBRATION.width_um(max(call.arguments[0], 3)) / 1000
+    targets = [call.arguments[:4] for call in made.log.named("move_linear")]
+    assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
+    assert tips
+    assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
+
+
+def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part() -> None:
+    made = meeting(AT_21[0])
+    assert run(made, Plan(handling=Handling(arc=ARC))).leaf == 0
+    calls = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    closed = max(k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255)
+    clear, level, wide = calls[closed + 1 : closed + 4]
+    assert clear.arguments[0] == opening_counts(26_000, CALIBRATION)
+    assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
+    assert wide.arguments[0] == 0
+
+
+def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
+    table = small_table()
+    squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
+    made = meeting(CALIBRATION.count(58_000))
+    run(made, Plan(handling=Handling(arc=ARC)), with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)))
+    opened = {position for position, _, _ in jaw_moves(made)} - {255}
+    assert min(opened) == opening_counts(60_000, CALIBRATION)
+
+
+def test_a_cell_without_room_for_the_arc_is_refused() -> None:
+    made = fake_cell([])
+    low = replace(LIMITS, retreat_height_um=23_000)
+    with pytest.raises(TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"):
+        Hand(made.gripper, made.arm, made.cell.clock, low, CALIBRATION, Handling(arc=ARC))
+    with pytest.raises(TableError, match="teach the tool frame with the jaws fully open"):
+        Hand(
+            made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling(arc=TipArc(taught_mm=40.0))
+        )
+
+
+def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
+    """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
+    made = fake_cell([])
+    room = replace(LIMITS, retreat_height_um=200_000)
+    for link_mm, refused in ((30.0, True), (40.0, True), (40.01, False)):
+        flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
+        if not refused:
+            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+            continue
+        with pytest.raises(TableError, match="check link and offset"):
+            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+
+
+@pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
+def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm: float, refused: bool) -> None:
+    made, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
+    if not refused:
+        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+        return
+    with pytest.raises(TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"):
+        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+
+
+def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
+    """Link 50, offset 2.5: the tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top."""
+    made, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
+    for retreat_um, refused in ((30_000, True), (30_001, False)):
+        limits = replace(LIMITS, squeeze_height_um=10_000, retreat_height_um=retreat_um)
+        if not refused:
+            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+            continue
+        with pytest.raises(TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"):
+            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+
+
+@pytest.mark.parametrize(("z_mm", "moves"), [(59.94, 1), (59.95, 0), (60.0, 0), (75.0, 0)])
+def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> None:
+    made = fake_cell([])
+    made.arm.at = (1.0, 2.0, z_mm, 0.5)
+    Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling()).retreat()
+    targets = [call.arguments[:4] for call in made.log.named("move_linear")]
+    assert targets == [(1.0, 2.0, 60.0, 0.5)] * moves
+
+
+def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
+    made = fake_cell([(AT_21[0], 1)])
+    result = run(made, Plan(handling=Handling(regulated=True)))
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert "contact while opening" in str(result.reason)
+    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
+
+
+def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:
+    """Taught at 80 mm, the tips stand 2 mm higher where the jaws open to 85."""
+    made = meeting(AT_21[0])
+    assert run(made, Plan(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
+    assert min(call.arguments[2] for call in made.log.named("move_linear")) == 10.0
+
+
+def test_how_far_the_jaws_open_is_what_the_calibration_says() -> None:
+    wide = Calibration((91_000, *CALIBRATION.widths_um[1:]))
+    made = fake_cell([])
+    with pytest.raises(TableError, match="was taught at 85 mm and the jaws open to 91 mm"):
+        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, wide, Handling(arc=ARC))
+    hand = Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling())
+    assert hand.width_mm(AT_21[0]) == CALIBRATION.width_um(AT_21[0]) / 1000
