@@ -43,7 +43,7 @@ MARGIN = 0.5
 RESERVE = 0.75
 """The same for a leaf that the tree has already: one more squeeze for all its parts must be worth it."""
 AHEAD_STEP_MM = 0.8
-"""Closing step of the squeezes that are only looked ahead: twice the tree's own; nine ends in ten within 0.03 mm."""
+"""Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm of it."""
 REFINEMENTS = 3
 """How often leaves are expanded further that fall short of the goal, or would in a world a little off."""
 SEED_EVALUATION = 0x4556
