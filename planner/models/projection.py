@@ -69,8 +69,8 @@ class Projection:
             if not len(members):
                 raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
             poses.append(members)
-            period = rho_mm * math.tau / order
-            trees.append(cKDTree(_points(members, rho_mm, order), boxsize=[0.0, 0.0, period]))
+            box = [0.0, 0.0, _period_mm(rho_mm, order)]
+            trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
         return cls(poses, trees, rho_mm, order)
 
     def project(self, poses: Array, label: IntArray) -> Projected:
@@ -106,7 +106,11 @@ class Projection:
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:
     """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
-    period = math.tau / order
-    angle = np.mod(poses[:, 2], period)
-    angle[angle >= period] = 0.0  # a tiny negative angle rounds up to the period itself
-    return np.column_stack([poses[:, :2], rho_mm * angle])
+    turned = rho_mm * np.mod(poses[:, 2], math.tau / order)
+    turned[turned >= _period_mm(rho_mm, order)] = 0.0  # a tiny negative angle rounds up to the period itself
+    return np.column_stack([poses[:, :2], turned])
+
+
+def _period_mm(rho_mm: float, order: int) -> float:
+    """Length of a period: angles are compared as rho theta."""
+    return rho_mm * math.tau / order

@@ -48,7 +48,8 @@ class TreeNode:
         clusters: the partition of the outcomes.
         cost: of the squeeze, in squeezes.
         refuted: fresh trials spoke against it, as a leaf.
-        exhausted: mode ratio at which no squeeze gained anything; above 1 where none was looked for.
+        exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
+            looked for.
         idle: squeezes before this node, one after the other, that got the belief no nearer the goal.
         alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
@@ -148,7 +149,7 @@ def grow(
     while waiting and not out_of_time():
         _, path, node = heapq.heappop(waiting)
         done += 1
-        if node.mode.ratio < confidence and node.depth < growth.max_depth and node.idle < MOST_IDLE:
+        if node.mode.ratio < confidence:
             _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
             for child in node.children:
                 heapq.heappush(waiting, (-child.lacking, child.path, child))
@@ -162,7 +163,7 @@ def learn(
     metric: Metric,
     confidence: float,
     against: Collection[int] = (),
-) -> int:
+) -> float:
     """Adds to the leaves the poses that an evaluation found there.
 
     Args:
@@ -173,9 +174,9 @@ def learn(
         against: the leaves that the evaluation refutes.
 
     Returns:
-        The number of leaves that met the goal before and do not any more.
+        The share of all parts that end in leaves which no longer hold, and may be grown further.
     """
-    short = 0
+    short = 0.0
     leaves = [node for node in breadth_first(root) if not node.children]
     for number, node in enumerate(leaves):
         poses = beliefs.get(number)
@@ -185,13 +186,16 @@ def learn(
         node.refuted = number in against
         node.belief = np.concatenate([node.belief, trusting(poses)])
         node.mode = metric.mode(node.belief)
-        short += (met and node.mode.ratio < confidence) or node.refuted
+        fails = (met and node.mode.ratio < confidence) or node.refuted
+        if fails and node.worth_growing(confidence):
+            short += node.share
     return short
 
 
 def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
-    """Chooses the node's action and squeezes there."""
-    choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES, node.share)
+    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything."""
+    may = node.depth < growth.max_depth and node.idle < MOST_IDLE
+    choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES, node.share) if may else []
     if choices:
         squeeze_at(node, choices[0].placement, growth, rng)
         node.alternatives = [choice.placement for choice in choices[1:]]

@@ -14,8 +14,9 @@ import numpy as np
 from planner.arrays import Array
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, squeeze_at
 
-DEPTH = 1
-"""Nodes are improved that so many squeezes lead to: the first has nothing to go by."""
+DEPTHS = (2, 1)
+"""Nodes are improved that so many squeezes lead to, the later first: what an earlier one leads to is then as
+good as it gets. The first squeeze has nothing to go by."""
 LEAST_SHARE = 0.03
 """Of the parts that must come to a node for it to be worth while."""
 
@@ -27,7 +28,7 @@ def improve(
     progress: Progress | None = None,
     out_of_time: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Tries the alternatives of the nodes that one squeeze leads to.
+    """Tries the alternatives of the nodes that one or two squeezes lead to.
 
     Args:
         root: a grown tree, modified in place.
@@ -36,7 +37,8 @@ def improve(
         progress: called with the number of alternatives tried and the number to try.
         out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
     """
-    nodes = [node for node in breadth_first(root) if node.depth == DEPTH and node.share >= LEAST_SHARE]
+    heavy = [node for node in breadth_first(root) if node.share >= LEAST_SHARE]
+    nodes = [node for depth in DEPTHS for node in heavy if node.depth == depth]
     cases = [(node, k) for node in nodes for k in range(len(node.alternatives))]
     for done, (node, k) in enumerate(cases):
         if out_of_time():

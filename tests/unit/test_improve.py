@@ -8,7 +8,7 @@ from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner import job as job_file
 from planner.belief import trusting
-from planner.search.expand import Growth, TreeNode, grow, learn, squeeze_at
+from planner.search.expand import MOST_IDLE, Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price
 from planner.search.options import squeezes_left
@@ -119,6 +119,28 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
     assert left.children == []
     grow(reopened, growth, [1], reopen=0.6)
     assert len(reopened.children) == 2
-    assert learn(refuted, {0: BELIEF}, growth.look_ahead.metric, 0.4, against=[0]) == 1
+    assert learn(refuted, {0: BELIEF}, growth.look_ahead.metric, 0.4, against=[0]) == 1.0
     grow(refuted, growth, [1], reopen=0.4)
     assert len(refuted.children) == 2
+
+
+def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(growth):
+    leaf = TreeNode(trusting(BELIEF), 0.3, growth.look_ahead.metric.mode(BELIEF), idle=MOST_IDLE)
+    metric = growth.look_ahead.metric
+    assert learn(leaf, {0: BELIEF}, metric, 0.4, against=[0]) == 0.3
+    grow(leaf, growth, [1], reopen=0.4)
+    assert leaf.children == []
+    assert learn(leaf, {0: BELIEF}, metric, 0.4, against=[0]) == 0.0
+    worse = np.tile(BELIEF[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
+    assert learn(leaf, {0: np.concatenate([worse, -worse])}, metric, 0.4, against=[0]) == 0.3
+
+
+def test_nodes_that_two_squeezes_lead_to_are_improved_too(growth):
+    root, node = tree(growth, SILENT, SILENT)
+    (later,) = node.children
+    later.children = []
+    squeeze_at(later, placed(SILENT), growth, np.random.default_rng(2))
+    node.alternatives, later.alternatives = [], [placed(TELLING)]
+    improve(root, growth, [1])
+    assert later.placement[2] == TELLING
+    assert all(leaf.mode.ratio == 1.0 for leaf in later.children)

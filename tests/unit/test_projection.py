@@ -121,3 +121,15 @@ def test_a_pose_at_the_seam_is_near_its_neighbour_beyond_it():
 def test_subspaces_without_gaps_are_asked_for():
     with pytest.raises(ValueError, match="subspace 1"):
         Projection.fit(np.zeros((3, 3)), np.array([0, 2, 2]), RHO, 2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5, 6])
+def test_an_angle_just_below_a_period_is_stored_and_found(order):
+    period = math.tau / order
+    below = [np.nextafter(period, 0.0), period, -1e-300, np.nextafter(-period, 0.0), 3.0 * period]
+    poses = np.array([[float(k), 0.0, angle] for k, angle in enumerate(below)])
+    for rho in np.random.default_rng(order).uniform(5.0, 20.0, 300):
+        stored = Projection.fit(poses, np.ones(len(poses), np.int64), rho, order)
+        found = stored.project(poses + np.array([0.1, 0.0, 0.0]), np.ones(len(poses), np.int64)).poses
+        assert np.array_equal(found[:, :2], poses[:, :2])
+        assert np.allclose(wrap(found[:, 2] - poses[:, 2], order), 0.0, atol=1e-12)
