@@ -46,6 +46,8 @@ AHEAD_STEP_MM = 0.8
 """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm of it."""
 REFINEMENTS = 3
 """How often leaves are expanded further that fall short of the goal, or would in a world a little off."""
+TELLING = 100
+"""Trials of a leaf from which their rate of success is compared with the goal as it is."""
 LEAST_SHORT = 0.001
 """Share of all parts in leaves that fall short, from which that is done: fewer end as unresolved."""
 SEED_EVALUATION = 0x4556
@@ -167,8 +169,10 @@ class _Planning:
         return short, doubt(self.root, runs, metric)
 
     def _refuted(self, within: BoolArray) -> bool:
-        """Whether trials that came to a leaf speak against it, as they would once the plan is done."""
-        return refuted(int(within.sum()), len(within), self.job.goal.confidence)
+        """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
+        confidence = self.job.goal.confidence
+        fails = len(within) >= TELLING and float(within.mean()) < confidence
+        return fails or refuted(int(within.sum()), len(within), confidence)
 
     @property
     def _reopen(self) -> float:
