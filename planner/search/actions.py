@@ -40,12 +40,16 @@ class ActionSet:
         return len(self.placements)
 
     def options(self, belief: Array, metric: Metric) -> Array:
-        """The fixed placements, and those about the belief's main modes: (k, 3), all within the area."""
+        """The fixed placements, those beside them and those about the belief's main modes, within the area.
+
+        Returns:
+            (k, 3); the fixed ones alone where nothing is proposed.
+        """
         if self.proposals is None:
             return self.placements
         modes = metric.main_modes(belief, MAIN_MODES, LEAST_MODE)
         near = [self.proposals.about(mode.pose) for mode in modes if mode.ratio >= LEAST_MODE]
-        return self.within(np.concatenate([self.placements, *near]))
+        return self.within(np.concatenate([self.placements, self.proposals.beside(self.placements), *near]))
 
     def within(self, placements: Array) -> Array:
         """Those of the placements whose hand centre lies in the area."""

@@ -22,6 +22,8 @@ MOST_ANGLES = 4
 APART_DEG = 12.0
 COVERED = (0.15, 0.35)
 """Shares of the part's length, from either end, that an off-centre finger covers."""
+ASIDE = (-0.5, 0.5)
+"""Shifts of the fixed placements, in lengths of the finger: one half of a part at their middle sticks out."""
 TURNS_DEG = (-10.0, 10.0)
 SHIFTS_MM = (-3.0, 3.0)
 
@@ -32,9 +34,11 @@ class Proposals:
 
     Attributes:
         relative: (m, 3) the hand in the part's frame [mm, mm, rad].
+        shifts_mm: of the fixed placements along their fingers.
     """
 
     relative: Array
+    shifts_mm: tuple[float, ...] = ()
 
     def about(self, pose: Array) -> Array:
         """The placements (m, 3) in the world for a part believed at a pose (3,)."""
@@ -44,6 +48,10 @@ class Proposals:
             [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
             axis=-1,
         )
+
+    def beside(self, placements: Array) -> Array:
+        """Placements (k, 3) in the world, each shifted along its fingers: (s k, 3)."""
+        return np.concatenate([placements[:0], *(along(placements, shift) for shift in self.shifts_mm)])
 
 
 def proposals_of(job: Job) -> Proposals | None:
@@ -62,7 +70,13 @@ def proposals_of(job: Job) -> Proposals | None:
             if job.part.symmetry % 2:  # half a turn makes the other end the same
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
-    return Proposals(np.array(rows))
+    return Proposals(np.array(rows), tuple(share * job.gripper.finger_length_mm for share in ASIDE))
+
+
+def along(placements: Array, shift_mm: float) -> Array:
+    """Placements (k, 3) of the hand, each shifted along its fingers."""
+    x, y, angle = placements.T
+    return np.stack([x + shift_mm * np.cos(angle), y + shift_mm * np.sin(angle), angle], axis=-1)
 
 
 def stable_angles(outline: Array) -> Array:
@@ -91,7 +105,5 @@ def stable_angles(outline: Array) -> Array:
 
 def refined(placement: Array) -> Array:
     """Placements (k, 3) in the world near one that looks good: turned, and shifted along the fingers."""
-    x, y, angle = placement
-    rows = [(x, y, angle + np.radians(turn)) for turn in TURNS_DEG]
-    rows += [(x + shift * np.cos(angle), y + shift * np.sin(angle), angle) for shift in SHIFTS_MM]
-    return np.array(rows)
+    turned = [placement + np.array([0.0, 0.0, np.radians(turn)]) for turn in TURNS_DEG]
+    return np.concatenate([turned, *(along(placement[None], shift) for shift in SHIFTS_MM)])
