@@ -34,7 +34,7 @@ from planner.search.proposals import refined
 
 LEAST_CLEARANCE_MM = 0.5
 """Open fingers are never planned nearer to a believed part than this."""
-FOLLOWED = (8, 4, 4)
+FOLLOWED = (4, 4, 4)
 """How many actions are followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
 SECOND_MODE = 0.25
 """What explaining a belief by two poses counts against explaining it by one, where actions are ranked."""
