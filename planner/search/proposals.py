@@ -23,7 +23,8 @@ APART_DEG = 12.0
 COVERED = (0.15, 0.35)
 """Shares of the part's length, from either end, that an off-centre finger covers."""
 ASIDE = (-0.5, 0.5)
-"""Shifts of the fixed placements, in lengths of the finger: one half of a part at their middle sticks out."""
+"""Shifts of the fixed placements, in lengths of the finger: one half of a part at their middle sticks out.
+Parts whose halves are alike have none: they gain little, and take three times as long to plan."""
 TURNS_DEG = (-10.0, 10.0)
 SHIFTS_MM = (-3.0, 3.0)
 
@@ -70,7 +71,8 @@ def proposals_of(job: Job) -> Proposals | None:
             if job.part.symmetry % 2:  # half a turn makes the other end the same
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
-    return Proposals(np.array(rows), tuple(share * job.gripper.finger_length_mm for share in ASIDE))
+    shares = ASIDE if job.part.symmetry % 2 else ()
+    return Proposals(np.array(rows), tuple(share * job.gripper.finger_length_mm for share in shares))
 
 
 def along(placements: Array, shift_mm: float) -> Array:
