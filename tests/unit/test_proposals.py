@@ -69,3 +69,10 @@ def test_a_refined_placement_is_turned_or_slid_along_its_fingers():
         across = -np.sin(0.3) * (x - 1.0) + np.cos(0.3) * (y - 2.0)
         assert abs(across) < 1e-12
         assert (angle == 0.3) != (x == 1.0 and y == 2.0)
+
+
+def test_only_a_part_whose_halves_differ_is_squeezed_beside_the_middle(job):
+    half = 0.5 * job.gripper.finger_length_mm
+    for order, shifts in ((1, (-half, half)), (2, ()), (3, (-half, half)), (6, ())):
+        part = dataclasses.replace(job.part, symmetry=order)
+        assert proposals_of(dataclasses.replace(job, part=part)).shifts_mm == shifts
