@@ -81,6 +81,7 @@ class Advice:
         unvisited: number of nodes that no part came to.
         open_poses: the unresolved leaves that hold most parts, and what would resolve them.
         gains: what each source of noise costs; empty if not asked for.
+        proposing: whether placements were proposed besides the stated ones.
     """
 
     failing: float
@@ -91,6 +92,7 @@ class Advice:
     unvisited: int
     open_poses: tuple[Ambiguity, ...]
     gains: tuple[Gain, ...]
+    proposing: bool
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -135,6 +137,7 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
         unvisited=unvisited,
         open_poses=tuple(ambiguities(table, evaluation, job)),
         gains=tuple(gains or ()),
+        proposing=job.actions.proposals != "none",
     )
 
 
@@ -217,8 +220,8 @@ def _limits(advice: Advice) -> list[str]:
     lines = [f"{advice.failing:.2%} of the parts are not located"]
     if advice.unresolved > 0.0:
         lines.append(
-            f"{advice.unresolved:.2%} end unresolved, where no squeeze of the action set gained anything: "
-            "add angles or centres, or plan with proposals"
+            f"{advice.unresolved:.2%} end unresolved, where no squeeze that was tried gained anything: "
+            "add angles or centres" + ("" if advice.proposing else ", or plan with proposals")
         )
     if advice.at_depth_limit > 0.0:
         lines.append(f"{advice.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it")

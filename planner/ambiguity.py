@@ -13,6 +13,7 @@ from planner.encoder import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.frames import to_hand, wrap
+from planner.goal import Metric
 from planner.job import Job
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import least_clearance
@@ -27,6 +28,8 @@ HALF_TURN_ALIKE = 2
 TELLING = 4.0
 """A placement tells two poses apart if their mean widths differ by this many standard deviations of both."""
 LEAST_TRIALS = 20
+APART = 3.0
+"""Poses further apart than so many times the goal are different poses, nearer ones scatter about one."""
 SEED_AMBIGUITY = 0x414D4249
 
 
@@ -50,7 +53,9 @@ class Ambiguity(NamedTuple):
         share: of all parts that end there.
         poses: (m, 3) the poses, the likeliest first.
         shares: how many of the leaf's parts lie within the goal of each.
-        separator: for the first two; None if no squeeze that was tried tells them apart.
+        separator: for the first two; None if no squeeze that was tried tells them apart, or where one is all.
+        scatter: distance within which nearly all of the leaf's parts lie about a single pose, in units of the
+            goal; 0 if there are several.
     """
 
     leaf: int
@@ -58,6 +63,7 @@ class Ambiguity(NamedTuple):
     poses: Array
     shares: tuple[float, ...]
     separator: Separator | None
+    scatter: float = 0.0
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -67,6 +73,7 @@ class Ambiguity(NamedTuple):
             "share": self.share,
             "poses": np.round(self.poses, 5).tolist(),
             "shares": [round(share, 4) for share in self.shares],
+            "scatter": round(self.scatter, 3),
             "separator": found
             and {
                 "placement": np.round(found.placement, 5).tolist(),
@@ -76,8 +83,11 @@ class Ambiguity(NamedTuple):
 
     def line(self) -> str:
         """For people."""
-        poses = " or ".join(_pose(pose) for pose in self.poses)
+        pairs = zip(self.shares, self.poses, strict=True)
+        poses = " or ".join(f"{_pose(pose)} ({share:.1%})" for share, pose in pairs)
         text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {poses}; "
+        if len(self.poses) == 1:
+            return text + self._nearby()
         if self.separator is None:
             return text + "no squeeze that was tried gives the first two different widths"
         (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
@@ -85,6 +95,12 @@ class Ambiguity(NamedTuple):
             f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm for "
             f"the first and {other:.1f} mm for the second"
         )
+
+    def _nearby(self) -> str:
+        """Why one pose is not enough."""
+        if self.scatter < 1.0:
+            return "the plan was less sure of it than its trials: more particles of [search] may be"
+        return f"nearly all others lie about it, within {self.scatter:.1f} times the goal: ask for less"
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
@@ -101,18 +117,32 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     metric = metric_of_table(table)
     simulator = Simulator.of_job(job, workers=1)
     found = []
-    for leaf in order:
-        modes = main_poses(evaluation.poses[evaluation.leaf == leaf], metric)
-        if len(modes) < 2:
-            continue
-        poses = np.array([mode.pose for mode in modes])
+    for leaf in order[:most]:
+        here = evaluation.poses[evaluation.leaf == leaf]
+        poses, shares, scatter = _told(here, metric)
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
-        separator = _separator(poses[:2], job, simulator, rng)
+        separator = _separator(poses[:2], job, simulator, rng) if len(poses) > 1 else None
         share = float(visits[leaf] / len(evaluation.leaf))
-        found.append(Ambiguity(leaf, share, poses, tuple(mode.ratio for mode in modes), separator))
-        if len(found) == most:
-            break
+        found.append(Ambiguity(leaf, share, poses, shares, separator, scatter))
     return found
+
+
+def _told(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], float]:
+    """Where the parts of a leaf lie: its main poses, their shares, and the scatter about a single one.
+
+    A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
+    pose that few parts have, or the rim of the one.
+    """
+    modes = main_poses(here, metric)
+    if len(modes) == 1:
+        distance = metric.between(here, modes[0].pose) / metric.goal
+        far = distance > APART
+        outside = np.sum(distance >= 1.0)
+        if 2 * np.sum(far) <= outside:
+            return modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far]))
+        other = metric.main_modes(here[far], 1)[0]
+        modes.append(other._replace(ratio=other.ratio * float(np.mean(far))))
+    return np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes), 0.0
 
 
 def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator) -> Separator | None:

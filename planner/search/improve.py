@@ -19,6 +19,8 @@ DEPTHS = (2, 1)
 good as it gets. The first squeeze has nothing to go by."""
 LEAST_SHARE = 0.03
 """Of the parts that must come to a node for it to be worth while."""
+LEAST_TO_SAVE = 0.15
+"""Squeezes a part beyond the one that it takes at least, likewise."""
 
 
 def improve(
@@ -45,6 +47,8 @@ def improve(
             return
         if progress is not None:
             progress(done, len(cases) - done)
+        if price(node, growth) < (1.0 + LEAST_TO_SAVE) * growth.look_ahead.costs.least * node.share:
+            continue
         other = _other(node, node.alternatives[k], growth, [*seed, k + 1], out_of_time)
         if not out_of_time() and price(other, growth) < price(node, growth):
             node.become(other)
@@ -71,8 +75,14 @@ def bound(node: TreeNode, growth: Growth) -> float:
 
 
 def price(node: TreeNode, growth: Growth) -> float:
-    """What a subtree costs, as a probability of success: its squeezes, and the parts it does not locate."""
-    squeeze = growth.look_ahead.costs.least
+    """What a subtree costs, as a probability of success: its squeezes, and the parts it does not locate.
+
+    A leaf that falls short of the goal will not say where its parts are: it loses all of them, and what it
+    lacks once more, so that of two such leaves the one that knows more is better.
+    """
+    squeeze, confidence = growth.look_ahead.costs.least, growth.look_ahead.confidence
     nodes = breadth_first(node)
+    leaves = [leaf for leaf in nodes if not leaf.children]
     spent = sum(inner.share * inner.cost for inner in nodes if inner.children)
-    return squeeze * spent + sum(leaf.lacking for leaf in nodes if not leaf.children)
+    lost = sum(leaf.share for leaf in leaves if leaf.mode.ratio < confidence)
+    return squeeze * spent + lost + sum(leaf.lacking for leaf in leaves)

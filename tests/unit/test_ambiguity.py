@@ -75,6 +75,45 @@ def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
     assert f"{row.separator.widths_mm[0]:.1f} mm for the first" in row.line()
 
 
+def in_one_leaf(evaluation, poses):
+    return replace(evaluation, leaf=np.zeros(len(poses), np.int64), poses=poses)
+
+
+def scattered(n, rng, mm):
+    return np.column_stack([mm * rng.normal(size=(n, 2)), 0.001 * rng.normal(size=n)])
+
+
+def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evaluation):
+    job = job_with(marked.canonical(), [("part.outline_mm", str(l_shape().tolist()))])
+    n = len(evaluation.leaf)
+    poses = scattered(n, np.random.default_rng(4), 0.2)
+    poses[: n // 50, 2] += math.pi
+    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), job)
+    assert row.shares == pytest.approx((0.98, 0.02), abs=1e-9)
+    assert abs(wrap(row.poses[0, 2] - row.poses[1, 2] - math.pi)) < 0.1
+    assert row.separator is not None
+    assert "(98.0%) or" in row.line()
+
+
+def test_parts_that_scatter_about_one_pose_are_no_second_pose(table, marked, evaluation):
+    n = len(evaluation.leaf)
+    poses = scattered(n, np.random.default_rng(5), 0.2)
+    goal = table.goal.distance_um / 1e3
+    poses[: n // 50, 0] += 1.5 * goal
+    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
+    assert len(row.poses) == 1
+    assert row.separator is None
+    assert 1.5 < row.scatter < 2.0
+    assert "ask for less" in row.line()
+
+
+def test_a_leaf_whose_trials_all_agree_lacked_particles(table, marked, evaluation):
+    poses = scattered(len(evaluation.leaf), np.random.default_rng(6), 0.2)
+    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
+    assert row.scatter < 1.0
+    assert "more particles" in row.line()
+
+
 def test_the_same_seed_finds_the_same(table, marked, evaluation):
     first, second = (ambiguities(table, evaluation, marked, most=1) for _ in range(2))
     assert first[0].figures() == second[0].figures()

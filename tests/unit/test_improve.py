@@ -1,5 +1,6 @@
 """Other squeezes for a node: the cheaper plan stays."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,25 @@ def test_nothing_changes_once_time_is_out(growth):
     assert node.placement[2] == SILENT
 
 
+def test_a_node_that_is_done_after_one_squeeze_is_left_alone(growth):
+    class Forbidden:
+        def squeeze(self, cases, rng):
+            raise AssertionError("there is nothing to save")
+
+    root, _ = tree(growth, TELLING, SILENT)
+    improve(root, replace(growth, reference=Forbidden()), [1])
+
+
+def test_a_leaf_that_will_not_say_loses_all_its_parts(growth):
+    metric = growth.look_ahead.metric
+    nearly = np.concatenate([np.repeat(BELIEF[:1], 95, axis=0), np.repeat(BELIEF[-1:], 5, axis=0)])
+    short = TreeNode(nearly, 0.5, metric.mode(nearly))
+    assert short.mode.ratio == pytest.approx(0.95)
+    assert price(short, growth) == pytest.approx(0.5 + 0.5 * 0.05)
+    met = TreeNode(BELIEF[:1], 0.5, metric.mode(BELIEF[:1]))
+    assert price(met, growth) == 0.0
+
+
 def test_nodes_that_few_parts_come_to_are_left_alone(growth):
     root, node = tree(growth, SILENT, TELLING)
     node.share = 0.01
@@ -71,7 +91,7 @@ def test_nodes_that_few_parts_come_to_are_left_alone(growth):
 
 def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
     root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
-    assert price(root, growth) == pytest.approx(0.5)
+    assert price(root, growth) == pytest.approx(1.0 + 0.5)
     squeeze = growth.look_ahead.costs.least
     assert bound(root, growth) == pytest.approx(squeeze)
     squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
