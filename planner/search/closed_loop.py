@@ -42,7 +42,7 @@ NEARLY = 0.5
 """Squeezes still to make after one of the options, below which none is followed further."""
 LEAST_PROGRESS = 0.001
 """Gain in mode ratio below which no squeeze is planned."""
-LEAST_AT_STAKE = 0.002
+LEAST_AT_STAKE = 0.0003
 """Share of all parts that a belief must lack for a deeper look ahead."""
 LOST = 10.0
 """Squeezes that a belief is worth which no squeeze gets nearer the goal, at the end of the look-ahead."""

@@ -21,8 +21,8 @@ from planner.search.outcomes import MotionModel
 
 ALTERNATIVES = 3
 """Placements kept for a node besides the chosen one."""
-MOST_IDLE = 2
-"""Squeezes that may get a belief no nearer the goal: two may be needed to tell two poses apart."""
+MOST_IDLE = 3
+"""Squeezes that may get a belief no nearer the goal: two or three may be needed to tell two poses apart."""
 NEWS = 0.002
 """Mode ratio that an exhausted leaf must have lost before squeezes are looked for again."""
 LEAST_PARTICLES = 100

@@ -98,16 +98,15 @@ def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
     assert price(root, growth) == bound(root, growth) == pytest.approx(squeeze)
 
 
-def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_two(growth):
+def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
     silent = Growth(look_ahead([TELLING]), Oracle(), growth.handling, 9)
-    bimodal = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
-    squeeze_at(bimodal, placed(SILENT), silent, np.random.default_rng(0))
-    (second,) = bimodal.children
-    squeeze_at(second, placed(SILENT), silent, np.random.default_rng(0))
-    (third,) = second.children
-    assert (second.idle, third.idle) == (1, 2)
-    grow(bimodal, silent, [1])
-    assert third.children == []
+    root = leaf = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+    for idle in range(1, MOST_IDLE + 1):
+        squeeze_at(leaf, placed(SILENT), silent, np.random.default_rng(0))
+        (leaf,) = leaf.children
+        assert leaf.idle == idle
+    grow(root, silent, [1])
+    assert leaf.children == []
 
 
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):

@@ -280,6 +280,24 @@ def audit_drift(kept: dict) -> str:
     return f"{markdown(header, rows)}\n\n{note}"
 
 
+def worlds(kept: dict) -> str:
+    """Confident wrong answers of tests/bench/bench_worlds.py: a row a world, a column a plan."""
+    plans = kept["rows"]
+    header = ["world", *[f"{plan['part']}, {plan['plan']}" for plan in plans]]
+    rows = [
+        [name, *[percent(plan["worlds"][name]["wrong_rate"]) for plan in plans]] for name in plans[0]["worlds"]
+    ]
+    worst = [max(found["wrong_rate"] for found in plan["worlds"].values()) for plan in plans]
+    planned = [plan["worlds"]["as planned"] for plan in plans]
+    rows += [
+        ["**the worst of them**", *[f"**{percent(rate)}**" for rate in worst]],
+        ["squeezes, as planned", *[f"{found['mean_squeezes']:.2f}" for found in planned]],
+        ["success, as planned", *[percent(found["success_rate"]) for found in planned]],
+        ["planned in", *[f"{plan['seconds']:.0f} s" for plan in plans]],
+    ]
+    return markdown(header, rows)
+
+
 def others(_: dict) -> str:
     """Every file that has no table of its own, as names and values."""
     known = {name.partition("-")[0] for name in TABLES}
@@ -309,6 +327,7 @@ def flat(value: object, name: str = "") -> list[tuple[str, object]]:
 TABLES = {
     "table1": compared,
     "zoo": compared,
+    "worlds": worlds,
     "squeeze-speed": squeeze_speed,
     "squeeze-convergence": squeeze_convergence,
     "squeeze-goldberg": squeeze_goldberg,

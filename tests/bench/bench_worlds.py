@@ -1,0 +1,78 @@
+"""Plans in worlds that are not what they believe: how often is an answer confident and wrong? Not in the gate.
+
+    python tests/bench/bench_worlds.py [--parts butterfly-10 ...] [--trials 20000]
+
+The jobs of Table I, each planned as it stands and *carefully*: with placements from the belief, and with every
+leaf squeezed once more that would be wrong in one of seven worlds a little off (`goal.stress_trials`). Both
+plans go through the standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and
+writes `results/worlds.json` beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from planner import job as job_file  # noqa: E402
+from planner.compile import compile_job  # noqa: E402
+from planner.evaluation.sweep import standard_cases, sweep  # noqa: E402
+from planner.job import Job  # noqa: E402
+from planner.overrides import job_with  # noqa: E402
+from planner.scheduler import Threads  # noqa: E402
+from planner.world import ContactWorlds  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "worlds.json"
+PARTS = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
+PLANS = {
+    "as the job stands": [],
+    "careful": [("actions.proposals", "belief"), ("goal.stress_trials", "2000")],
+}
+SEED = 99
+"""Of the parts and the worlds; no plan is made with it."""
+
+
+def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
+    """One plan in all the worlds."""
+    job = job_file.load(ROOT / "trees" / part / "job.toml")
+    start = time.perf_counter()
+    table = compile_job(job_with(job.canonical(), PLANS[plan])).table
+    seconds = time.perf_counter() - start
+
+    def worlds(real: Job) -> ContactWorlds:
+        return ContactWorlds.of_job(real, SEED)
+
+    found = {}
+    for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
+        figures = line.evaluation.summary()
+        found[line.case.name] = {
+            key: figures[key] for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
+        }
+    worst = max(found, key=lambda name: found[name]["wrong_rate"])
+    print(
+        f"{part}, {plan}: {found['as planned']['mean_squeezes']:.2f} squeezes, planned in {seconds:.1f} s, "
+        f"worst {found[worst]['wrong_rate']:.2%} wrong with {worst}",
+        flush=True,
+    )
+    return {"part": part, "plan": plan, "seconds": seconds, "nodes": len(table.nodes), "worlds": found}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--trials", type=int, default=20_000, help="parts in each world (default: %(default)s)")
+    options = parser.parse_args()
+    rows = [bench(part, plan, options.trials) for part in options.parts for plan in PLANS]
+    told = {"machine": platform.platform(), "trials": options.trials, "rows": rows}
+    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
