@@ -78,7 +78,7 @@ class Cluster:
             raise self._error(f"{problem}; check the address, or start one with: dask scheduler") from error
         try:
             self._await_workers()
-        except BaseException:
+        except BaseException:  # Ctrl-C, too, must not leave the client connected
             self.__exit__(None, None, None)
             raise
         return self

@@ -74,7 +74,7 @@ class CellProcess:
             raise CellStartError(f"{told}; try it by itself") from error
         try:
             self.endpoints = _endpoints(_first_line(self._process, START_S, SystemClock()))
-        except BaseException:
+        except BaseException:  # Ctrl-C, too, must not leave the process behind
             self.close()
             raise
 

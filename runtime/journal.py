@@ -70,7 +70,7 @@ class Journal:
             raise _unwritable(path, error) from error
         try:
             self._claim()
-        except BaseException:
+        except BaseException:  # Ctrl-C, too, must not leave the file claimed
             self.close()
             raise
 

@@ -117,7 +117,7 @@ def dump(table: Table, path: Path | str) -> None:
             os.fchmod(file.fileno(), 0o644)
             os.fsync(file.fileno())
         Path(name).replace(path)
-    except BaseException:
+    except BaseException:  # Ctrl-C, too, must not leave a draft behind
         with contextlib.suppress(FileNotFoundError):
             Path(name).unlink()
         raise

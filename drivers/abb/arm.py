@@ -242,6 +242,6 @@ def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
 def _once(stream: Stream, pace: Pace, setup: Setup) -> Arm:
     try:
         return Arm(stream, pace, setup)
-    except BaseException:
+    except BaseException:  # Ctrl-C, too, must not leave the socket open
         stream.close()
         raise

@@ -256,6 +256,6 @@ def over(link: Link, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
     """
     try:
         return Gripper(ReadOnlyLink(link) if read_only else link, pace, report)
-    except BaseException:
+    except BaseException:  # Ctrl-C, too, must not leave the port open
         link.close()
         raise

@@ -1,11 +1,11 @@
-"""Plans in worlds that are not what they believe: how often is an answer confident and wrong? Not in the gate.
+"""Plans in worlds that are not what they believe: how often is an answer confident and wrong?
 
     python tests/bench/bench_worlds.py [--parts butterfly-10 ...] [--trials 20000]
 
-The jobs of Table I, each planned as it stands and *carefully*: with placements from the belief, and with every
-leaf squeezed once more that would be wrong in one of seven worlds a little off (`goal.stress_trials`). Both
-plans go through the standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and
-writes `results/worlds.json` beside this file.
+Not part of the gate. The jobs of Table I, each planned as it stands and *carefully*: with placements from the
+belief, and with every leaf squeezed once more that would be wrong in one of seven worlds a little off
+(`goal.stress_trials`). Both plans go through the standard set of worlds of `plan-evaluate --sweep`, with the
+same parts. Prints figures and writes `results/worlds.json` beside this file.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--trials", type=int, default=20_000, help="parts in each world (default: %(default)s)")
+    parser.add_argument(
+        "--trials", type=int, default=20_000, help="parts in each world (default: %(default)s)"
+    )
     options = parser.parse_args()
     rows = [bench(part, plan, options.trials) for part in options.parts for plan in PLANS]
     told = {"machine": platform.platform(), "trials": options.trials, "rows": rows}

@@ -285,7 +285,8 @@ def worlds(kept: dict) -> str:
     plans = kept["rows"]
     header = ["world", *[f"{plan['part']}, {plan['plan']}" for plan in plans]]
     rows = [
-        [name, *[percent(plan["worlds"][name]["wrong_rate"]) for plan in plans]] for name in plans[0]["worlds"]
+        [name, *[percent(plan["worlds"][name]["wrong_rate"]) for plan in plans]]
+        for name in plans[0]["worlds"]
     ]
     worst = [max(found["wrong_rate"] for found in plan["worlds"].values()) for plan in plans]
     planned = [plan["worlds"]["as planned"] for plan in plans]
