@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 from planner.ambiguity import Ambiguity, ambiguities
 from planner.arrays import BoolArray
 from planner.compile import Plan
+from planner.delay import Delay, delays
 from planner.encoder import encoder_of
 from planner.evaluation.outcome import Evaluation
 from planner.job import Job
@@ -23,6 +24,9 @@ CLOSE_COUNTS = 4.0
 """Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
 BORDER_COUNTS = 2.0
 """A reading this near to the border between two branches may have been the other one."""
+LONG = 3.6
+"""Squeezes a part from which a plan is long."""
+MOST_LATE = 3
 MOST_LINES = 5
 MOST_TRIALS = 5000
 """Parts squeezed for each source of noise."""
@@ -82,6 +86,7 @@ class Advice:
         open_poses: the unresolved leaves that hold most parts, and what would resolve them.
         gains: what each source of noise costs; empty if not asked for.
         proposing: whether placements were proposed besides the stated ones.
+        delays: of a long plan, the nodes that many parts still come to late; empty without the tree.
     """
 
     failing: float
@@ -93,6 +98,7 @@ class Advice:
     open_poses: tuple[Ambiguity, ...]
     gains: tuple[Gain, ...]
     proposing: bool
+    delays: tuple[Delay, ...] = ()
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -105,6 +111,7 @@ class Advice:
             "unused": [branch._asdict() for branch in self.unused],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain.figures() for gain in self.gains],
+            "delays": [delay.figures() for delay in self.delays],
         }
 
     def lines(self) -> list[str]:
@@ -112,6 +119,7 @@ class Advice:
         return [
             *_limits(self),
             *(leaf.line() for leaf in self.open_poses),
+            *(delay.line() for delay in self.delays),
             *_confusions(self.pairs),
             *_unused(self.unused, self.unvisited),
         ]
@@ -152,7 +160,10 @@ def counsel(plan: Plan, job: Job, scheduler: Scheduler | None = None, report: Re
     """
     trials = min(len(plan.evaluation.leaf), MOST_TRIALS)
     gains = sensitivity(plan.table, job, trials, scheduler, report)
-    return advise(plan.table, plan.evaluation, job, gains)
+    advice = advise(plan.table, plan.evaluation, job, gains)
+    if plan.evaluation.squeezes.mean() < LONG:
+        return advice
+    return replace(advice, delays=tuple(delays(plan.root, job, MOST_LATE)))
 
 
 def _close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:

@@ -84,7 +84,7 @@ class Ambiguity(NamedTuple):
     def line(self) -> str:
         """For people."""
         pairs = zip(self.shares, self.poses, strict=True)
-        poses = " or ".join(f"{_pose(pose)} ({share:.1%})" for share, pose in pairs)
+        poses = " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
         text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {poses}; "
         if len(self.poses) == 1:
             return text + self._nearby()
@@ -119,7 +119,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     found = []
     for leaf in order[:most]:
         here = evaluation.poses[evaluation.leaf == leaf]
-        poses, shares, scatter = _told(here, metric)
+        poses, shares, scatter = whereabouts(here, metric)
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
         separator = _separator(poses[:2], job, simulator, rng) if len(poses) > 1 else None
         share = float(visits[leaf] / len(evaluation.leaf))
@@ -127,11 +127,19 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     return found
 
 
-def _told(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], float]:
-    """Where the parts of a leaf lie: its main poses, their shares, and the scatter about a single one.
+def whereabouts(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], float]:
+    """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
 
     A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
     pose that few parts have, or the rim of the one.
+
+    Args:
+        here: (n, 3) true poses, n >= 1.
+        metric: of the goal.
+
+    Returns:
+        (m, 3) poses, m shares, and for a single pose the distance from it of the furthest of those about it,
+        in units of the goal; else 0.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -176,5 +184,6 @@ def _placements(pair: Array, job: Job) -> Iterator[Array]:
                 yield np.array([x, y, wrap(angle, HALF_TURN_ALIKE)])
 
 
-def _pose(pose: Array) -> str:
+def pose_text(pose: Array) -> str:
+    """A pose (3,) in millimetres and degrees."""
     return f"({pose[0]:z.1f}, {pose[1]:z.1f}) mm {math.degrees(math.remainder(pose[2], math.tau)):z.0f} deg"
