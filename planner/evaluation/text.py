@@ -76,14 +76,14 @@ def furthest(mistakes: list[Mistake]) -> list[str]:
     return lines
 
 
-SWEEP_HEAD = f"{'world':30s} success    wrong reject unresolved squeezes seconds"
+SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
 def sweep_row(line: Line) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`."""
     figures = line.evaluation.summary()
     return (
-        f"{line.case.name:30s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
+        f"{line.case.name:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
         f"{figures['reject_rate']:6.2%} {figures['unresolved_rate']:10.2%} {figures['mean_squeezes']:8.2f} "
         f"{figures['mean_seconds']:7.1f}"
     )

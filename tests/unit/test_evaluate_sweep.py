@@ -12,6 +12,7 @@ from problems import OUTLINES
 from planner import job as job_file
 from planner.evaluate import evaluate
 from planner.evaluation.sweep import standard_cases, sweep, three_feet
+from planner.evaluation.text import SWEEP_HEAD, sweep_row
 from planner.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
@@ -80,3 +81,10 @@ def test_lower_friction_jams_less(job):
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.15 to 0.25")]
     plain, slippery = sweep(table, job, cases, worlds, 2000, 4)
     assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
+
+
+def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
+    table = load(TREES / "rectangle.msgpack")
+    longest = max(standard_cases(job), key=lambda case: len(case.name))
+    (line,) = sweep(table, job, [longest], worlds, 50, 1)
+    assert len(sweep_row(line)) == len(SWEEP_HEAD)
