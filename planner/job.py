@@ -260,6 +260,18 @@ def load(path: str | Path) -> Job:
     return parse(documents.read(path), str(path))
 
 
+def files(path: str | Path) -> list[Path]:
+    """The files that `load` reads: the job file, and what it names.
+
+    Raises:
+        JobError: as `load`.
+    """
+    document = documents.from_toml(documents.read(path), str(path))
+    pressure = document.get("pressure")
+    named = pressure.get("surface_file") if isinstance(pressure, dict) else None
+    return [Path(path), *([Path(path).parent / named] if isinstance(named, str) else [])]
+
+
 def parse(text: str, where: str = "job") -> Job:
     """Parse a job from TOML text.
 

@@ -19,6 +19,7 @@ from runtime.lock import PortLock
 from runtime.ports import Gripper
 from runtime.reading import CLOSED_COUNTS, check_fresh
 from runtime.safety import ready_gripper
+from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
@@ -222,8 +223,10 @@ def _checked(
         raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
         raise UsageError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
-    if not arguments.output.parent.is_dir():
-        raise UsageError(f"--output {arguments.output}: there is no folder {arguments.output.parent}")
+    try:
+        usable(arguments.output)
+    except OutputError as error:
+        raise UsageError(f"--output {error}") from error
     tips = current = None
     if arguments.tips is not None:
         link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)

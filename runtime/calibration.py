@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runtime.errors import CalibrationError, TableError
+from runtime.shell.files import writing
 from runtime.table import Calibration, GripperSpec
 
 FORMAT = 1
@@ -121,9 +122,10 @@ def save(calibration: GripperCalibration, path: Path) -> None:
     body = _body(calibration)
     text = json.dumps({**body, "sha256": _digest(body)}, indent=1) + "\n"
     try:
-        path.write_text(text, encoding="ascii")
+        with writing(path) as draft:
+            draft.write_text(text, encoding="ascii")
     except OSError as error:
-        raise CalibrationError(f"calibration {path}: {error.strerror}; name another file") from error
+        raise CalibrationError(f"calibration {error}") from error
 
 
 def load(path: Path) -> GripperCalibration:

@@ -5,6 +5,7 @@ The one module of the runtime that opens devices.
 
 import argparse
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -128,7 +129,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     # First of all, since it may be refused; what runs below closes before it, and is watched until then.
     monitor = stack.enter_context(Monitor(console, table, arguments.tree, options.views(arguments)))
     journal = begun = None
-    if _is_begun(arguments.journal):
+    if os.path.lexists(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
         begun = crash.look(journal, data, header, policy, console)
     incidents = Incidents()
@@ -158,10 +159,6 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     )
     monitor.summary(tally, arguments.journal)
     return tally.exit_code
-
-
-def _is_begun(path: Path) -> bool:
-    return path.is_file() and path.stat().st_size > 0
 
 
 def _check_fit(table: Table, plan: Plan) -> None:

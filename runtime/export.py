@@ -6,6 +6,7 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.replay import Entry
+from runtime.shell.files import writing
 
 SQUEEZE = {
     "time": "time",
@@ -58,18 +59,15 @@ def write_csv(found: Iterable[Row], path: Path) -> int:
     """Write rows as CSV with a header line; returns their number.
 
     Raises:
-        UsageError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS)
-            writer.writeheader()
-            number = 0
-            for row in found:
-                writer.writerow(row)
-                number += 1
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror}; name another file") from error
+    with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        number = 0
+        for row in found:
+            writer.writerow(row)
+            number += 1
     return number
 
 
@@ -77,7 +75,8 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
     """Write rows as Parquet; returns their number.
 
     Raises:
-        UsageError: pyarrow is not installed, or the file cannot be written.
+        UsageError: pyarrow is not installed.
+        OutputError: the file cannot be written.
     """
     try:
         import pyarrow
@@ -89,10 +88,8 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
         ) from error
     listed = list(found)
     columns = {name: [row[name] for row in listed] for name in COLUMNS}
-    try:
-        parquet.write_table(pyarrow.table(columns), path)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
+    with writing(path) as draft:
+        parquet.write_table(pyarrow.table(columns), draft)
     return len(listed)
 
 

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import BinaryIO, NamedTuple, Self
 
 from runtime.errors import JournalError, TornError
+from runtime.shell.files import oddity
 
 VERSION = 1
 GENESIS = "0" * 64
@@ -42,7 +43,8 @@ class _End(NamedTuple):
 class Journal:
     """A journal being written. An existing one is verified and continued, never overwritten.
 
-    A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it.
+    A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it. A
+    file that holds anything else is left as it is.
 
     Attributes:
         path: the file.
@@ -65,7 +67,7 @@ class Journal:
         self._end = _End(GENESIS, 0, 0)
         self._failed = False
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._file = _opened(path)
         except OSError as error:
             raise _unwritable(path, error) from error
         try:
@@ -78,22 +80,21 @@ class Journal:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _sync_directory(self.path.parent)
-            self._cut_torn_line()
+            self._go_on()
         except BlockingIOError:
             raise JournalError(self.path, "is being written by another process; name another file") from None
         except OSError as error:
             raise _unwritable(self.path, error) from error
-        if self._end.size:
-            held = verify(self.path)
-            self._end = _End(held.head, held.records, self._end.size)
 
-    def _cut_torn_line(self) -> None:
-        size = os.fstat(self._file).st_size
-        whole = _end_of_last_line(self._file, size)
-        self._end = _End(GENESIS, 0, whole)
-        self.cut_bytes = size - whole
+    def _go_on(self) -> None:
+        """Verify what the locked file holds; only then cut what a crash left unfinished at its end."""
+        with open(self._file, "rb", closefd=False) as file:
+            held = _verified(self.path, file, torn=True)
+            size = file.seek(0, os.SEEK_END)
+        self._end = _End(held.head, held.records, held.size)
+        self.cut_bytes = size - held.size
         if self.cut_bytes:
-            os.ftruncate(self._file, whole)
+            os.ftruncate(self._file, held.size)
             os.fsync(self._file)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
@@ -173,6 +174,7 @@ class Verified:
         table: the bytes of the table embedded for the last run.
         closed: whether the last run wrote its last record.
         head: digest of the last record, what the next one has to hold.
+        size: length of all records, bytes.
     """
 
     records: int
@@ -180,6 +182,7 @@ class Verified:
     table: bytes
     closed: bool
     head: str
+    size: int
 
 
 def verify(path: Path) -> Verified:
@@ -188,18 +191,24 @@ def verify(path: Path) -> Verified:
     Raises:
         JournalError: naming the first line that does not verify.
     """
-    number, runs, closed, table, head = 0, 0, True, b"", GENESIS
-    for entry, digest in _chain(path):
-        number, head = number + 1, digest
+    with _reading(path) as file:
+        seen = _verified(path, file)
+    if not seen.records:
+        raise JournalError(path, "is empty")
+    return seen
+
+
+def _verified(path: Path, file: BinaryIO, *, torn: bool = False) -> Verified:
+    number, runs, closed, table, head, size = 0, 0, True, b"", GENESIS, 0
+    for entry, length in _chain(path, file, torn=torn):
+        number, head, size = number + 1, str(entry["digest"]), size + length
         if entry["kind"] == "header":
             table, runs, closed = _embedded_table(path, number, entry), runs + 1, False
         elif closed:
             raise JournalError(path, "does not belong to a run; a header was expected", number)
         else:
             closed = entry["kind"] == "end"
-    if number == 0:
-        raise JournalError(path, "is empty")
-    return Verified(number, runs, table, closed, head)
+    return Verified(number, runs, table, closed, head, size)
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
@@ -208,22 +217,39 @@ def records(path: Path) -> Iterator[dict[str, object]]:
     Raises:
         JournalError: the file cannot be read, or naming the first line that does not verify.
     """
-    return (entry for entry, _ in _chain(path))
+    with _reading(path) as file:
+        for entry, _ in _chain(path, file):
+            yield entry
 
 
-def _chain(path: Path) -> Iterator[tuple[dict[str, object], str]]:
-    """Each record with its digest."""
-    head = GENESIS
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[BinaryIO]:
     try:
         with path.open("rb") as file:
-            for number in count(1):
-                if not (line := file.readline(MAX_LINE_BYTES)):
-                    return
-                entry = _checked(path, number, line, head)
-                head = str(entry["digest"])
-                yield entry, head
+            yield file
     except OSError as error:
         raise JournalError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _chain(path: Path, file: BinaryIO, *, torn: bool = False) -> Iterator[tuple[dict[str, object], int]]:
+    """Each record with the length of its line; `torn` lets the file end with the beginning of one."""
+    head = GENESIS
+    for number in count(1):
+        line = file.readline(MAX_LINE_BYTES)
+        if not line or (torn and _is_begun(line, number) and not file.read(1)):
+            return
+        entry = _checked(path, number, line, head)
+        head = str(entry["digest"])
+        yield entry, len(line)
+
+
+def _is_begun(line: bytes, number: int) -> bool:
+    """Whether a line could be what a crash left of a record; a file system may fill its end with zeros."""
+    opening = b'{"seq":%d,"time":"' % (number - 1)
+    if line.endswith(b"\n"):
+        return False
+    left = line.rstrip(b"\0")
+    return left.startswith(opening) or (number > 1 and opening.startswith(left))
 
 
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
@@ -269,13 +295,28 @@ def _write_all(file: int, data: bytes) -> None:
         data = data[os.write(file, data) :]
 
 
-def _end_of_last_line(file: int, size: int) -> int:
-    """Where the last whole line of a file ends; at most `MAX_LINE_BYTES` are looked through."""
-    start = max(size - MAX_LINE_BYTES, 0)
-    tail = b""
-    while start + len(tail) < size and (piece := os.pread(file, size - start - len(tail), start + len(tail))):
-        tail += piece
-    return start + tail.rfind(b"\n") + 1 if b"\n" in tail or start == 0 else size
+def _opened(path: Path) -> int:
+    """A descriptor of a regular file, made if need be and never reached through a link.
+
+    Raises:
+        JournalError: it is something else.
+        OSError: it cannot be opened.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        _check_regular(path, path.lstat().st_mode)
+    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    file = os.open(path, flags, 0o644)
+    try:
+        _check_regular(path, os.fstat(file).st_mode)
+    except JournalError:
+        os.close(file)
+        raise
+    return file
+
+
+def _check_regular(path: Path, mode: int) -> None:
+    if reason := oddity(mode):
+        raise JournalError(path, f"cannot be written: {reason}; name another file")
 
 
 def _sync_directory(path: Path) -> None:

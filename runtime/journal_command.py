@@ -13,6 +13,7 @@ from runtime.console import give_up
 from runtime.errors import CellError, JournalError, UsageError, exit_code_of
 from runtime.journal import records, verify
 from runtime.replay import Entry, Replay
+from runtime.shell.files import STDOUT, OutputError, usable, words_of
 
 EXIT_CODES = """\
 exit codes:
@@ -42,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read us has seen enough
         give_up(sys.stdout)
         return 0
-    except CellError as error:
+    except (CellError, OutputError) as error:
         return _told(error, debug=arguments.debug)
     except OSError as error:  # files tell theirs as a CellError
         give_up(sys.stdout)
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _told(error: CellError, *, debug: bool) -> int:
+def _told(error: CellError | OutputError, *, debug: bool) -> int:
     if debug:
         traceback.print_exc()
     print(f"grasp-journal: {error}", file=sys.stderr)
@@ -76,8 +77,9 @@ def parser() -> argparse.ArgumentParser:
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
     exported = _subcommand(subcommands, "export", _export, "one row a squeeze, as CSV or Parquet")
     exported.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="F", help="file.csv or file.parquet"
-    )
+        "-o", "--output", type=Path, required=True, metavar="F",
+        help="file.csv or file.parquet; - for CSV on standard output",
+    )  # fmt: skip
     return built
 
 
@@ -141,14 +143,14 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(arguments.output.suffix)
+    output = usable(arguments.output, arguments.journal, stdout=True)
+    suffix = ".csv" if output in STDOUT else output.suffix
+    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(suffix)
     if write is None:
-        raise UsageError(f"--output {arguments.output}: name it .csv or .parquet")
-    rows = write(export.rows(_entries(arguments.journal)), arguments.output)
-    if arguments.json:
-        print(json.dumps({"rows": rows, "output": str(arguments.output)}))
-    else:
-        print(f"{rows} squeezes written to {arguments.output}")
+        raise UsageError(f"--output {output}: name it .csv or .parquet")
+    rows = write(export.rows(_entries(arguments.journal)), output)
+    told = json.dumps({"rows": rows, "output": str(output)})
+    print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0
 
 

@@ -1,46 +1,50 @@
-"""One process a device: a lock by the device's own name, whatever path or address it was named by."""
+"""One process a device: a lock by the device's own name, whatever path or address it was named by.
 
-import contextlib
-import fcntl
+The lock is a socket in Linux's abstract namespace. It is no file: nothing can be planted in its place, it has
+no owner or folder that would differ between users and sessions, and it is gone with its process.
+"""
+
+import errno
 import hashlib
+import ipaddress
 import os
-import tempfile
+import socket
+import stat
+import struct
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+from urllib.parse import urlsplit
 
 from runtime.errors import PortBusyError
+
+CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
 
 
 class PortLock:
     """Held while a process of ours works with a device; gone with the process, however it ends.
 
     Args:
-        port: a tty's path or an address. Links such as /dev/serial/by-id are followed to the device.
-        folder: where lock files are; None for the user's runtime folder, or the machine's temporary one.
+        port: a tty's path or an address. Links such as /dev/serial/by-id are followed to the device, names of
+            hosts to their addresses.
 
     Raises:
         PortBusyError: another process holds it; the message tells which.
     """
 
-    def __init__(self, port: str, folder: Path | None = None) -> None:
-        digest = hashlib.sha256(_device(port).encode()).hexdigest()[:16]
-        self.path = (folder or _folder()) / f"squeezetree-{digest}.lock"
-        self._file = _locked(self.path, port)
-        os.ftruncate(self._file, 0)
-        os.pwrite(self._file, f"{os.getpid()}\n".encode("ascii"), 0)
+    def __init__(self, port: str) -> None:
+        self._held: list[socket.socket] = []
+        try:
+            for name in _devices(port):
+                self._held.append(_bound(name, port))
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Let go of it; the second time does nothing."""
-        file, self._file = self._file, -1
-        if file < 0:
-            return
-        # Removed while still locked: whoever opened this file meanwhile finds, once it has the lock, that the
-        # path names it no longer. A file that somebody else put there is not ours to remove.
-        with contextlib.suppress(OSError):
-            if _names(self.path, file):
-                self.path.unlink()
-        os.close(file)
+        while self._held:
+            self._held.pop().close()
 
     def __enter__(self) -> Self:
         return self
@@ -51,50 +55,68 @@ class PortLock:
         self.close()
 
 
-def _locked(path: Path, port: str) -> int:
-    """A descriptor of the file at a path, locked while the path names it."""
-    while True:
-        file = _opened(path, port)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            owner = os.pread(file, 100, 0).decode("ascii", "replace").strip() or "unknown"
-            os.close(file)
-            raise PortBusyError(
-                f"port {port} is in use by another process of squeezetree (process {owner}); stop that first"
-            ) from None
-        if _names(path, file):
-            return file
-        os.close(file)  # its owner removed it between our opening and our locking it
-
-
-def _opened(path: Path, port: str) -> int:
+def _bound(name: str, port: str) -> socket.socket:
+    """The socket that stands for a device."""
+    address = f"\0squeezetree-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        made.bind(address)
+        made.listen()  # so that who finds it taken can connect, and learns by whom
     except OSError as error:
+        made.close()
+        if error.errno != errno.EADDRINUSE:
+            raise PortBusyError(f"port {port}: its lock cannot be taken ({error.strerror})") from error
         raise PortBusyError(
-            f"port {port}: its lock {path} cannot be opened ({error.strerror}); "
-            "another user may be working with it"
-        ) from error
+            f"port {port} is in use by another process of squeezetree (process {_owner(address)}); "
+            "stop that first"
+        ) from None
+    return made
 
 
-def _names(path: Path, file: int) -> bool:
-    """Whether a path still names an open file."""
+def _owner(address: str) -> str:
+    """The number of the process that listens at an address."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(address)
+            told = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
+        except OSError:  # it let go meanwhile, or has been asked too often
+            return "unknown"
+    return str(CREDENTIALS.unpack(told)[0] or "of another container")
+
+
+def _devices(port: str) -> list[str]:
+    """The device's own names: all addresses of a host, the numbers of a tty; one that no port shares."""
+    if port.startswith("can:"):
+        return [port.partition("?")[0]]
+    if "://" in port:
+        return _addresses(port)
+    path = os.path.realpath(port)
     try:
-        return os.path.samestat(path.stat(), os.fstat(file))
-    except FileNotFoundError:
-        return False
+        status = Path(path).stat()
+    except OSError:
+        return [path]
+    return [f"device {status.st_rdev}" if stat.S_ISCHR(status.st_mode) else path]
 
 
-def _device(port: str) -> str:
-    """The device's own name: an address without its settings, or the file that a link leads to."""
-    if "://" in port or port.startswith("can:"):
-        return port.partition("?")[0]
-    return os.path.realpath(port)
+def _addresses(url: str) -> list[str]:
+    """Host and port of an address, the host as each of its numbers; this machine is one under all names."""
+    try:
+        parts = urlsplit(url)
+        host, number = parts.hostname or "", parts.port
+    except ValueError:
+        return [url]
+    try:
+        found = {str(row[4][0]) for row in socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)}
+    except (OSError, UnicodeError):
+        found = {host}  # which nobody can connect to
+    return [f"{address} {number}" for address in sorted({_canonical(text) for text in found})]
 
 
-def _folder() -> Path:
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and os.access(runtime, os.W_OK):
-        return Path(runtime)
-    return Path(tempfile.gettempdir())
+def _canonical(text: str) -> str:
+    try:
+        address = ipaddress.ip_address(text.partition("%")[0])
+    except ValueError:
+        return text
+    address = getattr(address, "ipv4_mapped", None) or address
+    return "this machine" if address.is_loopback or address.is_unspecified else str(address)

@@ -10,13 +10,11 @@ outcome = count_map(node, Calibration.linear(table.gripper))[count]
 ```
 """
 
-import contextlib
 import hashlib
-import os
-import tempfile
 from pathlib import Path
 
 from runtime.errors import TableError, TableFileError
+from runtime.shell.files import writing
 from runtime.table_canonical import canonical
 from runtime.table_check import check
 from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, decode, encode
@@ -105,22 +103,11 @@ def dump(table: Table, path: Path | str) -> None:
 
     Raises:
         TableError: it must not be executed, and why.
-        OSError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     data = dumps(table)
-    path = Path(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fchmod(file.fileno(), 0o644)
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:  # Ctrl-C, too, must not leave a draft behind
-        with contextlib.suppress(FileNotFoundError):
-            Path(name).unlink()
-        raise
+    with writing(Path(path)) as draft:
+        draft.write_bytes(data)
 
 
 def load(path: Path | str) -> Table:

@@ -14,9 +14,10 @@ import numpy as np
 from drivers.camera import calibration, residual_picture, tag_file
 from drivers.camera.board import parse
 from drivers.camera.calibrate import Made, Material, calibrate, glue, pictures_in, read_poses
-from drivers.camera.errors import CameraFileError, RefusedError
+from drivers.camera.errors import RefusedError
 from drivers.camera.sources import open_source
 from drivers.camera.tag_file import PartTag, Pose
+from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
 Told = Generator[str, None, dict[str, object]]
@@ -96,11 +97,18 @@ def run_camera(options: argparse.Namespace) -> Told:
         options.references,
         options.board_height,
     )
+    picture = options.output.with_suffix(".svg")
+    read = (
+        *(*material.held, *material.table, options.touched, options.references),
+        *(touched.picture for touched in material.touched),
+    )
+    for output, other in ((options.output, None), (picture, options.output)):
+        usable(output, *read, other)
     made = calibrate(material, now())
     calibration.save(made.calibration, options.output)
-    picture = options.output.with_suffix(".svg")
     boards = [view.pixels for view in made.views]
-    _write(picture, residual_picture.draw(made.calibration, made.residuals, boards))
+    with writing(picture) as draft:
+        draft.write_text(residual_picture.draw(made.calibration, made.residuals, boards), encoding="ascii")
     yield from report(made, material)
     yield f"written to {options.output} and {picture}"
     return {"output": str(options.output), "picture": str(picture), **figures(made, material)}
@@ -142,10 +150,13 @@ def figures(made: Made, material: Material) -> dict[str, object]:
 def run_tag(options: argparse.Namespace) -> Told:
     """Measure or state where a tag is on its part."""
     tag = PartTag(options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height)
+    usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
             raise RefusedError("give --at X,Y,THETA, or --calibration and --poses to have it measured")
-        tag = glue(calibration.load(options.calibration), tag, read_poses(options.poses))
+        touched = read_poses(options.poses)
+        usable(options.output, *(known.picture for known in touched))
+        tag = glue(calibration.load(options.calibration), tag, touched)
     tag_file.save(tag, options.output, now())
     x_mm, y_mm, theta_rad = tag.on_part
     yield f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad"
@@ -163,14 +174,14 @@ def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] | Non
     ask = ask or (_ask_beside if options.json else input)
     source = open_source(options.camera, options.size)
     taken = []
-    options.output.mkdir(parents=True, exist_ok=True)
+    folder(options.output, Path(options.camera))
     try:
         for number in range(options.count):
             ask(f"Picture {number + 1} of {options.count}: press Enter. ")
             picture = source.picture(time.monotonic() + PICTURE_S)
             path = options.output / f"{options.stem}-{number:03d}.png"
-            if not cv2.imwrite(str(path), picture):
-                raise CameraFileError(f"{path}: cannot be written")
+            with writing(path) as draft:
+                draft.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
             taken.append(str(path))
             yield f"{path}: {picture.shape[1]} x {picture.shape[0]}"
     finally:
@@ -254,13 +265,6 @@ def _pose(text: str) -> Pose:
 def _size(text: str) -> tuple[int, int]:
     width, height = map(int, text.split("x"))
     return (width, height)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="ascii")
-    except OSError as error:
-        raise CameraFileError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import cv2
 from drivers.camera import calibration, drift, service, subject, tag_file
 from drivers.camera.auditor import Auditor
 from drivers.camera.sources import open_source
+from runtime.shell.files import folder
 
 EXIT_CODES = """\
 exit codes:
@@ -113,6 +114,8 @@ def make(options: argparse.Namespace) -> Auditor:
         CameraError: a file about the camera is refused, or there is none.
         Exception: the table's reader's own errors.
     """
+    if options.pictures is not None:
+        folder(options.pictures, Path(options.camera))
     known = calibration.load(options.calibration)
     about = subject.from_table(options.tree, tag_file.load(options.tag))
     lens = known.view.lens

@@ -5,12 +5,12 @@ A file changed by hand, cut short or written for something else is refused with 
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from drivers.camera.errors import CameraFileError
+from runtime.shell.files import writing
 
 MAX_FILE_BYTES = 4 << 20
 
@@ -28,13 +28,11 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
     """
     document = {"kind": kind, **body}
     text = json.dumps({**document, "sha256": _digest(document)}, indent=1, allow_nan=False) + "\n"
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        beside.write_text(text, encoding="ascii")
-        beside.replace(path)
+        with writing(path) as draft:
+            draft.write_text(text, encoding="ascii")
     except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise CameraFileError(f"{path}: cannot be written: {error.strerror}; name another file") from error
+        raise CameraFileError(str(error)) from error
 
 
 def read(path: Path, kind: str, remedy: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from drivers.camera.arrays import Array, Picture
 from drivers.camera.measure import Measured, print_corners
 from drivers.camera.plane import View, as_it_lies
 from drivers.camera.tag_file import Pose
+from runtime.shell.files import writing
 
 if TYPE_CHECKING:
     from drivers.camera.auditor import Subject
@@ -47,7 +48,8 @@ class Album:
             for old in kept[: max(0, len(kept) - self._most + 1)]:
                 old.unlink(missing_ok=True)
             _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-            path.write_bytes(coded.tobytes())
+            with writing(path) as draft:
+                draft.write_bytes(coded.tobytes())
         except OSError:
             return None
         return path

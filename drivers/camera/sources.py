@@ -103,7 +103,8 @@ class Folder:
     def _next(self) -> str | None:
         try:
             names = (entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES)
-            return min((name for name in names if name > self._last), default=None)
+            # Hidden ones are drafts that are still being written.
+            return min((name for name in names if name > self._last and name[0] != "."), default=None)
         except OSError as error:
             raise SourceError(f"folder {self._path}: {error.strerror}") from error
 

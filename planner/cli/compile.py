@@ -18,6 +18,7 @@ from planner.errors import UsageError
 from planner.job import Job
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
+from runtime.shell import files
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -92,10 +93,13 @@ def _single(arguments: argparse.Namespace) -> int:
     """Compiles the job as it stands."""
     started = time.perf_counter()
     job = _job(arguments)
-    output = shell.writable(arguments.output)
-    picture = arguments.models_report and shell.writable(
-        models_report.picture_path(arguments.models_report, output)
-    )
+    read = job_file.files(arguments.job)
+    output = files.usable(arguments.output, *read)
+    picture = None
+    if arguments.models_report:
+        picture = models_report.picture_path(arguments.models_report, output)
+        for path in (picture, models_report.beside(picture)):
+            files.usable(path, output, *read)
     store = shell.store_of(arguments)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
@@ -108,8 +112,7 @@ def _single(arguments: argparse.Namespace) -> int:
         if picture:
             models = models_report.made(job, arguments.workers, store, scheduler, report, picture)
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-        with shell.writing(output) as draft:
-            dump(table, draft)
+        dump(table, output)
         seconds = time.perf_counter() - started
         advice = None if arguments.no_advice else counsel(plan, job, scheduler, report)
     if arguments.json:
@@ -150,7 +153,8 @@ def _sweep(arguments: argparse.Namespace) -> int:
     cache = store.folder if store else None
     settings = Settings(arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget)
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
-        return sweep.run(orders, arguments.output, settings, scheduler, arguments.json)
+        read = job_file.files(arguments.job)
+        return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
 def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:

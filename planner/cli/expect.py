@@ -7,10 +7,12 @@ import json
 import sys
 from pathlib import Path
 
+from planner import job as job_file
 from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.expectation import document, expected
 from planner.scheduler import scheduler_of
+from runtime.shell.files import usable, writing
 from runtime.table import load
 
 NAME = "plan-expect"
@@ -22,7 +24,8 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
 
     def body() -> int:
-        shell.writable(arguments.output)
+        read = () if arguments.job is None else job_file.files(arguments.job)
+        usable(arguments.output, arguments.tree, *read)
         table = load(arguments.tree)
         job = job_of(table, arguments.tree, arguments.job)
         with (
@@ -31,7 +34,8 @@ def main(argv: list[str] | None = None) -> int:
         ):
             worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
         told = document(table, worlds, arguments.trials, arguments.seed)
-        arguments.output.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
+        with writing(arguments.output) as draft:
+            draft.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
         names = [world.name for world in worlds]
         if arguments.json:
             shell.print_json({"worlds": names, "trials": arguments.trials, "written": str(arguments.output)})

@@ -15,6 +15,7 @@ from planner.cli import shell
 from planner.errors import UsageError
 from planner.identify import Identified, Kind, Normalised, identify, normalise
 from planner.mechanics.limit_surface import LimitSurface
+from runtime.shell.files import usable, writing
 
 NAME = "plan-identify"
 KINDS: dict[str, tuple[Kind, ...]] = {
@@ -31,9 +32,10 @@ def main(argv: list[str] | None = None) -> int:
 
     def body() -> int:
         _check_options(arguments.figure)
-        for path in (arguments.output, arguments.figure):
-            if path is not None:
-                shell.writable(path)
+        if arguments.output is not None:
+            usable(arguments.output, *arguments.logs)
+        if arguments.figure is not None:
+            usable(arguments.figure, arguments.output, *arguments.logs)
         data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
         with shell.progress(arguments.json) as report:
             found = identify(
@@ -48,7 +50,8 @@ def main(argv: list[str] | None = None) -> int:
             )
         best = min(found, key=lambda result: float(result.errors_rad.mean()))
         if arguments.output is not None:
-            arguments.output.write_text(surface_text(best, data, arguments), encoding="utf-8")
+            with writing(arguments.output) as draft:
+                draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
         if arguments.figure is not None:
             _draw(data, found, arguments)
         _print(data, found, best, arguments)

@@ -15,6 +15,7 @@ from planner.errors import UsageError
 from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
 from planner.presets import FINGERS, GRIPPERS
+from runtime.shell.files import usable, writing
 
 NAME = "plan-init"
 T = TypeVar("T")
@@ -78,7 +79,7 @@ def _number(text: str) -> float:
 
 
 def _init(arguments: argparse.Namespace) -> int:
-    output = shell.writable(arguments.output)
+    output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
         raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
     asking = sys.stdin.isatty() and not arguments.json
@@ -88,7 +89,7 @@ def _init(arguments: argparse.Namespace) -> int:
         _show(imported)
     answers = _answers(arguments, imported, asking)
     text = draft(imported, arguments.outline.name, answers)
-    with shell.writing(output) as file:
+    with writing(output) as file:
         file.write_text(text, encoding="utf-8")
     if arguments.json:
         shell.print_json(

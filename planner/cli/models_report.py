@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.cli import shell
 from planner.errors import UsageError
 from planner.job import Job
 from planner.mechanics.simulator import Simulator
@@ -18,6 +17,7 @@ from planner.models.quality import ActionQuality, Quality, quality
 from planner.models.store import Store
 from planner.progress import Report
 from planner.scheduler import Scheduler
+from runtime.shell.files import writing
 
 PICTURES = (".png", ".svg", ".pdf")
 BESIDE = "beside the table"
@@ -47,6 +47,11 @@ def picture_path(value: str, table: Path) -> Path:
     return path
 
 
+def beside(picture: Path) -> Path:
+    """The file for the figures."""
+    return picture.with_suffix(".json")
+
+
 def judge(
     job: Job, workers: int | None, store: Store | None, scheduler: Scheduler, report: Report, picture: Path
 ) -> Quality:
@@ -71,14 +76,13 @@ def made(
 
     Raises:
         ClusterError: the cluster was lost.
-        InputFileError: a file cannot be written.
+        OutputError: a file cannot be written.
     """
     judged = judge(job, workers, store, scheduler, report, picture)
     told = figures(judged, picture, job.digest())
-    beside = picture.with_suffix(".json")
-    with shell.writing(beside) as draft:
+    with writing(beside(picture)) as draft:
         draft.write_text(json.dumps(told) + "\n", encoding="utf-8")
-    return Told(told, text(judged, [picture, beside]))
+    return Told(told, text(judged, [picture, beside(picture)]))
 
 
 def figures(judged: Quality, picture: Path, job_digest: bytes) -> dict[str, Any]:

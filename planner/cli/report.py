@@ -6,10 +6,12 @@ import argparse
 import sys
 from pathlib import Path
 
+from planner import job as job_file
 from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.errors import UsageError
 from planner.report import dossier, models, run_log
+from runtime.shell.files import usable, writing
 from runtime.table import digest, load
 
 NAME = "plan-report"
@@ -21,7 +23,8 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
 
     def body() -> int:
-        output = shell.writable(arguments.output)
+        read = () if arguments.job is None else job_file.files(arguments.job)
+        output = usable(arguments.output, arguments.tree, arguments.journal, arguments.models, *read)
         if arguments.trials > MAX_TRIALS:
             raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
         table = load(arguments.tree)
@@ -31,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
         source = dossier.Source(arguments.tree.name, data, log, judged)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)
-        with shell.writing(output) as draft:
+        with writing(output) as draft:
             draft.write_text(text, encoding="utf-8")
         size = output.stat().st_size
         if arguments.json:

@@ -10,7 +10,7 @@ import textwrap
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -28,6 +28,7 @@ from planner.errors import InputFileError, PlannerError
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.models.store import Store, StoreWarning
 from planner.progress import Report, silent
+from runtime.shell.files import OutputError, folder
 from runtime.table import TableError, TableFileError
 
 INTERRUPTED = 130
@@ -37,7 +38,7 @@ ROLL_OUTS = "rollouts"
 """Folder of the roll-outs in the cache folder."""
 EXIT_CODES = """\
 exit codes:
-  0 done; 1 internal error; 2 usage; 3 input file missing or unreadable; 4 not valid TOML; 5 unknown or
+  0 done; 1 internal error; 2 usage; 3 a file is missing or cannot be used; 4 not valid TOML; 5 unknown or
   missing key; 6 value out of range; 7 outline invalid; 8 part does not fit the gripper; 9 no plan reaches
   the goal; 30 table invalid; 32 cluster not reached or lost; 130 interrupted (nothing is left half written)
 """
@@ -98,7 +99,7 @@ def store_of(arguments: argparse.Namespace) -> Store | None:
     """The store that the options of `add_cache` ask for; None with --no-cache.
 
     Raises:
-        InputFileError: the folder of --cache-dir cannot be made.
+        OutputError: the folder of --cache-dir cannot be made.
     """
     if arguments.no_cache:
         return None
@@ -127,6 +128,8 @@ def run(name: str, debug: bool, body: Callable[[], int]) -> int:
         return 0
     except (PlannerError, TableError, TableFileError) as error:
         code, message = error.exit_code, str(error)
+    except OutputError as error:
+        code, message = InputFileError.exit_code, str(error)
     except OSError as error:
         code, message = InputFileError.exit_code, f"{error.filename or 'file'}: {error.strerror}"
     except Exception as error:
@@ -156,53 +159,6 @@ def _warnings_in_one_line(name: str) -> Iterator[None]:
         warnings.simplefilter("always", StoreWarning)
         warnings.showwarning = show
         yield
-
-
-def writable(path: Path) -> Path:
-    """Checks that an output file could be written, before the work is done.
-
-    Raises:
-        InputFileError: its folder does not exist, or it is a folder itself.
-    """
-    if path.is_dir():
-        raise InputFileError("is a folder; name a file", where=str(path))
-    if not path.parent.is_dir():
-        raise InputFileError(f"the folder {path.parent} does not exist; create it", where=str(path))
-    return path
-
-
-def folder(path: Path) -> Path:
-    """Makes a folder for output files, before the work is done.
-
-    Raises:
-        InputFileError: it cannot be made, or there is a file of that name.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputFileError(
-            f"cannot be made: {error.strerror}; name another folder", where=str(path)
-        ) from error
-    return path
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[Path]:
-    """Yields a name beside `path` to write to; it takes its place when all went well, whole or not at all.
-
-    Raises:
-        InputFileError: the disk is full, or the folder may not be written to.
-    """
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        yield draft
-        draft.replace(path)
-    except OSError as error:
-        problem = f"cannot be written: {error.strerror}; free the disk or name another file"
-        raise InputFileError(problem, where=str(path)) from error
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
 
 
 def print_json(data: dict[str, Any]) -> None:

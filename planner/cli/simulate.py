@@ -6,6 +6,7 @@ import argparse
 import csv
 import math
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from planner.arrays import Array
 from planner.cli import shell
 from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
+from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
@@ -32,10 +34,13 @@ def main(argv: list[str] | None = None) -> int:
         pictures = Pictures(arguments.figure, arguments.gif, arguments.html)
         pictures.check()
         job = job_file.load(arguments.job)
+        read = (*job_file.files(arguments.job), arguments.poses)
+        outputs = [usable(arguments.output, *read, stdout=True)]
+        for path in filter(None, pictures):
+            outputs.append(usable(path, *read, *outputs))
         poses = read_poses(arguments.poses)
         if any(pictures) and not len(poses):
             raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
-        output = shell.writable(arguments.output)
         simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
         if arguments.nominal:
             parameters = simulator.nominal(len(poses), arguments.mu)
@@ -43,11 +48,12 @@ def main(argv: list[str] | None = None) -> int:
             seed = job.seed if arguments.seed is None else arguments.seed
             parameters = simulator.sample(len(poses), np.random.default_rng(seed))
         rolled = simulator.roll_out(poses, parameters)
-        with shell.writing(output) as draft:
+        with writing(arguments.output) as draft:
             write_results(draft, poses, rolled)
         if any(pictures):
             draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
-        _report(rolled, output, pictures, arguments.json)
+        with redirect_stdout(words_of(arguments.output)):
+            _report(rolled, arguments.output, pictures, arguments.json)
         return 0
 
     return shell.run(NAME, arguments.debug, body)
@@ -67,7 +73,10 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument(
         "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
     )
-    built.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.csv", help="the results")
+    built.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT.csv",
+        help="the results; - for standard output",
+    )  # fmt: skip
     built.add_argument(
         "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
     )
@@ -98,18 +107,14 @@ class Pictures(NamedTuple):
     html: Path | None
 
     def check(self) -> None:
-        """Checks suffixes and folders before any work is done.
+        """Checks suffixes before any work is done.
 
         Raises:
             UsageError: a suffix names another format.
-            InputFileError: a file cannot be written.
         """
         for option, path, known in zip(self._fields, self, PICTURE_SUFFIXES, strict=True):
-            if path is None:
-                continue
-            if path.suffix.lower() not in known:
+            if path is not None and path.suffix.lower() not in known:
                 raise UsageError(f"--{option} {path}: the name must end in {' or '.join(known)}")
-            shell.writable(path)
 
 
 def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Parameters, title: str) -> None:

@@ -18,6 +18,7 @@ from planner.cli import shell
 from planner.errors import UsageError
 from planner.scheduler import Scheduler
 from planner.sweep import Order, Outcome, Settings, outcomes
+from runtime.shell.files import folder, usable, writing
 
 SUFFIX = ".msgpack"
 SUMMARY = "summary.json"
@@ -51,13 +52,19 @@ class Result(NamedTuple):
 
 
 def run(
-    orders: Sequence[Order], output: Path, settings: Settings, scheduler: Scheduler, as_json: bool
+    orders: Sequence[Order],
+    output: Path,
+    read: Sequence[Path],
+    settings: Settings,
+    scheduler: Scheduler,
+    as_json: bool,
 ) -> int:
     """Compiles all orders, writes each table as soon as it is there, and the summary last.
 
     Args:
         orders: the jobs.
         output: a folder, or a pattern with every swept name in braces.
+        read: the job file, and what it names.
         settings: how to compile.
         scheduler: a cluster, or this machine.
         as_json: print the summary as JSON.
@@ -67,11 +74,13 @@ def run(
 
     Raises:
         UsageError: the pattern would give two jobs one name.
-        InputFileError: the folder cannot be made, or a table not written.
+        OutputError: a file cannot be written, or its folder not be made.
         ClusterError: the cluster was lost.
     """
     paths = paths_of(orders, output)
-    folder = shell.folder(paths[0].parent)
+    summary = folder(paths[0].parent) / SUMMARY
+    for path in (*paths, summary):
+        usable(path, *read)
     results: list[Result] = []
     try:
         with shell.progress(as_json) as report:
@@ -80,13 +89,13 @@ def run(
             ):
                 results.append(Result(order, path, outcome))
                 if outcome.table is not None:
-                    with shell.writing(path) as draft:
+                    with writing(path) as draft:
                         draft.write_bytes(outcome.table)
     except KeyboardInterrupt:
         print(f"interrupted; {len(results)} of {len(orders)} jobs are done", file=sys.stderr)
         return shell.INTERRUPTED
     rows = [result.row() for result in results]
-    with shell.writing(folder / SUMMARY) as draft:
+    with writing(summary) as draft:
         draft.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     if as_json:
         shell.print_json({"jobs": rows})

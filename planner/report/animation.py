@@ -18,6 +18,7 @@ from planner.arrays import Array
 from planner.report import canvas
 from planner.report.page import PAGE
 from planner.report.trajectory import Squeezed, along, extent, frame, touch
+from runtime.shell.files import writing
 
 APPROACH_FRAMES = 14
 CONTACT_FRAMES = 46
@@ -48,7 +49,7 @@ def gif(outline: Array, jaws: Array, trace: Squeezed, path: Path) -> None:
         path: ends in .gif.
     """
     frames = timeline(trace.states)
-    with canvas.style(), canvas.replacing(path) as file:
+    with canvas.style(), writing(path) as file:
         figure, moving = _scene(outline, jaws, trace)
         writer = PillowWriter(fps=FRAMES_PER_S)
         with writer.saving(figure, str(file), GIF_DPI):
@@ -121,5 +122,5 @@ def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, pa
     page = PAGE.replace("@TITLE@", escape(title)).replace("@DATA@", json.dumps(data, separators=(",", ":")))
     for name, color in (("BLUE", canvas.BLUE), ("RED", canvas.RED), ("GREY", canvas.GREY)):
         page = page.replace(f"@{name}@", color)
-    with canvas.replacing(path) as file:
+    with writing(path) as file:
         file.write_text(page, encoding="utf-8")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ from matplotlib.figure import Figure
 from planner.arrays import Array
 from planner.job import Job
 from planner.report.vector import lighter
+from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
 BLUE = "#0072B2"
@@ -57,19 +56,6 @@ def style() -> Iterator[None]:
         yield
 
 
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A file to write instead of `path`, which it replaces when all went well: whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
-    os.close(handle)
-    try:
-        yield Path(name)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    finally:
-        Path(name).unlink(missing_ok=True)
-
-
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure, in the format that the suffix names: the same bytes for the same figure.
 
@@ -77,7 +63,7 @@ def save(figure: Figure, path: Path) -> None:
         figure: drawn under `style`.
         path: ends in one of `PICTURES`.
     """
-    with replacing(path) as file:
+    with writing(path) as file:
         figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
         if path.suffix.lower() == ".svg":
             file.write_text(lighter(file.read_text(encoding="utf-8")), encoding="utf-8")

@@ -6,13 +6,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from runtime.errors import UsageError
 from runtime.quality import expectation, export
 from runtime.quality.expectation import Expectation
 from runtime.quality.history import History, read
 from runtime.quality.page import page
 from runtime.quality.series import all_series
 from runtime.quality.summary import Summary, summarise
+from runtime.shell.files import usable, writing
 
 EPILOG = """\
 example:
@@ -48,6 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     options = parser().parse_args(arguments)
     try:
+        inputs = (*options.journals, options.expected)
+        for output, other in ((options.output, None), (options.export, options.output)):
+            if output is not None:
+                usable(output, *inputs, other)
         history = read(options.journals)
         expected = None if options.expected is None else expectation.load(options.expected)
         summary = summarise(history, expected)
@@ -69,7 +73,8 @@ def write(
     """Write the files that were asked for.
 
     Raises:
-        UsageError: one cannot be written.
+        UsageError: one has a name of no format that is known.
+        OutputError: one cannot be written.
     """
     if options.export is not None:
         alarms: dict[int, list[str]] = {}
@@ -79,10 +84,8 @@ def write(
     if options.output is not None:
         first = history.parts[0].time[:10]
         title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"
-        try:
-            options.output.write_text(page(title, summary, all_series(history, expected)), encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"{options.output} cannot be written: {error.strerror}") from error
+        with writing(options.output) as draft:
+            draft.write_text(page(title, summary, all_series(history, expected)), encoding="utf-8")
 
 
 def lines(summary: Summary) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.quality.history import Part
+from runtime.shell.files import writing
 
 COLUMNS = (
     *("index", "part", "time", "outcome", "leaf", "verdict", "squeezes"),
@@ -36,15 +37,14 @@ def write(found: Iterable[Row], path: Path) -> None:
     """Write rows as the suffix says: `.csv` or `.parquet`.
 
     Raises:
-        UsageError: another suffix, pyarrow is missing, or the file cannot be written.
+        UsageError: another suffix, or pyarrow is missing.
+        OutputError: the file cannot be written.
     """
     writers = {".csv": _csv, ".parquet": _parquet}
     if path.suffix not in writers:
         raise UsageError(f"{path}: name a file that ends in .csv or .parquet")
-    try:
-        writers[path.suffix](found, path)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror or error}; name another file") from error
+    with writing(path) as draft:
+        writers[path.suffix](found, draft)
 
 
 def _csv(found: Iterable[Row], path: Path) -> None:

@@ -1,5 +1,6 @@
 """Who may import whom: the contracts of pyproject.toml hold here, and each fails where it is broken."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -12,16 +13,20 @@ LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(
 # A tree as small as the contracts allow: module -> source. Every arrow that is allowed is in it.
 CLEAN = {
     "planner/__init__.py": "",
-    "planner/compile.py": "import numpy\nimport runtime.table\n",
+    "planner/compile.py": "import numpy\nimport runtime.shell.files\nimport runtime.table\n",
     "runtime/__init__.py": "",
     "runtime/table.py": "",
     "runtime/executor.py": "import runtime.table\n",
+    "runtime/shell/__init__.py": "",
+    "runtime/shell/files.py": "",
     "runtime/cli.py": "import drivers.camera.commands\nimport drivers.connect\nimport runtime.executor\n",
     "drivers/__init__.py": "",
     "drivers/camera/__init__.py": "",
-    "drivers/camera/commands.py": "",
+    "drivers/camera/commands.py": "import runtime.shell.files\n",
     "drivers/connect.py": "import drivers.robotiq\n",
     "drivers/robotiq.py": "",
+    "drivers/sim/__init__.py": "",
+    "drivers/sim/cli.py": "import runtime.shell.files\n",
 }
 
 BROKEN = [
@@ -40,6 +45,7 @@ BROKEN = [
     pytest.param(
         "drivers/robotiq.py", "import planner.compile", "drivers know neither", id="drivers-planner"
     ),
+    pytest.param("drivers/robotiq.py", "import runtime.shell.files", "drivers know", id="driver-shell"),
 ]
 
 
@@ -55,6 +61,15 @@ def plant(folder: Path, modules: dict[str, str]) -> None:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(source)
+
+
+@pytest.mark.parametrize("path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem)
+def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        for name in names:
+            assert name.startswith("runtime.shell") or name.partition(".")[0] in sys.stdlib_module_names
 
 
 def test_this_tree_keeps_the_rules() -> None:

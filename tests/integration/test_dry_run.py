@@ -18,7 +18,6 @@ PING, READ_POSE, CLOSE = 0, 3, 99
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     dump(small_table(), tmp_path / "small.msgpack")
     return tmp_path / "small.msgpack"
 

@@ -22,8 +22,7 @@ SEED = "0"  # its first part takes both squeezes
 
 
 @pytest.fixture
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def tree(tmp_path: Path) -> Path:
     dump(small_table(), tmp_path / "small.msgpack")
     return tmp_path / "small.msgpack"
 

@@ -197,9 +197,8 @@ def arguments(tmp_path: Path, *more: str):
 
 
 def test_the_command_grips_each_block_gently_and_writes_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     gripper = ArcGripper()
     given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
     assert run(given, lambda port: gripper, gripper.hold) == 0
@@ -218,7 +217,6 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     gripper = ArcGripper()
 
     class Operator:
@@ -235,10 +233,7 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
     assert [block["width_mm"] for block in told["blocks"]] == list(BLOCKS)
 
 
-def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path) -> None:
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
         run(arguments(tmp_path), lambda port: gripper, gripper.hold)
@@ -251,7 +246,6 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(
 def test_without_a_terminal_nobody_can_press_enter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
     with pytest.raises(UsageError, match="run it in a terminal"):

@@ -203,13 +203,62 @@ def test_the_embedded_table_must_be_the_one_of_its_digest(tmp_path: Path) -> Non
         verify(tmp_path / "j.jsonl")
 
 
-def test_a_full_disk_is_error_24() -> None:
-    with (
-        Journal(Path("/dev/full"), STAMP) as journal,
-        pytest.raises(JournalError, match="No space left") as full,
-    ):
-        journal.header(TABLE, {})
-    assert full.value.exit_code == 24
+def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path: Path) -> None:
+    target = written(tmp_path / "j.jsonl")
+    before = target.read_bytes()
+    (tmp_path / "link").symlink_to(target)
+    os.mkfifo(tmp_path / "fifo")
+    told = {"link": "a symbolic link", "fifo": "no regular file", "": "a folder", "/dev/full": "no regular"}
+    for name, sentence in told.items():
+        with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}") as refused:
+            Journal(tmp_path / name, STAMP)
+        assert refused.value.exit_code == 24
+    assert target.read_bytes() == before
+
+
+RECORD = b'{"seq":0,"time":"2026-11-21T00:00:00+00:00","kind":"header"'
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(
+            b"a line of somebody's notes, and no end to the last",
+            b"notes\nand more",
+            b'{"a": 1}',
+            b"{",
+            b"\0" * 9,
+        ),
+        *(b'{"seq":1,"time":"', RECORD[:16], RECORD + b"}\nmore", b"\n" + RECORD),
+        RECORD + b"x" * (8 << 20),
+    ],
+    ids=range(10),
+)
+def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "config.json"
+    path.write_bytes(content)
+    with pytest.raises(JournalError):
+        Journal(path, STAMP)
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize("tail", [b"notes", b'{"seq":4,"time":"', b'{"seq":3,"tome":"', b"\n{"])
+def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path: Path, tail: bytes) -> None:
+    path = written(tmp_path / "j.jsonl")
+    path.write_bytes(content := path.read_bytes() + tail)
+    with pytest.raises(JournalError, match="line 4"):
+        Journal(path, STAMP)
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize("tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"20', b'{"seq":3,\0\0\0', b"\0\0"])
+def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(tmp_path: Path, tail: bytes) -> None:
+    path = written(tmp_path / "j.jsonl")
+    whole = path.read_bytes()
+    path.write_bytes(whole + tail)
+    with Journal(path, STAMP) as journal:
+        assert journal.cut_bytes == len(tail)
+    assert path.read_bytes() == whole
 
 
 def test_a_path_that_cannot_be_written_is_error_24(tmp_path: Path) -> None:

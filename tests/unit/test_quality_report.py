@@ -291,7 +291,7 @@ def test_parquet_holds_the_same_as_csv(journal, tmp_path):
     [
         (["none.jsonl"], 24, "none.jsonl"),
         (["{journal}", "--export", "p.xlsx"], 2, "ends in .csv or .parquet"),
-        (["{journal}", "--export", "none/p.csv"], 2, "cannot be written"),
+        (["{journal}", "--export", "none/p.csv"], 2, "cannot be written: there is no folder none"),
         (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
     ],
 )

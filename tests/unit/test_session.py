@@ -185,7 +185,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (
             ["--port", "sim", "--world", "runtime.rehearsal:make", "--journal", "/dev/full"],
             24,
-            "No space left",
+            "no regular file",
         ),
     ],
 )

@@ -6,9 +6,9 @@ import warnings
 import pytest
 
 from planner.cli import shell
-from planner.errors import InputFileError
 from planner.kernel import CACHE_VARIABLE
 from planner.models.store import StoreWarning
+from runtime.shell.files import OutputError
 
 
 def options(*words):
@@ -28,7 +28,7 @@ def test_roll_outs_are_kept_where_the_options_say(tmp_path, monkeypatch):
 
 def test_a_stated_folder_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(InputFileError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot be made"):
         shell.store_of(options("--cache-dir", str(tmp_path / "file" / "x")))
 
 

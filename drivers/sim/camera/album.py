@@ -17,6 +17,7 @@ from drivers.sim.camera.optics import Optics
 from drivers.sim.camera.render import Flaws, Picture, render
 from drivers.sim.camera.rig import Rig
 from drivers.sim.scene import Pose2
+from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9
 FIELD_SHARE, MARKER_SHARE = 0.05, 0.75  # of the camera's distance; of a field
@@ -86,7 +87,7 @@ def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
         The arguments of the two commands that make a calibration and a tag file of them.
 
     Raises:
-        OSError: a file cannot be written.
+        OutputError: a file cannot be written.
     """
     rng = np.random.default_rng([seed, 0x414C42])
     flaws = (
@@ -94,7 +95,7 @@ def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
         if rig.flaws.jpeg_quality is not None
         else replace(rig.flaws, jpeg_quality=Flaws().jpeg_quality)
     )
-    (folder / "views").mkdir(parents=True, exist_ok=True)
+    files.folder(folder / "views")
 
     def take(path: Path, cards: Sequence[Card]) -> None:
         _save(folder / path, render(rig.optics, cards, flaws, rng))
@@ -130,7 +131,7 @@ def _known(
     path: Path, places: Iterable[Pose2], take: Callable[[Path, Pose2], None], rng: np.random.Generator
 ) -> None:
     """Pictures at poses that the arm knows as well as arms do, and the list of them."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with files.writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(("picture", "x_mm", "y_mm", "theta_rad"))
         for number, (x, y, turn) in enumerate(places):
@@ -141,5 +142,5 @@ def _known(
 
 
 def _save(path: Path, picture: Picture) -> None:
-    if not cv2.imwrite(str(path), picture):
-        raise OSError(f"{path} cannot be written; name another folder")
+    with files.writing(path) as draft:
+        draft.write_bytes(cv2.imencode(".png", picture)[1].tobytes())

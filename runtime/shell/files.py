@@ -1,0 +1,160 @@
+"""The one way in which every command writes a file: beside its place, then renamed, whole or not at all.
+
+Only regular files are written, or standard output where a command offers that, and never a file that the
+command reads. `usable` says so before the work is done, `writing` writes.
+"""
+
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TextIO
+
+STDOUT = frozenset({Path("-"), Path("/dev/stdout")})
+LONGEST_STEM = 40
+
+
+class OutputError(OSError):
+    """An output cannot be written: what a command line names is none, or the disk refuses."""
+
+    exit_code = 2
+
+
+def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
+    """Check, before the work is done, that an output file may be written.
+
+    Args:
+        path: the file; it need not be there.
+        others: files that the command reads, or writes besides; None for an option that was not given.
+        stdout: whether standard output will do.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputError: it is a link, a folder, a device or one of the others, or may not be written.
+    """
+    if stdout and path in STDOUT:
+        return path
+    try:
+        reason = _objection(path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+    for other in others:
+        if not reason and other is not None and same(path, other):
+            reason = f"it is the same file as {other}"
+    if reason:
+        raise OutputError(f"{path} cannot be written: {reason}; name another file")
+    return path
+
+
+def folder(path: Path, *others: Path | None) -> Path:
+    """Make a folder for output files, before the work is done.
+
+    Args:
+        path: the folder; it may be there.
+        others: folders that the command reads, as in `usable`.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputError: it cannot be made, or is one of the others.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be made: {error.strerror}; name another folder") from error
+    for other in others:
+        if other is not None and same(path, other):
+            raise OutputError(f"{path} cannot be written to: it is what is read; name another folder")
+    return path
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """Yields a draft to write to, of the same suffix; it takes the file's place when all went well.
+
+    Args:
+        path: the file, or one of `STDOUT`, to which the draft is then copied.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    if path in STDOUT:
+        with tempfile.TemporaryDirectory() as folder:
+            draft = Path(folder) / "draft"
+            yield draft
+            sys.stdout.buffer.write(draft.read_bytes())
+            sys.stdout.flush()
+        return
+    draft = path.with_name(f".{path.stem[:LONGEST_STEM]}.{os.urandom(4).hex()}{path.suffix}")
+    usable(path)
+    try:
+        # New, so never through a link that somebody put there; its mode is what the umask leaves.
+        os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+        try:
+            yield draft
+            _bring_to_disk(draft)
+            usable(path)
+            draft.replace(path)
+        finally:  # Ctrl-C, too, must not leave a draft behind
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
+    except OutputError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(
+            f"{path} cannot be written: {reason}; free the disk or name another file"
+        ) from error
+
+
+def words_of(path: Path) -> TextIO:
+    """Where a command says what it wrote to a path: standard error, if its output is standard output."""
+    return sys.stderr if path in STDOUT else sys.stdout
+
+
+def _objection(path: Path) -> str:
+    """What speaks against writing a file, "" for nothing.
+
+    Raises:
+        OSError: it cannot even be looked at.
+    """
+    if path in STDOUT:
+        return "this command has no use for standard output"
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return "" if os.access(path.parent, os.W_OK | os.X_OK) else "its folder may not be written to"
+    return oddity(mode) or ("" if os.access(path, os.W_OK) else "it is read-only")
+
+
+def oddity(mode: int) -> str:
+    """What a file of this `st_mode` is if not a regular one, as "it is a folder"; "" for a regular one."""
+    if stat.S_ISREG(mode):
+        return ""
+    if stat.S_ISDIR(mode):
+        return "it is a folder"
+    return "it is a symbolic link" if stat.S_ISLNK(mode) else "it is no regular file"
+
+
+def same(one: Path, other: Path) -> bool:
+    """Whether two paths name one file, there or yet to be made."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _bring_to_disk(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
