@@ -1,0 +1,311 @@
+"""No command destroys a file: an input named as output, a device, a pipe, a link, or what is no journal."""
+
+import csv
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from sample_tables import small_table
+from written_journals import write_run
+
+from runtime import cli
+from runtime.journal import verify
+from runtime.lock import PortLock
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+JOB = ROOT / "trees" / "rectangle" / "job.toml"
+SURFACE = (
+    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\nellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
+)
+TEXTS = {
+    "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
+    "log": "no pushes\n",
+    "outline": "0,0\n30,0\n30,21\n",
+    "expected": "{}\n",
+    "view": "a picture\n",
+    "touched": "picture,x_mm,y_mm\nview,1,2\n",
+}
+READ = ("job", "tree", "journal", *TEXTS)
+Record = Callable[[str, object], None]
+
+
+class Command(NamedTuple):
+    """A command line.
+
+    Attributes:
+        module: of its `main`.
+        words: its arguments; those of `READ` in braces are files that it reads, {out} is what it writes,
+            {json} and {svg} are the same with another suffix, {folder} is its folder.
+        suffix: of {out}.
+    """
+
+    module: str
+    words: str
+    suffix: str
+
+
+CAMERA = "camera --name S --board charuco:12x9:14:10.5 --views . --table {view} --touched {touched}"
+TAG = "tag --part p --number 7 --side 9 --calibration {expected} --poses {touched}"
+SIMULATE = "{job} --poses {poses} -o t.csv"
+CALIBRATE = "drivers.camera.calibrate_command"
+COMMANDS = {
+    "plan-compile": Command("planner.cli.compile", "{job} -o {out}", ".msgpack"),
+    "plan-compile, picture": Command(
+        "planner.cli.compile", "{job} -o t.msgpack --models-report {out}", ".svg"
+    ),
+    "plan-compile, figures": Command(
+        "planner.cli.compile", "{job} -o t.msgpack --models-report {svg}", ".json"
+    ),
+    "plan-compile --sweep": Command("planner.cli.compile", "{job} -o {folder} --sweep seed=1", ".msgpack"),
+    "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
+    "plan-simulate --figure": Command("planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"),
+    "plan-simulate --gif": Command("planner.cli.simulate", f"{SIMULATE} --gif {{out}}", ".gif"),
+    "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
+    "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),
+    "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
+    "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
+    "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
+    "plan-report": Command(
+        "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
+    ),
+    "grasp-journal export": Command("runtime.journal_command", "export {journal} -o {out}", ".csv"),
+    "grasp-audit report": Command(
+        "runtime.quality.command", "{journal} --expected {expected} -o {out}", ".html"
+    ),
+    "grasp-audit report --export": Command("runtime.quality.command", "{journal} --export {out}", ".csv"),
+    "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),
+    "grasp-calibrate camera": Command(CALIBRATE, f"{CAMERA} -o {{out}}", ".json"),
+    "grasp-calibrate camera, picture": Command(CALIBRATE, f"{CAMERA} -o {{json}}", ".svg"),
+}
+CLASHES = [
+    (name, read) for name, command in COMMANDS.items() for read in READ if f"{{{read}}}" in command.words
+]
+
+
+class Desk:
+    """A folder with an input of each kind.
+
+    Attributes:
+        folder: the folder.
+        files: the inputs by their names in `READ`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.files = folder, {name: folder / name for name in READ}
+        self.files["job"].write_bytes(JOB.read_bytes())
+        dump(small_table(), self.files["tree"])
+        write_run(self.files["journal"])
+        for name, text in TEXTS.items():
+            self.files[name].write_text(text)
+
+    def run(self, command: Command, out: Path) -> int:
+        """Run a command on the files; returns its exit code."""
+        names = {"json": out.with_suffix(".json"), "svg": out.with_suffix(".svg"), "folder": out.parent}
+        words = [word.format(out=out, **names, **self.files) for word in command.words.split()]
+        return int(import_module(command.module).main(words))
+
+    def seen(self) -> dict[str, object]:
+        """Kind, device number, target or content of all that lies in the folder."""
+        return {str(path): what_is(path) for path in self.folder.rglob("*")}
+
+
+def what_is(path: Path) -> object:
+    status = path.lstat()
+    if stat.S_ISLNK(status.st_mode):
+        return path.readlink()
+    return path.read_bytes() if stat.S_ISREG(status.st_mode) else (status.st_mode, status.st_rdev)
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
+    monkeypatch.chdir(tmp_path)
+    return Desk(tmp_path)
+
+
+@pytest.fixture
+def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command, Path], int]:
+    """A command refuses an output in one line and leaves all files as they are; returns its exit code."""
+
+    def check(command: Command, out: Path) -> int:
+        before = desk.seen()
+        code = desk.run(command, out)
+        said = capfd.readouterr()
+        assert said.err.count("\n") == 1, said
+        assert "name another" in said.err
+        assert "Traceback" not in said.err
+        assert desk.seen() == before
+        return code
+
+    return check
+
+
+def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
+    """Things that no output may be, each in a folder of its own; a device only where root asks for it."""
+    kinds = ["pipe", "folder", "link", "dangling link", "socket", *(["device"] if os.geteuid() == 0 else [])]
+    found = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
+    for path in found.values():
+        path.parent.mkdir()
+    (folder / "precious").write_text("precious\n")
+    os.mkfifo(found["pipe"])
+    found["folder"].mkdir()
+    found["link"].symlink_to(folder / "precious")
+    found["dangling link"].symlink_to(folder / "nowhere")
+    os.mknod(found["socket"], stat.S_IFSOCK | 0o600)
+    if "device" in found:
+        os.mknod(found["device"], stat.S_IFCHR | 0o666, os.makedev(1, 3))
+    return found
+
+
+@pytest.mark.parametrize(("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES])
+def test_an_input_is_never_an_output(
+    desk: Desk, refuses: Callable[[Command, Path], int], name: str, read: str, record_property: Record
+) -> None:
+    command = COMMANDS[name]
+    out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
+    desk.files[read] = out
+    other = desk.folder / "other" / out.name
+    other.parent.mkdir()
+    codes = {refuses(command, out), refuses(command, other.parent / ".." / out.name)}
+    other.symlink_to(out)
+    codes.add(refuses(command, other))
+    other.unlink()
+    other.hardlink_to(out)
+    codes.add(refuses(command, other))
+    assert codes == {3 if name.startswith("plan-") else 2}
+    record_property("exit_code", *codes)
+    record_property("ends", f"{read}: the same bytes")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_only_a_regular_file_is_an_output(
+    desk: Desk, refuses: Callable[[Command, Path], int], name: str, record_property: Record
+) -> None:
+    odd = odd_files(desk.folder, COMMANDS[name].suffix)
+    codes = {refuses(COMMANDS[name], path) for path in odd.values()}
+    assert codes == {3 if name.startswith("plan-") else 2}
+    record_property("exit_code", *codes)
+    record_property("ends", f"{', '.join(odd)}: as before")
+    if "device" not in odd:
+        pytest.skip("all but the device, which only root can make")
+
+
+def test_a_file_that_the_job_names_is_an_input(
+    desk: Desk, refuses: Callable[[Command, Path], int], record_property: Record
+) -> None:
+    """The surface that plan-identify measured; and a second output in the place of the first."""
+    surface = desk.folder / "surface.toml"
+    surface.write_text(SURFACE)
+    stated = 'kind = "boundary"'
+    text = desk.files["job"].read_text()
+    assert stated in text
+    desk.files["job"].write_text(text.replace(stated, 'kind = "identified"\nsurface_file = "surface.toml"'))
+    record_property("exit_code", refuses(COMMANDS["plan-compile"], surface))
+    twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
+    refuses(twice, desk.folder / "s.svg")
+    record_property("ends", "the surface: the same bytes")
+
+
+@pytest.mark.parametrize("kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"])
+def test_what_is_no_journal_is_not_written_to(
+    desk: Desk, capfd: pytest.CaptureFixture[str], kind: str, record_property: Record
+) -> None:
+    path = desk.folder / kind
+    contents = {
+        "text": b"a note\nand one more, without an end",
+        "json": b'{"host": "cell"}',
+        "tree": desk.files["tree"].read_bytes(),
+        "journal of another kind": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
+        "no end": b"x" * 100,
+    }
+    paths = [path]
+    if kind == "odd":
+        paths = list(odd_files(desk.folder, ".jsonl").values())
+    else:
+        path.write_bytes(contents[kind])
+    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.rehearsal:make"]
+    for path in paths:
+        before = desk.seen()
+        assert cli.main([*words, "--journal", str(path)]) == 24
+        said = capfd.readouterr().err.splitlines()
+        assert said[-1].startswith(f"grasp-runtime: journal {path}")
+        assert desk.seen() == before
+    record_property("exit_code", 24)
+    record_property("ends", "the same bytes")
+
+
+def test_a_torn_journal_is_gone_on_with(desk: Desk, record_property: Record) -> None:
+    path = desk.files["journal"]
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"seq":99')
+    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.rehearsal:make"]
+    assert cli.main([*words, "--journal", str(path)]) == 24
+    assert path.read_bytes() == whole + b'{"seq":99'
+    number = whole.count(b"\n")
+    path.write_bytes(whole + b'{"seq":%d,"time' % number)
+    code = cli.main([*words, "--journal", str(path), "--time-scale", "50"])
+    assert code in (0, 10, 11)
+    assert path.read_bytes().startswith(whole)
+    assert verify(path).runs == 2
+    record_property("exit_code", code)
+    record_property("ends", "its records, the torn line cut off, a new run")
+
+
+def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
+    desk: Desk, capfd: pytest.CaptureFixture[str], record_property: Record
+) -> None:
+    for path in odd_files(desk.folder, ".json").values():
+        before = desk.seen()
+        assert cli.calibrate(["width", "--port", "/dev/none", "--gripper", "S", "-o", str(path)]) == 2
+        assert capfd.readouterr().err.startswith("grasp-calibrate: --output")
+        assert desk.seen() == before
+    record_property("exit_code", 2)
+    record_property("ends", "as before")
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("runtime.journal_command", "export {journal} -o -"),
+        ("runtime.journal_command", "export {journal} -o /dev/stdout"),
+        ("planner.cli.simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
+    ],
+    ids=["-", "/dev/stdout", "plan-simulate"],
+)
+def test_rows_on_standard_output_are_nothing_but_rows(
+    desk: Desk, module: str, words: str, record_property: Record
+) -> None:
+    """As a process, and by the name of a link, which is not replaced."""
+    before = what_is(Path("/dev/stdout"))
+    command = [sys.executable, "-m", module, *(word.format(**desk.files) for word in words.split())]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True)
+    rows = list(csv.reader(done.stdout.splitlines()))
+    assert len(rows) > 1
+    assert {len(row) for row in rows} == {len(rows[0])}
+    assert done.stderr.count("\n") == 1
+    assert what_is(Path("/dev/stdout")) == before
+    record_property("exit_code", 0)
+    record_property("ends", "/dev/stdout: the same link")
+
+
+def test_a_device_is_locked_under_all_its_names(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], record_property: Record
+) -> None:
+    """Whatever the session's folder for such things is, and whatever was planted in it."""
+    number = 10_000 + os.getpid() % 50_000
+    with PortLock(f"tcp://127.0.0.1:{number}"):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))
+        words = ["--tree", str(desk.files["tree"]), "--arm", "tcp://127.0.0.1:9", "--journal", "j.jsonl"]
+        before = desk.seen()
+        for port in (f"tcp://localhost:{number}", f"rtu+tcp://127.0.0.1:{number}"):
+            assert cli.main([*words, "--port", port]) == 23
+            assert f"process {os.getpid()}" in capfd.readouterr().err
+        assert desk.seen() == before
+    record_property("exit_code", 23)
+    record_property("ends", "not opened")
