@@ -166,7 +166,8 @@ class StatusServer:
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._thread.join()
-        self._path.unlink(missing_ok=True)
+        if self._path.is_socket():  # what somebody else put there stays
+            self._path.unlink()
 
     def __enter__(self) -> Self:
         return self

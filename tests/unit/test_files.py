@@ -1,0 +1,122 @@
+"""The one way to write a file: whole or not at all, by nobody else's link, with the mode of a new file."""
+
+import io
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from runtime.shell import files
+from runtime.shell.files import OutputError, usable, writing
+
+
+def write(path: Path, text: str) -> None:
+    with writing(path) as draft:
+        assert draft.name.endswith(path.suffix), "some writers go by it"
+        draft.write_text(text)
+
+
+def test_it_takes_the_place_of_the_old_one_with_the_mode_that_the_umask_leaves(tmp_path: Path) -> None:
+    path = tmp_path / "t.json"
+    path.write_text("old")
+    path.chmod(0o600)
+    before = os.umask(0o027)
+    try:
+        write(path, "new")
+    finally:
+        os.umask(before)
+    assert path.read_text() == "new"
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "disk full"), ValueError("bug"), KeyboardInterrupt("stop")])
+def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path: Path, error: BaseException) -> None:
+    def break_off() -> None:
+        with writing(path) as draft:
+            draft.write_text("half")
+            raise error
+
+    path = tmp_path / "t.json"
+    path.write_text("old")
+    with pytest.raises(type(error), match=r"t.json cannot be written: disk full; free the disk|bug|stop"):
+        break_off()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_planted_link_in_the_drafts_place_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "urandom", lambda count: bytes(count))
+    victim, link = tmp_path / "victim", tmp_path / ".t.00000000.json"
+    victim.write_text("precious")
+    link.symlink_to(victim)
+    with pytest.raises(OutputError, match="File exists"):
+        write(tmp_path / "t.json", "new")
+    assert victim.read_text() == "precious"
+    assert link.readlink() == victim
+    assert not (tmp_path / "t.json").exists()
+
+
+def test_what_is_put_in_its_place_meanwhile_is_not_replaced(tmp_path: Path) -> None:
+    def meanwhile() -> None:
+        with writing(path):
+            os.mkfifo(path)
+
+    path = tmp_path / "t.json"
+    with pytest.raises(OutputError, match="it is no regular file"):
+        meanwhile()
+    assert path.is_fifo()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_long_names_and_unusual_ones_are_written(tmp_path: Path) -> None:
+    for name in ("x" * 250 + ".json", ".hidden", "no suffix", "a.b.c", "ö" * 100 + ".csv"):
+        write(tmp_path / name, name)
+        assert (tmp_path / name).read_text() == name
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("none/t.csv", "there is no folder"),
+        ("file/t.csv", "there is no folder"),
+        ("x" * 300, "File name too long"),
+        ("", "it is a folder"),
+        ("./file", "it is the same file as"),
+        ("new/../yet to be", "it is the same file as"),
+    ],
+)
+def test_what_cannot_be_written_is_told_before(tmp_path: Path, name: str, told: str) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "new").mkdir()
+    with pytest.raises(OutputError, match=told) as refused:
+        usable(tmp_path / name if name else tmp_path, None, tmp_path / "file", tmp_path / "yet to be")
+    assert refused.value.exit_code == 2
+    assert str(refused.value).endswith("; name another file")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_what_may_not_be_written_is_told_before(tmp_path: Path) -> None:
+    (tmp_path / "read-only").touch(mode=0o400)
+    with pytest.raises(OutputError, match="it is read-only"):
+        usable(tmp_path / "read-only")
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="its folder may not be written to"):
+        usable(tmp_path / "new")
+    tmp_path.chmod(0o700)
+
+
+def test_standard_output_is_for_those_who_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.TextIOWrapper(io.BytesIO())
+    monkeypatch.setattr(sys, "stdout", out)
+    for path in files.STDOUT:
+        with pytest.raises(OutputError, match="no use for standard output"):
+            usable(path)
+        with writing(usable(path, stdout=True)) as draft:
+            draft.write_text("rows\n")
+        assert files.words_of(path) is sys.stderr
+    assert out.buffer.getvalue() == b"rows\nrows\n"
+    assert files.words_of(Path("t.csv")) is out
