@@ -91,7 +91,7 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
     columns = {name: [row[name] for row in listed] for name in COLUMNS}
     try:
         parquet.write_table(pyarrow.table(columns), path)
-    except OSError as error:
+    except (OSError, pyarrow.ArrowException) as error:  # the latter where a column holds words and numbers
         raise UsageError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 
