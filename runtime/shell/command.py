@@ -38,6 +38,13 @@ class Parser(argparse.ArgumentParser):
         tell(self.prog, f"{message}; {self.prog} --help tells more")
         self.exit(USAGE)
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print the text of --help; argparse itself would not tell that it was lost."""
+        try:
+            (file or sys.stderr).write(message)
+        except OSError as error:
+            _give_up(file or sys.stderr, error)
+
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
         """Add --json, with its help, and --debug."""
         self.add_argument("--json", action="store_true", help=json)
@@ -56,9 +63,10 @@ def run(
 ) -> int:
     """Run a command; whatever goes wrong becomes one line on standard error and an exit code.
 
-    An error with an `exit_code` ends with it, a file's OSError with 3, a connection's with 20, an output's with
-    2, anything else, which nobody foresaw, with 1. An answer that could not be written ends a command that did well with 2; a
-    reader who has seen enough (`| head`) does not.
+    An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
+    connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
+    An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
+    not.
 
     Args:
         built: the command's parser; arguments without `debug` count as without --debug.
@@ -209,9 +217,9 @@ def _end_of(error: BaseException) -> tuple[int, str]:
         reason = error.strerror or one_line(error)
         if error.errno in UNWRITABLE:
             _discard(sys.stdout)
-            return USAGE, f"its output cannot be written: {reason}; the work is not done"
+            return USAGE, _unwritten(error)
         if error.filename is not None:
-            return INPUT_FILE, f"{os.fsdecode(error.filename)}: {reason}"
+            return INPUT_FILE, f"{error.filename}: {reason}"
         if isinstance(error, ConnectionError | TimeoutError):
             return LINK, reason
     kind = type(error).__name__
@@ -226,8 +234,12 @@ def _flushed(name: str, code: int) -> int:
         _give_up(sys.stdout, error)
     if not _lost:
         return code
-    tell(name, f"standard output cannot be written: {_lost[0].strerror}; what it was to hold is lost")
+    tell(name, _unwritten(_lost[0]))
     return code or USAGE
+
+
+def _unwritten(error: OSError) -> str:
+    return f"output cannot be written: {error.strerror}; free the disk, or send it elsewhere"
 
 
 def _give_up(file: TextIO, error: OSError) -> None:
@@ -262,4 +274,6 @@ def _open_streams() -> bool:
     sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold any bytes
+        if not sys.stdout.isatty():  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+            sys.stdout.reconfigure(write_through=False)
     return 1 in closed
