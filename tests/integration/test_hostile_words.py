@@ -34,7 +34,7 @@ Tell = Callable[..., Seen]
 
 @pytest.fixture
 def tell(record_property, tmp_path: Path, monkeypatch, capsys) -> Tell:
-    """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds of every end."""
+    """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
     monkeypatch.chdir(tmp_path)
 
     def run(
