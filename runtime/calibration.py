@@ -142,7 +142,7 @@ def load(path: Path) -> GripperCalibration:
         raise CalibrationError(f"calibration {path}: is {error}; measure again") from error
     try:
         return _parsed(told)
-    except (KeyError, TypeError, ValueError, TableError, CalibrationError) as error:
+    except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
         raise CalibrationError(
             f"calibration {path}: {error}; make it again with grasp-calibrate width"
         ) from error

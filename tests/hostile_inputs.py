@@ -199,8 +199,10 @@ STL = b"solid a\n%sendsolid a\n" % b"".join(
 OUTLINE = b"x_mm,y_mm\n0,0\n30,0\n30,21\n0,21\n"
 POSES = b"x_mm,y_mm,theta_rad\n1,2,0.3\n-4,0,1.5\n"
 TOUCHED = b"picture,x_mm,y_mm,theta_rad\nnone.png,1,2,3\n"
-PUSHES = b"""1
-500 100 9.5 1 0 0 0
+PUSHES = (
+    b"14\n"
+    + 14
+    * b"""500 100 9.5 1 0 0 0
 501 102 9.5 0.99995 0 0 0.01
 4
 0.0 0.1 0.1
@@ -212,6 +214,7 @@ PUSHES = b"""1
 0.2 451 150 9 1 0 0 0
 0.3 452 150 9 1 0 0 0
 """
+)
 DELIVERY = b"""drop_mm = [50.0, 0.0]
 drop_angle_deg = 90.0
 grasp_mm = [0.0, 0.0]
@@ -219,7 +222,7 @@ width_mm = 21.0
 width_tolerance_mm = 1.5
 area_mm = [-60, -60, 90, 60]
 """
-FAULTS = b'[[fault]]\nkind = "gripper-silent"\npart = 0\nat = 2\nlength = 1\nvalue = 0.5\n'
+FAULTS = b'[[fault]]\nkind = "reply_lost"\npart = 0\nat = 2\nlength = 1\nvalue = 0.5\n'
 
 
 @cache
@@ -228,7 +231,7 @@ def gauged() -> bytes:
     from runtime.calibration import Gauge, fit, save
 
     with tempfile.TemporaryDirectory() as name:
-        gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(80.0, (10, 10))]
+        gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(90.0, (3, 3))]
         save(fit(gauges, "S-1", "2026-01-01T00:00:00+00:00"), Path(name) / "g.json")
         return (Path(name) / "g.json").read_bytes()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -91,6 +92,7 @@ def add_scheduler(parser: argparse.ArgumentParser) -> None:
 
 def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
     """Runs a command as `runtime.shell.command.run` does, and turns the store's warnings into a line each."""
+    logging.lastResort = None  # what a library logs beside the error that it raises is not told twice
     with _warnings_in_one_line(built.prog):
         return command.run(built, argv, body, stopped=(INTERRUPTED, "interrupted; nothing was written"))
 

@@ -18,6 +18,7 @@ def parse(text: str | bytes) -> Any:
         ValueError: it is no such JSON; the sentence says why, and reads on after "is ".
     """
     try:
+        text = text.decode() if isinstance(text, bytes) else text
         value = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_refused)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"not JSON: {error}") from None
@@ -25,6 +26,11 @@ def parse(text: str | bytes) -> Any:
         raise ValueError("nested too deeply") from None
     if _is_deep(value):
         raise ValueError("nested too deeply")
+    if "\\u" in text:
+        try:
+            json.dumps(value, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            raise ValueError("not usable: it holds half a character") from None
     return value
 
 
