@@ -22,7 +22,7 @@ example:
 exit codes:
   0  all charts are in control        2  usage, or journals of different tables
   13 at least one chart alarms        24 a journal cannot be read, or does not verify
-  30 the table in a journal is refused
+  30 the table in a journal is refused   130 interrupted (Ctrl-C)
 """
 ALARMED = 13
 
