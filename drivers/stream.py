@@ -137,10 +137,9 @@ def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
     """
     try:
         connection = socket.create_connection((host, port), timeout=CONNECT_S)
-    except OSError as error:
-        raise PortError(
-            f"nobody accepts a connection at {endpoint} ({error.strerror or error}); {hint}", endpoint
-        ) from error
+    except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
+        reason = getattr(error, "strerror", None) or error
+        raise PortError(f"nobody accepts a connection at {endpoint} ({reason}); {hint}", endpoint) from error
     return TcpStream(connection, endpoint)
 
 

@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-
-USAGE = 2
+from runtime.shell.command import entry
 
 
 def _run(command: str) -> int:
-    """Imports and runs `planner.cli.<command>`; one line and exit code 2 without the planner extra."""
-    try:
-        module = import_module(f"planner.cli.{command}")
-    except ModuleNotFoundError as error:
-        if (error.name or "planner").split(".")[0] in {"planner", "runtime"}:
-            raise
-        hint = "install it with: pip install 'squeezetree[planner]'"
-        print(f"plan-{command}: needs the planner extra ({error.name} is missing); {hint}", file=sys.stderr)
-        return USAGE
-    return int(module.main())
+    """Runs `planner.cli.<command>`."""
+    return entry(f"plan-{command}", f"planner.cli.{command}", "planner")
 
 
 def compile_job() -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from planner.errors import InputFileError, TomlError
+from runtime.shell import strict_json
 
 
 def read(path: str | Path) -> str:
@@ -47,9 +47,9 @@ def from_json(text: str, where: str) -> dict[str, Any]:
         TomlError: not a JSON object.
     """
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise TomlError(f"not valid JSON: {error}; compile the job again", where=where) from error
+        document = strict_json.parse(text)
+    except ValueError as error:
+        raise TomlError(f"{error}; compile the job again", where=where) from error
     if not isinstance(document, dict):
         raise TomlError("not a JSON object; compile the job again", where=where)
     return document

@@ -48,6 +48,7 @@ MAX_TILT_DEG = 15.0
 """A pose tilted more than this is not that of a block on a table: the numbers are in another order."""
 
 MOST_PUSHES = 100_000
+MOST = 1e12
 
 
 class Push(NamedTuple):
@@ -190,14 +191,14 @@ def finite(text: str | None, place: str, where: str) -> float:
     """Return a number of a file.
 
     Raises:
-        ValueRangeError: it is missing or not a finite number.
+        ValueRangeError: it is missing, not a number, or so large that no measurement gave it.
     """
     try:
         value = float(text or "")
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        what = f"{shown(text)} is not a finite number" if text else "a number is missing"
+    if not abs(value) < MOST:
+        what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
         raise ValueRangeError(f"{place}: {what}; correct the file", where=where, value=text)
     return value
 

@@ -67,7 +67,7 @@ def load_world(name: str, job: Job, seed: int) -> World:
         seed: handed to the factory.
 
     Raises:
-        UsageError: there is no such module or factory, or what it returns cannot squeeze.
+        UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.
     """
     module_name, _, factory_name = name.partition(":")
     if not module_name or not factory_name:
@@ -77,12 +77,16 @@ def load_world(name: str, job: Job, seed: int) -> World:
         sys.path.append(here)
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
+    except Exception as error:  # importing runs what somebody else wrote
         raise UsageError(f"--world {name}: module {module_name} cannot be imported: {error}") from error
     factory = getattr(module, factory_name, None)
     if not callable(factory):
         raise UsageError(f"--world {name}: module {module_name} has no factory {factory_name}")
-    world = factory(job, seed)
+    try:
+        world = factory(job, seed)
+    except Exception as error:
+        kind = type(error).__name__
+        raise UsageError(f"--world {name}: the factory called with job and seed: {kind}: {error}") from error
     if not callable(getattr(world, "squeeze", None)):
         raise UsageError(f"--world {name}: what the factory returns has no method squeeze(pose_hand)")
     return world  # type: ignore[no-any-return]

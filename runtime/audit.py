@@ -22,6 +22,7 @@ from typing import Self
 from runtime.errors import UsageError
 from runtime.geometry import Pose2
 from runtime.ports import Auditor, Clock
+from runtime.shell import strict_json
 
 VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"
@@ -95,7 +96,7 @@ class AuditProcess:
         while self._owed:
             answer = self._line(until)
             self._owed -= 1
-        told = json.loads(answer)
+        told = strict_json.parse(answer)
         return told if isinstance(told, dict) else {}
 
     def close(self) -> None:

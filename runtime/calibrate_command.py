@@ -19,6 +19,7 @@ from runtime.lock import PortLock
 from runtime.ports import Gripper
 from runtime.reading import CLOSED_COUNTS, check_fresh
 from runtime.safety import ready_gripper
+from runtime.shell.command import Parser
 from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
 
@@ -55,22 +56,18 @@ class Open(Protocol):
         """Connect, moving nothing."""
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
-    built = argparse.ArgumentParser(
-        prog="grasp-calibrate",
-        description="Measure what a cell has to know of itself.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    built = Parser(
+        prog="grasp-calibrate", description="Measure what a cell has to know of itself.", epilog=EPILOG
     )
-    built.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    built.add_debug()
     subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
     width = subcommands.add_parser(
         "width",
         help="the gripper's counts as widths, with gauge blocks",
         description="Measure which width each encoder count of the gripper means, with gauge blocks.",
         epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     # Those of the audit have a parser of their own, which is asked before this one.
     for name, told in OF_THE_AUDIT.items():

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runtime.errors import CalibrationError, TableError
+from runtime.shell import strict_json
 from runtime.shell.files import writing
 from runtime.table import Calibration, GripperSpec
 
@@ -136,14 +137,14 @@ def load(path: Path) -> GripperCalibration:
     """
     try:
         with path.open("rb") as file:
-            told = json.loads(file.read(MAX_FILE_BYTES))
+            told = strict_json.parse(file.read(MAX_FILE_BYTES))
     except OSError as error:
         raise CalibrationError(f"calibration {path}: {error.strerror}") from error
     except ValueError as error:
-        raise CalibrationError(f"calibration {path}: is not JSON ({error}); measure again") from error
+        raise CalibrationError(f"calibration {path}: is {error}; measure again") from error
     try:
         return _parsed(told)
-    except (KeyError, TypeError, ValueError, TableError, CalibrationError) as error:
+    except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
         raise CalibrationError(
             f"calibration {path}: {error}; make it again with grasp-calibrate width"
         ) from error

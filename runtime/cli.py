@@ -7,7 +7,6 @@ import argparse
 import json
 import os
 import sys
-import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -19,8 +18,8 @@ from runtime import crash, dry_run, fitness, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
-from runtime.console import Console, Lines, Objects, say
-from runtime.errors import CellError, StoppedError, exit_code_of
+from runtime.console import Console, Lines, Objects
+from runtime.errors import StoppedError
 from runtime.executor import Cell, Plan
 from runtime.incidents import Incidents, Report
 from runtime.interrupts import StopRequests
@@ -31,6 +30,8 @@ from runtime.options import SIMULATED, parser
 from runtime.ports import Arm, Gripper, Scene
 from runtime.safe_state import DECLARED
 from runtime.safety import check_table
+from runtime.shell import command
+from runtime.shell.command import Parser, say
 from runtime.table import PPM, Calibration, Table, dumps, load
 
 REHEARSAL = "runtime.rehearsal:make"
@@ -56,16 +57,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    arguments = parser().parse_args(argv)
-    return guarded("grasp-runtime", run, arguments)
+    return guarded(parser(), argv, run)
 
 
 def doctor(argv: Sequence[str] | None = None) -> int:
     """Run `grasp-doctor`; returns its exit code."""
     from runtime import doctor_command  # another command's modules are not loaded into a run
 
-    arguments = doctor_command.parser().parse_args(argv)
-    return guarded("grasp-doctor", lambda given: doctor_command.run(given, connect), arguments)
+    return guarded(doctor_command.parser(), argv, lambda given: doctor_command.run(given, connect))
 
 
 def calibrate(argv: Sequence[str] | None = None) -> int:
@@ -78,24 +77,16 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
         return of_the_audit(words)
 
-    arguments = calibrate_command.parser().parse_args(argv)
-    return guarded("grasp-calibrate", lambda given: calibrate_command.run(given, connect.gripper), arguments)
+    return guarded(
+        calibrate_command.parser(), argv, lambda given: calibrate_command.run(given, connect.gripper)
+    )
 
 
-def guarded(name: str, command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Run a command, hear one stop request, and tell an error in one line.
-
-    Returns:
-        The exit code.
-    """
+def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
+    """Run a command of the cell, which hears one stop request; returns its exit code."""
+    told = "stopped by the operator while no part was being squeezed"
     with StopRequests():
-        try:
-            return command(arguments)
-        except KeyboardInterrupt:
-            print(f"{name}: stopped by the operator while no part was being squeezed", file=sys.stderr)
-            return StoppedError.exit_code
-        except Exception as error:
-            return _told(name, error, debug=arguments.debug)
+        return command.run(built, argv, body, stopped=(StoppedError.exit_code, told))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -140,8 +131,8 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     incidents.hand_over(journal)
     auditor = None
     if arguments.audit is not None:
-        command = arguments.audit.replace(options.SIMULATED_CAMERA, devices.camera)
-        auditor = stack.enter_context(AuditProcess(command, SystemClock()))
+        auditing = arguments.audit.replace(options.SIMULATED_CAMERA, devices.camera)
+        auditor = stack.enter_context(AuditProcess(auditing, SystemClock()))
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
     # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
     activate = arguments.activate or arguments.port == SIMULATED
@@ -276,18 +267,6 @@ def _header(arguments: argparse.Namespace, plan: Plan) -> dict[str, object]:
         "widths_um": None if measured is None else list(measured.widths_um),
         "declared_safe_state": DECLARED,
     }
-
-
-def _told(name: str, error: Exception, *, debug: bool) -> int:
-    code = exit_code_of(error)
-    if debug:
-        traceback.print_exc()
-    if code != 1 or isinstance(error, CellError):
-        print(f"{name}: {error}", file=sys.stderr)
-        return code
-    kind = type(error).__name__
-    print(f"{name}: internal error, please report it: {kind}: {error} (--debug shows more)", file=sys.stderr)
-    return 1
 
 
 if __name__ == "__main__":

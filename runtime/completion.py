@@ -4,11 +4,14 @@ import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+from runtime.errors import UsageError
+from runtime.shell.command import Parser, run
+
 NAME = "squeezetree-completion"
-USAGE = 2
 EPILOG = f"""\
 example, once and for all shells to come:
   {NAME} > ~/.{NAME} && echo '. ~/.{NAME}' >> ~/.bashrc
@@ -55,25 +58,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    parser().parse_args(argv)
-    try:
-        import_module("shtab")
-    except ModuleNotFoundError:
-        hint = "install it with: pip install 'squeezetree[completion]'"
-        print(f"{NAME}: needs the completion extra (shtab is missing); {hint}", file=sys.stderr)
-        return USAGE
-    print(script(dict(parsers())))
-    return 0
+    return run(parser(), argv, _print_script)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
-    return argparse.ArgumentParser(
+    return Parser(
         prog=NAME,
         description="Print a script with which bash completes the options of all squeezetree commands.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+
+
+def _print_script(_: argparse.Namespace) -> int:
+    if find_spec("shtab") is None:
+        raise UsageError(
+            "needs the completion extra (shtab is missing); install it with: "
+            "pip install 'squeezetree[completion]'"
+        )
+    print(script(dict(parsers())))
+    return 0
 
 
 def script(found: Mapping[str, argparse.ArgumentParser]) -> str:

@@ -1,15 +1,15 @@
 """What a run tells its reader: one line a squeeze, one a part, one at the end; or one JSON object a part."""
 
 import json
-import os
 import sys
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol
 
 from runtime.geometry import Pose2, placement, predicted_pose
 from runtime.results import Outcome, PartResult, Step
+from runtime.shell.command import say
 from runtime.table import PPM, GoalSpec, Table
 
 if TYPE_CHECKING:
@@ -113,27 +113,6 @@ class Objects:
 
     def summary(self, tally: "Tally", journal: Path) -> None:
         """Nothing: the objects say it all."""
-
-
-def say(line: str, file: TextIO | None = None) -> None:
-    """Print a line; nobody reading any more (`| head`, a restarted log daemon) must not stop the cell.
-
-    Args:
-        line: what to print.
-        file: None for standard output.
-    """
-    file = file or sys.stdout
-    try:
-        print(line, file=file, flush=True)
-    except OSError:
-        give_up(file)
-
-
-def give_up(file: TextIO) -> None:
-    """Let what is still to be printed go nowhere: Python flushes on its way out, and would complain then."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, file.fileno())
-    os.close(nowhere)
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:

@@ -36,6 +36,7 @@ KEYS = {
     "width_tolerance_mm": 0,
     "area_mm": 4,
 }
+MOST = 1e6  # mm or degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +78,14 @@ def from_file(path: Path) -> Delivery:
     try:
         with path.open("rb") as file:
             keys = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        raise UsageError(f"--deliver {path}: {error}") from error
-    return from_keys(keys.get("delivery", keys), str(path))
+    except OSError as error:
+        raise UsageError(f"--deliver {path}: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"--deliver {path}: is no TOML: {error}") from error
+    found = keys.get("delivery", keys)
+    if not isinstance(found, dict):
+        raise UsageError(f"--deliver {path}: delivery is no section; write [delivery]")
+    return from_keys(found, str(path))
 
 
 def from_job(text: str | None) -> Delivery | None:
@@ -90,6 +96,8 @@ def from_job(text: str | None) -> Delivery | None:
     """
     job = json.loads(text) if text is not None else {}
     keys = job.get("delivery") if isinstance(job, dict) else None
+    if keys is not None and not isinstance(keys, dict):
+        raise UsageError("the job's delivery is no section; compile it again")
     return None if keys is None else from_keys(keys, "the job's section delivery")
 
 
@@ -193,8 +201,8 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
         raise UsageError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
     numbers = []
     for item in items:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not math.isfinite(item):
-            raise UsageError(f"{where}: {name} holds {item!r}, which is no number")
+        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < MOST:
+            raise UsageError(f"{where}: {name} holds {item!r}, which is no number below {MOST:g}")
         numbers.append(float(item))
     return tuple(numbers)
 

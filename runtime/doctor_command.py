@@ -9,11 +9,11 @@ from typing import Protocol
 
 from runtime import calibration, doctor
 from runtime.clock import SystemClock
-from runtime.console import say
 from runtime.doctor import Finding, Heard, System, Verdict
 from runtime.errors import CellCheckError, CellError
 from runtime.lock import PortLock
 from runtime.ports import Arm, Gripper
+from runtime.shell.command import Parser, say
 from runtime.table import Calibration, Table, load
 
 EPILOG = """\
@@ -42,21 +42,17 @@ class Drivers(Protocol):
         """Who answers on a serial port."""
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
-    built = argparse.ArgumentParser(
-        prog="grasp-doctor",
-        description="Check a cell before it runs; moves nothing.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    built = Parser(
+        prog="grasp-doctor", description="Check a cell before it runs; moves nothing.", epilog=EPILOG
     )
     add = built.add_argument
     add("--port", required=True, help="the gripper, as for grasp-runtime")
     add("--arm", help="the arm: tcp://host:port")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
-    add("--json", action="store_true", help="print one JSON object instead of text")
-    add("--debug", action="store_true", help="print the traceback of an error")
+    built.add_common()
     return built
 
 

@@ -88,8 +88,11 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
         ) from error
     listed = list(found)
     columns = {name: [row[name] for row in listed] for name in COLUMNS}
-    with writing(path) as draft:
-        parquet.write_table(pyarrow.table(columns), draft)
+    try:
+        with writing(path) as draft:
+            parquet.write_table(pyarrow.table(columns), draft)
+    except pyarrow.ArrowException as error:  # where a column holds words and numbers
+        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 
 

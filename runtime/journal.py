@@ -18,12 +18,14 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
 from runtime.errors import JournalError, TornError
+from runtime.shell import strict_json
 from runtime.shell.files import oddity
 
 VERSION = 1
@@ -261,16 +263,31 @@ def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, o
     if line != body[:-1] + _tail(hashlib.sha256(body).hexdigest()):
         raise JournalError(path, "does not have its digest; it was changed after it was written", number)
     try:
-        entry = json.loads(line)
-    except ValueError:
-        raise JournalError(path, "is not JSON", number) from None
+        entry = strict_json.parse(line)
+    except ValueError as error:
+        raise JournalError(path, f"is {error}", number) from None
     if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
         raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
-    if entry["seq"] != number - 1:
+    if type(entry["seq"]) is not int or entry["seq"] != number - 1:
         raise JournalError(path, f"has sequence number {entry['seq']}, expected {number - 1}", number)
     if entry["previous"] != previous:
         raise JournalError(path, "does not follow the line before it", number)
+    if not _is_word(entry["kind"]) or not _is_date(entry["time"]):
+        raise JournalError(path, "has a kind that is no word, or a time that is no date", number)
+    if entry["kind"] == "header":
+        _embedded_table(path, number, entry)
     return entry
+
+
+def _is_word(value: object) -> bool:
+    return isinstance(value, str) and value.isidentifier()
+
+
+def _is_date(value: object) -> bool:
+    try:
+        return isinstance(value, str) and bool(datetime.fromisoformat(value))
+    except ValueError:
+        return False
 
 
 def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> bytes:

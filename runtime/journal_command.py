@@ -3,17 +3,19 @@
 import argparse
 import json
 import sys
-import traceback
+from argparse import ArgumentTypeError
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 
 from runtime import export
-from runtime.console import give_up
-from runtime.errors import CellError, JournalError, UsageError, exit_code_of
+from runtime.errors import JournalError, UsageError
 from runtime.journal import records, verify
 from runtime.replay import Entry, Replay
-from runtime.shell.files import STDOUT, OutputError, usable, words_of
+from runtime.results import Outcome
+from runtime.shell.command import Parser, natural, run
+from runtime.shell.files import STDOUT, usable, words_of
 
 EXIT_CODES = """\
 exit codes:
@@ -34,45 +36,26 @@ QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    arguments = parser().parse_args(argv)
-    try:
-        code = int(arguments.run(arguments))
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:  # whoever read us has seen enough
-        give_up(sys.stdout)
-        return 0
-    except (CellError, OutputError) as error:
-        return _told(error, debug=arguments.debug)
-    except OSError as error:  # files tell theirs as a CellError
-        give_up(sys.stdout)
-        told = f"standard output cannot be written: {error.strerror}; free the disk or name another file"
-        return _told(UsageError(told), debug=arguments.debug)
-    return code
+    return run(parser(), argv, lambda arguments: int(arguments.run(arguments)))
 
 
-def _told(error: CellError | OutputError, *, debug: bool) -> int:
-    if debug:
-        traceback.print_exc()
-    print(f"grasp-journal: {error}", file=sys.stderr)
-    return exit_code_of(error)
-
-
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
-    built = argparse.ArgumentParser(
+    built = Parser(
         prog="grasp-journal",
         description="Read, verify, replay and export the journals of grasp-runtime.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
     shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
-    shown.add_argument("--part", type=int, metavar="N", help="only this part's")
-    shown.add_argument("--node", type=int, metavar="N", help="only squeezes at this node")
-    shown.add_argument("--outcome", metavar="NAME", help="only parts that ended so: leaf, reject, fault, ...")
-    shown.add_argument("--since", metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00")
+    shown.add_argument("--part", type=natural, metavar="N", help="only this part's")
+    shown.add_argument("--node", type=natural, metavar="N", help="only squeezes at this node")
+    shown.add_argument(
+        "--outcome", choices=[outcome.value for outcome in Outcome], help="only parts that ended so"
+    )
+    shown.add_argument(
+        "--since", type=_date, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+    )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
     exported = _subcommand(subcommands, "export", _export, "one row a squeeze, as CSV or Parquet")
@@ -84,18 +67,16 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _subcommand(
-    subcommands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: object, told: str
-) -> argparse.ArgumentParser:
+    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, told: str
+) -> Parser:
     example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     made = subcommands.add_parser(
         name, help=told, description=f"{told[0].upper()}{told[1:]}.", epilog=f"{example}\n\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     made.add_argument("journal", type=Path, help="the journal")
     which = "a record" if name == "show" else "instead of text"
-    made.add_argument("--json", action="store_true", help=f"print one JSON object {which}")
-    made.add_argument("--debug", action="store_true", help="print the traceback of an error")
-    made.set_defaults(run=run)
+    made.add_common(f"print one JSON object {which}")
+    made.set_defaults(run=body)
     return made
 
 
@@ -133,12 +114,15 @@ def _show(arguments: argparse.Namespace) -> int:
     wanted = None
     if arguments.outcome is not None:
         wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
-    for run, entry in _numbered(_entries(arguments.journal)):
+    for number, entry in _numbered(_entries(arguments.journal)):
         if not _is_wanted(arguments, entry) or (
-            wanted is not None and (run, entry.get("part")) not in wanted
+            wanted is not None and (number, entry.get("part")) not in wanted
         ):
             continue
-        print(json.dumps(entry) if arguments.json else _line(entry), flush=False)
+        try:
+            print(json.dumps(entry) if arguments.json else _line(entry))
+        except BrokenPipeError:  # whoever reads has seen enough
+            break
     return 0
 
 
@@ -165,16 +149,16 @@ def _entries(path: Path) -> Iterator[dict[str, object]]:
 
 def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[str, object]]]:
     """Each record with the number of its run: parts count from 1 in every run."""
-    run = 0
+    number = 0
     for entry in entries:
-        run += entry["kind"] == "header"
-        yield run, entry
+        number += entry["kind"] == "header"
+        yield number, entry
 
 
 def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, object]]:
-    for run, entry in _numbered(records(path)):
+    for number, entry in _numbered(records(path)):
         if entry["kind"] == "outcome" and entry.get("outcome") == outcome:
-            yield run, entry.get("part")
+            yield number, entry.get("part")
 
 
 def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
@@ -182,7 +166,16 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
         return False
     if arguments.node is not None and entry.get("node") != arguments.node:
         return False
-    return arguments.since is None or str(entry["time"]) >= arguments.since
+    return arguments.since is None or _date(str(entry["time"])) >= arguments.since
+
+
+def _date(text: str) -> datetime:
+    """A date with or without a time, ISO 8601; UTC where it names no zone."""
+    try:
+        told = datetime.fromisoformat(text)
+    except ValueError:
+        raise ArgumentTypeError(f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00") from None
+    return told if told.tzinfo else told.replace(tzinfo=UTC)
 
 
 def _line(entry: Entry) -> str:

@@ -14,6 +14,7 @@ from runtime.executor import Plan
 from runtime.hand import Handling
 from runtime.monitor import Views
 from runtime.reading import CurrentBand
+from runtime.shell.command import Parser, positive, positive_int
 from runtime.table import Table
 from runtime.tips import TipArc
 
@@ -49,13 +50,12 @@ Connecting moves nothing. Every fault, and Ctrl-C, ends in the declared safe sta
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
-    built = argparse.ArgumentParser(
+    built = Parser(
         prog="grasp-runtime",
         description="Localise parts by executing a decision table on a cell.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = built.add_argument
     add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
     )
     add("--arm", help="the arm: tcp://host:port; with --port sim its own")
-    add("--count", type=_positive_int, default=1, metavar="N", help="number of parts (default: 1)")
+    add("--count", type=positive_int, default=1, metavar="N", help="number of parts (default: 1)")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(
         "--journal",
@@ -73,12 +73,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="P",
         help=f"append the run to this file, after verifying it (default: ./{DEFAULT_JOURNAL})",
     )
-    add(
-        "--json",
-        action="store_true",
-        help="print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error",
+    built.add_common(
+        "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"
     )
-    add("--debug", action="store_true", help="print the traceback of an error")
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
     _add_policy(built.add_argument_group("what follows"))
@@ -219,7 +216,7 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
     )
     add(
         "--grip-current",
-        type=_positive_int,
+        type=positive_int,
         metavar="MA",
         help="raise the force no further once the motor draws this much (default: up to the table's force)",
     )
@@ -278,20 +275,6 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
 
 def _add_simulated(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add("--time-scale", type=_positive, default=1.0, metavar="S", help="times as fast as life")
+    add("--time-scale", type=positive, default=1.0, metavar="S", help="times as fast as life")
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
     add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
-def _positive_int(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return value

@@ -14,6 +14,7 @@ import hashlib
 from pathlib import Path
 
 from runtime.errors import TableError, TableFileError
+from runtime.shell import strict_json
 from runtime.shell.files import writing
 from runtime.table_canonical import canonical
 from runtime.table_check import check
@@ -95,7 +96,18 @@ def loads(data: bytes) -> Table:
     """
     table = decode(data)
     prove_read(table)
+    _check_job(table.job)
     return table
+
+
+def _check_job(text: str | None) -> None:
+    """Check that an embedded job is an object, as whoever looks into it expects."""
+    try:
+        sound = text is None or isinstance(strict_json.parse(text), dict)
+    except ValueError as error:
+        raise TableError(f"the embedded job is {error}; compile it again") from None
+    if not sound:
+        raise TableError("the embedded job is no JSON object; compile it again")
 
 
 def dump(table: Table, path: Path | str) -> None:

@@ -17,6 +17,7 @@ from drivers.camera.calibrate import Made, Material, calibrate, glue, pictures_i
 from drivers.camera.errors import RefusedError
 from drivers.camera.sources import open_source
 from drivers.camera.tag_file import PartTag, Pose
+from runtime.shell.command import USAGE, Parser, run, tell
 from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
@@ -40,21 +41,19 @@ touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose tha
 {EXIT_CODES}"""
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    built = argparse.ArgumentParser(
+    built = Parser(
         prog="grasp-calibrate",
         description="Measure what the audit has to know of camera and part.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    built.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    built.add_debug()
     commands = built.add_subparsers(required=True, metavar="camera | tag | pictures", dest="command")
     for name, (told, example, add) in SUBCOMMANDS.items():
         made = commands.add_parser(
             name, help=told, description=f"{told[0].upper()}{told[1:]}.",
             epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
         made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
         add(made)
@@ -63,10 +62,14 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    options = parser().parse_args(arguments)
+    return run(parser(), arguments, _follow)
+
+
+def _follow(options: argparse.Namespace) -> int:
+    """Print what a subcommand tells as it goes on, or at its end one object."""
     cv2.setNumThreads(1)
+    told = options.run(options)
     try:
-        told = options.run(options)
         while True:
             line = next(told)
             if not options.json:
@@ -74,13 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except StopIteration as end:
         if options.json:
             print(json.dumps(end.value))
-    except (KeyboardInterrupt, EOFError):
-        return 130
-    except Exception as error:
-        if options.debug:
-            raise
-        print(f"grasp-calibrate: {' '.join(str(error).split())}", file=sys.stderr)
-        return int(getattr(error, "exit_code", 1))
+    except EOFError:
+        tell("grasp-calibrate", "standard input ended before Enter was pressed; run it in a terminal")
+        return USAGE
     return 0
 
 

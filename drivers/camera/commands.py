@@ -5,9 +5,10 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from runtime.shell.command import entry
+
 AUDIT, CALIBRATE = "drivers.camera.cli", "drivers.camera.calibrate_command"
 REPORT = "runtime.quality.command"
-USAGE = 2
 # Read on import: a missing camera is told with the verdict, and would be logged once a second.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
@@ -28,12 +29,4 @@ def calibrate(arguments: Sequence[str] | None = None) -> int:
 def _run(command: str, module: str, words: Sequence[str]) -> int:
     for name, value in QUIET.items():
         os.environ.setdefault(name, value)
-    try:
-        loaded = import_module(module)
-    except ModuleNotFoundError as error:
-        if (error.name or "drivers").split(".")[0] in {"drivers", "runtime"}:
-            raise
-        hint = "install it with: pip install 'squeezetree[audit]'"
-        print(f"{command}: needs the audit extra ({error.name} is missing); {hint}", file=sys.stderr)
-        return USAGE
-    return int(loaded.main(words))
+    return entry(command, module, "audit", words)

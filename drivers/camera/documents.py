@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.camera.errors import CameraFileError
+from runtime.shell import strict_json
 from runtime.shell.files import writing
 
 MAX_FILE_BYTES = 4 << 20
@@ -48,11 +49,11 @@ def read(path: Path, kind: str, remedy: str) -> dict[str, Any]:
     """
     try:
         with path.open("rb") as file:
-            told = json.loads(file.read(MAX_FILE_BYTES))
+            told = strict_json.parse(file.read(MAX_FILE_BYTES))
     except OSError as error:
         raise CameraFileError(f"{kind} {path}: {error.strerror}; {remedy}") from error
     except ValueError as error:
-        raise CameraFileError(f"{kind} {path}: damaged, it is not JSON; {remedy}") from error
+        raise CameraFileError(f"{kind} {path}: damaged, it is {error}; {remedy}") from error
     if not isinstance(told, dict) or told.get("kind") != kind:
         raise CameraFileError(f"{path}: is no {kind}; {remedy}")
     if told.pop("sha256", None) != _digest(told):

@@ -23,6 +23,7 @@ from typing import Protocol
 from drivers.camera.auditor import Answer
 from drivers.camera.judge import UNKNOWN
 from drivers.camera.tag_file import Pose
+from runtime.shell import strict_json
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
@@ -130,7 +131,10 @@ def serve(
     """
     while (line := lines.next()) is not None:
         answer = _answered(line, worker, deadline_s)
-        write(json.dumps(answer.fields()).encode("ascii") + b"\n")
+        try:
+            write(json.dumps(answer.fields()).encode("ascii") + b"\n")
+        except BrokenPipeError:  # who asked has gone
+            return False
         if full() and not lines.waiting:
             return True
     return False
@@ -162,10 +166,10 @@ def _sentence(error: Exception) -> str:
 
 def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:
     try:
-        asked = json.loads(line)
+        asked = strict_json.parse(line)
         part = int(asked["part"])
         predicted = (float(asked["x_mm"]), float(asked["y_mm"]), float(asked["theta_rad"]))
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, OverflowError):
         return Answer(UNKNOWN, "the question is not understood; it takes part, x_mm, y_mm and theta_rad")
     return worker.ask(part, predicted, deadline_s)
 

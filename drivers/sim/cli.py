@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import os
 import signal
 import sys
@@ -15,6 +14,7 @@ from typing import Any
 from drivers.sim.cell import Cell
 from drivers.sim.faults import parse
 from drivers.sim.scene import REHEARSAL, CellError, Setting, load, warm_up
+from runtime.shell.command import Parser, one_line, positive, run, tell
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
@@ -32,13 +32,12 @@ exit codes:
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    made = argparse.ArgumentParser(
+    made = Parser(
         prog="grasp-cell",
         description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     source = made.add_mutually_exclusive_group(required=True)
     source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job")
@@ -51,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
     made.add_argument(
         "--time-scale",
-        type=_scale,
+        type=positive,
         default=1.0,
         metavar="S",
         help="simulated seconds per second (default: 1)",
@@ -68,33 +67,14 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="instead of serving, write the pictures to calibrate that camera from, and the commands for it",
     )
-    made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    made.add_common()
     made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
-    made.add_argument("--debug", action="store_true", help="print the traceback of an error")
     return made
-
-
-def _scale(text: str) -> float:
-    value = float(text)
-    if not (0.0 < value < math.inf):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run grasp-cell; returns its exit code."""
-    options = parser().parse_args(arguments)
-    try:
-        return serve(options)
-    except KeyboardInterrupt:
-        print("grasp-cell: interrupted", file=sys.stderr)
-        return 130
-    except Exception as error:
-        if options.debug:
-            raise
-        print(f"grasp-cell: {_one_line(error)}", file=sys.stderr)
-        # Tables and jobs bring their own codes; anything else kept the cell from starting.
-        return int(getattr(error, "exit_code", 31))
+    return run(parser(), arguments, serve)
 
 
 def serve(options: argparse.Namespace) -> int:
@@ -104,9 +84,7 @@ def serve(options: argparse.Namespace) -> int:
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     if options.world is None and not setting.truthful:
-        print(
-            "grasp-cell: no planner here; widths are drawn from the table's own statistics", file=sys.stderr
-        )
+        tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
         return write_views(options)
     rig = camera(setting) if options.camera else None
@@ -123,7 +101,7 @@ def serve(options: argparse.Namespace) -> int:
             print("\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True)
         cell.stopped.wait()
     for failure in failures[:1]:
-        print(f"grasp-cell: stopped: {failure}", file=sys.stderr)
+        tell("grasp-cell", f"stopped: {failure}")
     return 1 if failures else 0
 
 
@@ -162,14 +140,10 @@ def _give_up(
     failed: threading.ExceptHookArgs, failures: list[str], stopped: threading.Event, *, debug: bool
 ) -> None:
     """A server thread failed, most likely in the world: end the cell rather than leave a device mute."""
-    failures.append(_one_line(failed.exc_value))
+    failures.append(one_line(failed.exc_value))
     if debug:
         threading.__excepthook__(failed)
     stopped.set()
-
-
-def _one_line(error: BaseException | None) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _watch_stdin(stopped: threading.Event) -> None:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from drivers.errors import LinkError, PortError
+from runtime.shell import strict_json
 
 ANSWER_S = 10.0
 MAX_LINE = 4096
@@ -150,7 +151,7 @@ class SceneServer:
 
     def _reply(self, line: bytes) -> Mapping[str, object]:
         try:
-            request = json.loads(line)
+            request = strict_json.parse(line)
             what = request["do"]
         except (ValueError, TypeError, KeyError):
             return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}

@@ -224,7 +224,7 @@ def parse(text: str | None) -> Schedule:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise CellFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise CellError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
         raise CellError(f"{path}: write one [[fault]] table a fault, nothing else")

@@ -62,6 +62,21 @@ class Setting(NamedTuple):
     world: str
     factory: Callable[[Any, int], World]
 
+    def make_world(self, seed: int) -> World:
+        """The world of a seed.
+
+        Raises:
+            CellError: the factory fails, or what it returns cannot squeeze.
+        """
+        try:
+            made = self.factory(self.subject, seed)
+        except Exception as error:  # a factory is what somebody else wrote
+            kind = type(error).__name__
+            raise CellError(f"world {self.world}: called with job and seed: {kind}: {error}") from error
+        if not callable(getattr(made, "squeeze", None)):
+            raise CellError(f"world {self.world}: what it returns has no method squeeze(pose_hand)")
+        return made
+
     @property
     def truthful(self) -> bool:
         """Whether the world knows where the part really is."""
@@ -118,7 +133,7 @@ def find_factory(world: str) -> Callable[[Any, int], World]:
 def _module(name: str) -> Any:
     try:
         return importlib.import_module(name)
-    except ImportError as error:
+    except Exception as error:  # importing runs what somebody else wrote
         hint = "; install squeezetree[planner]" if name.startswith("planner") else ""
         raise CellError(f"module {name} cannot be imported ({error}){hint}") from error
 
@@ -163,4 +178,4 @@ def table_geometry(table: Any) -> Geometry:
 
 def warm_up(setting: Setting, seed: int) -> None:
     """Squeeze once in a world of its own, so that kernels compile before anything waits for an answer."""
-    setting.factory(setting.subject, seed).squeeze((0.0, 0.0, 0.0))
+    setting.make_world(seed).squeeze((0.0, 0.0, 0.0))

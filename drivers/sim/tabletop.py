@@ -56,7 +56,7 @@ class TableTop:
         self.truthful = setting.truthful
         self._seed = seed
         self._desk = desk
-        self._world = setting.factory(setting.subject, seed)
+        self._world = setting.make_world(seed)
         self._noise = random.Random(f"{seed}/encoder")
         self.part = -1
         self.next_part()

@@ -19,6 +19,7 @@ from planner.job import Job
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.shell import files
+from runtime.shell.command import Parser, natural, positive_int
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -26,22 +27,10 @@ NAME = "plan-compile"
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    built = parser()
-    arguments = built.parse_args(argv)
-    if arguments.baseline and (arguments.output or arguments.sweep):
-        built.error("--baseline writes no table; leave out -o and --sweep")
-    if not arguments.baseline and not arguments.output:
-        built.error("the following arguments are required: -o/--output")
-
-    def body() -> int:
-        if arguments.sweep:
-            return _sweep(arguments)
-        return _baseline(arguments) if arguments.baseline else _single(arguments)
-
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, _compile)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -59,12 +48,12 @@ def parser() -> argparse.ArgumentParser:
         "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
-    built.add_argument("--seed", type=shell.natural, help="instead of the job's seed")
+    built.add_argument("--seed", type=natural, help="instead of the job's seed")
     built.add_argument(
-        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
+        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
     )
     built.add_argument(
-        "--trials", type=shell.positive, default=EVALUATION_TRIALS,
+        "--trials", type=positive_int, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
     built.add_argument(
@@ -87,6 +76,16 @@ def parser() -> argparse.ArgumentParser:
     shell.add_cache(built)
     shell.add_scheduler(built)
     return built
+
+
+def _compile(arguments: argparse.Namespace) -> int:
+    if arguments.baseline and (arguments.output or arguments.sweep):
+        raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if not arguments.baseline and not arguments.output:
+        raise UsageError("-o/--output is missing; name the table to write")
+    if arguments.sweep:
+        return _sweep(arguments)
+    return _baseline(arguments) if arguments.baseline else _single(arguments)
 
 
 def _single(arguments: argparse.Namespace) -> int:

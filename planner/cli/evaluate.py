@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -22,6 +21,7 @@ from planner.job import Job
 from planner.overrides import job_with
 from planner.scheduler import Scheduler, scheduler_of
 from planner.worlds import DEFAULT_WORLD, supply
+from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.table import Table, load
 
 NAME = "plan-evaluate"
@@ -30,9 +30,8 @@ DEFAULT_TRIALS = 20_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
 
-    def body() -> int:
+    def body(arguments: argparse.Namespace) -> int:
         table = load(arguments.tree)
         job = job_of(table, arguments.tree, arguments.job)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
@@ -42,10 +41,10 @@ def main(argv: list[str] | None = None) -> int:
                 _single(table, job, scheduler, arguments)
         return 0
 
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, body)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -56,15 +55,15 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
     built.add_argument(
-        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
+        "--trials", type=positive_int, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
     )
-    built.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
+    built.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
     built.add_argument(
-        "--worst", type=shell.natural, default=3, metavar="N",
+        "--worst", type=natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
     )  # fmt: skip
     built.add_argument(
-        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
+        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
     )
     shell.add_scheduler(built)
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
@@ -88,7 +87,7 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
         "--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change"
     )
     group.add_argument(
-        "--encoder-offset-mm", type=_finite, default=0.0, metavar="MM", help="added to every width"
+        "--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width"
     )
     group.add_argument(
         "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
@@ -98,11 +97,11 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
         "--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle"
     )
     group.add_argument(
-        "--placement-bias-mm", type=_finite, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
+        "--placement-bias-mm", type=number, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
         help="constant error of the hand's place in the world",
     )  # fmt: skip
     group.add_argument(
-        "--placement-bias-deg", type=_finite, default=0.0, metavar="DEG", help="and of its angle"
+        "--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle"
     )
 
 
@@ -201,20 +200,12 @@ def job_of(table: Table, path: Path, job_path: Path | None) -> Job:
     return job
 
 
-def _finite(value: str) -> float:
-    """A number, for argparse."""
-    number = float(value)
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"{value} is not a finite number")
-    return number
-
-
 def _spread(value: str) -> float:
     """A standard deviation, for argparse."""
-    number = _finite(value)
-    if number < 0.0:
+    spread = number(value)
+    if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
-    return number
+    return spread
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.expectation import document, expected
 from planner.scheduler import scheduler_of
+from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
 from runtime.table import load
 
@@ -21,9 +22,8 @@ DEFAULT_TRIALS = 100_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
 
-    def body() -> int:
+    def body(arguments: argparse.Namespace) -> int:
         read = () if arguments.job is None else job_file.files(arguments.job)
         usable(arguments.output, arguments.tree, *read)
         table = load(arguments.tree)
@@ -43,10 +43,10 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{arguments.trials} parts each: {', '.join(names)}\nwrote {arguments.output}")
         return 0
 
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, body)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     made = shell.parser(
         NAME,
@@ -60,12 +60,10 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, required=True, metavar="EXPECTED.json", help="the file to write"
     )
     made.add_argument(
-        "--trials", type=shell.positive, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
+        "--trials", type=positive_int, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
     )
-    made.add_argument("--seed", type=shell.natural, default=0, help="of the trials (default: %(default)s)")
-    made.add_argument(
-        "--workers", type=shell.positive, help="threads; the result is the same (default: cores)"
-    )
+    made.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
+    made.add_argument("--workers", type=positive_int, help="threads; the result is the same (default: cores)")
     shell.add_scheduler(made)
     return made
 

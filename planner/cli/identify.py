@@ -15,6 +15,7 @@ from planner.cli import shell
 from planner.errors import UsageError
 from planner.identify import Identified, Kind, Normalised, identify, normalise
 from planner.mechanics.limit_surface import LimitSurface
+from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable, writing
 
 NAME = "plan-identify"
@@ -28,9 +29,8 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
 
-    def body() -> int:
+    def body(arguments: argparse.Namespace) -> int:
         _check_options(arguments.figure)
         if arguments.output is not None:
             usable(arguments.output, *arguments.logs)
@@ -57,10 +57,10 @@ def main(argv: list[str] | None = None) -> int:
         _print(data, found, best, arguments)
         return 0
 
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, body)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -80,21 +80,21 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     built.add_argument(
         "--rho-mm",
-        type=_positive,
+        type=positive,
         default=75.0,
         help="length that torques are divided by (default: %(default)g)",
     )
     built.add_argument(
-        "--friction-n", type=_positive, help="friction of part and table (default: estimated from the pushes)"
+        "--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)"
     )
     built.add_argument(
-        "--splits", type=shell.positive, default=50, help="random splits to judge by (default: %(default)s)"
+        "--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)"
     )
     built.add_argument(
         "--train-share", type=_share, default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )  # fmt: skip
-    built.add_argument("--seed", type=shell.natural, default=0, help="of the splits (default: %(default)s)")
+    built.add_argument("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
     return built
 
 
@@ -183,17 +183,9 @@ def _print(
         )
 
 
-def _positive(text: str) -> float:
-    """A finite number above 0, for argparse."""
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
-
-
 def _share(text: str) -> float:
     """A number between 0 and 1, for argparse."""
-    value = float(text)
+    value = number(text)
     if not 0.0 < value < 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")
     return value

@@ -15,6 +15,7 @@ from planner.errors import UsageError
 from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
 from planner.presets import FINGERS, GRIPPERS
+from runtime.shell.command import Parser, number, positive_int
 from runtime.shell.files import usable, writing
 
 NAME = "plan-init"
@@ -25,11 +26,10 @@ FITTING = 0.8
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
-    return shell.run(NAME, arguments.debug, lambda: _init(arguments))
+    return shell.run(parser(), argv, _init)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -43,39 +43,29 @@ def parser() -> argparse.ArgumentParser:
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     drawing = built.add_argument_group("the drawing")
     drawing.add_argument("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
+    drawing.add_argument("--contour", type=positive_int, metavar="N", help="which one, if there are several")
     drawing.add_argument(
-        "--contour", type=shell.positive, metavar="N", help="which one, if there are several"
-    )
-    drawing.add_argument(
-        "--tolerance", type=_number, default=TOLERANCE_MM, metavar="MM",
+        "--tolerance", type=number, default=TOLERANCE_MM, metavar="MM",
         help="of curves made polygons (default: %(default)s)",
     )  # fmt: skip
     drawing.add_argument(
-        "--height", type=_number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
+        "--height", type=number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
     )
     answers = built.add_argument_group("the answers")
     answers.add_argument("--name", help="of the part")
     answers.add_argument(
-        "--radius", type=_number, metavar="MM", help="its centre lies in a disc of this radius"
+        "--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius"
     )
     answers.add_argument(
-        "--turn", type=_number, metavar="DEG", help="it is turned by at most this (default: any angle)"
+        "--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)"
     )
     answers.add_argument("--gripper", choices=GRIPPERS, help="which one")
     answers.add_argument("--fingers", choices=FINGERS, help="what they are faced with")
     answers.add_argument(
-        "--distance", type=_number, default=3.0, metavar="MM",
+        "--distance", type=number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
     return built
-
-
-def _number(text: str) -> float:
-    """A finite number, for argparse."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a number")
-    return value
 
 
 def _init(arguments: argparse.Namespace) -> int:
@@ -146,7 +136,7 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         proposed = max(1.0, float(math.floor(min(10.0, FITTING * room))))
         radius = _ask(
             f"its centre lies in a disc of radius [{proposed:g} mm]: ",
-            lambda text: _number(text) if text else proposed,
+            lambda text: number(text) if text else proposed,
         )
     if radius > room and arguments.turn is None:
         print(

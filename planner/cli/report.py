@@ -11,6 +11,7 @@ from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.errors import UsageError
 from planner.report import dossier, models, run_log
+from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
 from runtime.table import digest, load
 
@@ -20,9 +21,8 @@ MAX_TRIALS = 1_000_000
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
 
-    def body() -> int:
+    def body(arguments: argparse.Namespace) -> int:
         read = () if arguments.job is None else job_file.files(arguments.job)
         output = usable(arguments.output, arguments.tree, arguments.journal, arguments.models, *read)
         if arguments.trials > MAX_TRIALS:
@@ -46,10 +46,10 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{drawn}; wrote {output}, {size:,} bytes")
         return 0
 
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, body)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -69,10 +69,10 @@ def parser() -> argparse.ArgumentParser:
         help="show how good the learned models are, as plan-compile --models-report wrote it",
     )  # fmt: skip
     built.add_argument(
-        "--trials", type=shell.positive, default=dossier.TRIALS,
+        "--trials", type=positive_int, default=dossier.TRIALS,
         help="parts sent through the table to draw its beliefs (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument("--seed", type=shell.natural, default=0, help="of these parts (default: %(default)s)")
+    built.add_argument("--seed", type=natural, default=0, help="of these parts (default: %(default)s)")
     return built
 
 

@@ -1,15 +1,13 @@
-"""What all planner commands share: one-line errors, exit codes, Ctrl-C, progress."""
+"""What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
-import sys
+import logging
 import textwrap
-import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -24,14 +22,13 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from planner.errors import InputFileError, PlannerError
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.models.store import Store, StoreWarning
 from planner.progress import Report, silent
-from runtime.shell.files import OutputError, folder
-from runtime.table import TableError, TableFileError
+from runtime.shell import command
+from runtime.shell.command import INTERRUPTED, Parser
+from runtime.shell.files import folder
 
-INTERRUPTED = 130
 WIDTH = 98
 """Columns of what --help says."""
 ROLL_OUTS = "rollouts"
@@ -44,45 +41,23 @@ exit codes:
 """
 
 
-def parser(name: str, description: str, *examples: str) -> argparse.ArgumentParser:
+def parser(name: str, description: str, *examples: str) -> Parser:
     """An argument parser with the options and the epilogue that all commands have."""
     shown = "\n  ".join(examples)
-    result = argparse.ArgumentParser(
+    result = Parser(
         prog=name,
         description=textwrap.fill(description, WIDTH),
         epilog=f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    result.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-    result.add_argument("--debug", action="store_true", help="print the traceback of an error")
+    result.add_common()
     return result
-
-
-def positive(text: str) -> int:
-    """An integer of at least 1, for argparse."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is less than 1")
-    return value
-
-
-def natural(text: str) -> int:
-    """An integer of at least 0, for argparse."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{value} is negative")
-    return value
 
 
 def seconds(text: str) -> float:
     """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
-    number, unit = text.removesuffix("s"), 1.0
     if text.endswith("min"):
-        number, unit = text.removesuffix("min"), 60.0
-    value = float(number) * unit
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a time above zero")
-    return value
+        return 60.0 * command.positive(text.removesuffix("min"))
+    return command.positive(text.removesuffix("s"))
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:
@@ -115,30 +90,11 @@ def add_scheduler(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(name: str, debug: bool, body: Callable[[], int]) -> int:
-    """Runs a command's body; turns warnings and what goes wrong into one line each, and an exit code."""
-    try:
-        with _warnings_in_one_line(name):
-            return body()
-    except KeyboardInterrupt:
-        print(f"{name}: interrupted; nothing was written", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
-    except (PlannerError, TableError, TableFileError) as error:
-        code, message = error.exit_code, str(error)
-    except OutputError as error:
-        code, message = InputFileError.exit_code, str(error)
-    except OSError as error:
-        code, message = InputFileError.exit_code, f"{error.filename or 'file'}: {error.strerror}"
-    except Exception as error:
-        code = PlannerError.exit_code
-        message = f"internal error, {type(error).__name__}: {error}; please report it with --debug"
-    if debug:
-        traceback.print_exc()
-    print(f"{name}: {message}", file=sys.stderr)
-    return code
+def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
+    """Runs a command as `runtime.shell.command.run` does, and turns the store's warnings into a line each."""
+    logging.lastResort = None  # what a library logs beside the error that it raises is not told twice
+    with _warnings_in_one_line(built.prog):
+        return command.run(built, argv, body, stopped=(INTERRUPTED, "interrupted; nothing was written"))
 
 
 @contextmanager
@@ -150,7 +106,7 @@ def _warnings_in_one_line(name: str) -> Iterator[None]:
         file: TextIO | None = None, line: str | None = None,
     ) -> None:  # fmt: skip
         if issubclass(category, StoreWarning):
-            print(f"{name}: warning: {message}", file=sys.stderr)
+            command.tell(name, f"warning: {message}")
         else:
             usual(message, category, filename, lineno, file, line)
 

@@ -17,6 +17,7 @@ from planner.arrays import Array
 from planner.cli import shell
 from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
+from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
@@ -27,9 +28,8 @@ OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    arguments = parser().parse_args(argv)
 
-    def body() -> int:
+    def body(arguments: argparse.Namespace) -> int:
         _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
         pictures = Pictures(arguments.figure, arguments.gif, arguments.html)
         pictures.check()
@@ -56,10 +56,10 @@ def main(argv: list[str] | None = None) -> int:
             _report(rolled, arguments.output, pictures, arguments.json)
         return 0
 
-    return shell.run(NAME, arguments.debug, body)
+    return shell.run(parser(), argv, body)
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
@@ -81,14 +81,14 @@ def parser() -> argparse.ArgumentParser:
         "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
     )
     built.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
-    built.add_argument("--seed", type=shell.natural, help="of the scatter (default: the job's)")
+    built.add_argument("--seed", type=natural, help="of the scatter (default: the job's)")
     built.add_argument(
         "--step-mm",
         type=float,
         default=DEFAULT_STEP_MM,
         help="closing step of a finger (default: %(default)s)",
     )
-    built.add_argument("--workers", type=shell.positive, help="threads (default: cores)")
+    built.add_argument("--workers", type=positive_int, help="threads (default: cores)")
     built.add_argument(
         "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
     )

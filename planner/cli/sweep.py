@@ -18,6 +18,7 @@ from planner.cli import shell
 from planner.errors import UsageError
 from planner.scheduler import Scheduler
 from planner.sweep import Order, Outcome, Settings, outcomes
+from runtime.shell.command import INTERRUPTED
 from runtime.shell.files import folder, usable, writing
 
 SUFFIX = ".msgpack"
@@ -93,7 +94,7 @@ def run(
                         draft.write_bytes(outcome.table)
     except KeyboardInterrupt:
         print(f"interrupted; {len(results)} of {len(orders)} jobs are done", file=sys.stderr)
-        return shell.INTERRUPTED
+        return INTERRUPTED
     rows = [result.row() for result in results]
     with writing(summary) as draft:
         draft.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

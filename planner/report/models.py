@@ -5,12 +5,12 @@ The file is the one that the command writes beside its picture, or what it print
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from planner.errors import InputFileError
+from runtime.shell import strict_json
 
 MAX_BYTES = 16 << 20
 WRITE = "have plan-compile --models-report write it"
@@ -102,11 +102,11 @@ def read(path: Path, job_digest: str) -> Models:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputFileError(f"is larger than {MAX_BYTES >> 20} MiB; {WRITE}", where=where)
-        told = json.loads(path.read_bytes())
+        told = strict_json.parse(path.read_bytes())
     except OSError as error:
         raise InputFileError(f"cannot be read: {error.strerror}; {WRITE}", where=where) from error
-    except (ValueError, RecursionError) as error:
-        raise InputFileError(f"is no JSON; {WRITE}", where=where) from error
+    except ValueError as error:
+        raise InputFileError(f"is {error}; {WRITE}", where=where) from error
     try:
         told = told.get("models", told)
         digest = str(told["job_digest"])

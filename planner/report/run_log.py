@@ -8,13 +8,13 @@ decision follows from its counts is what `grasp-journal verify` tells.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from planner.errors import InputFileError
+from runtime.shell import strict_json
 
 GENESIS = "0" * 64
 MARK = b',"digest":"'
@@ -152,8 +152,9 @@ def _checked(line: bytes, previous: str) -> dict[str, Any] | None:
     if line[-TAIL:] != MARK + digest.encode("ascii") + b'"}\n':
         return None
     try:
-        entry = json.loads(line)
+        entry = strict_json.parse(line)
     except ValueError:
         return None
-    sound = isinstance(entry, dict) and entry.get("previous") == previous and {"kind", "time"} <= entry.keys()
-    return entry if sound else None
+    if not isinstance(entry, dict) or entry.get("previous") != previous:
+        return None
+    return entry if isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str) else None

@@ -7,7 +7,7 @@ from runtime.live.address import is_loopback
 
 Page = Callable[[], bytes]
 REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
-HOST = re.compile(rb"^host:[ \t]*([!-~]*)[ \t]*\r?$", re.IGNORECASE | re.MULTILINE)
+HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 REASONS = {
     200: "OK",
     400: "Bad Request",
@@ -64,7 +64,7 @@ def _asks_here(fields: bytes) -> bool:
     named = HOST.findall(fields)
     if len(named) != 1:
         return not named  # HTTP/1.0 need not name a host; no browser leaves it out
-    host = re.sub(r":\d*$", "", named[0].decode())
+    host = re.sub(r":\d*$", "", named[0].decode("latin-1").strip())
     return is_loopback(host.strip("[]"))
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from runtime.quality.history import History, read
 from runtime.quality.page import page
 from runtime.quality.series import all_series
 from runtime.quality.summary import Summary, summarise
+from runtime.shell.command import Parser, run
 from runtime.shell.files import usable, writing
 
 EPILOG = """\
@@ -22,47 +22,49 @@ example:
 exit codes:
   0  all charts are in control        2  usage, or journals of different tables
   13 at least one chart alarms        24 a journal cannot be read, or does not verify
+  30 the table in a journal is refused   130 interrupted (Ctrl-C)
 """
 ALARMED = 13
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    built = argparse.ArgumentParser(
+    built = Parser(
         prog="grasp-audit report",
         description="Success, residuals and control charts, from journals alone.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = built.add_argument
     add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
     add("--expected", type=Path, metavar="F", help="from plan-expect: tells a change of friction early")
     add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
-    add("--json", action="store_true", help="print one JSON object instead of text")
-    add("--debug", action="store_true", help="print the traceback of an error")
+    built.add_common()
     return built
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    options = parser().parse_args(arguments)
-    try:
-        inputs = (*options.journals, options.expected)
-        for output, other in ((options.output, None), (options.export, options.output)):
-            if output is not None:
-                usable(output, *inputs, other)
-        history = read(options.journals)
-        expected = None if options.expected is None else expectation.load(options.expected)
-        summary = summarise(history, expected)
-        write(options, history, summary, expected)
-    except KeyboardInterrupt:
-        return 130
-    except Exception as error:
-        if options.debug:
-            raise
-        print(f"grasp-audit: {' '.join(str(error).split())}", file=sys.stderr)
-        return int(getattr(error, "exit_code", 1))
+    return run(parser(), arguments, report)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Read, judge, write, and print the figures.
+
+    Returns:
+        0, or 13 where a chart alarms.
+
+    Raises:
+        CellError: a file cannot be used.
+    """
+    inputs = (*options.journals, options.expected)
+    for output, other in ((options.output, None), (options.export, options.output)):
+        if output is not None:
+            usable(output, *inputs, other)
+    history = read(options.journals)
+    expected = None if options.expected is None else expectation.load(options.expected)
+    summary = summarise(history, expected)
+    write(options, history, summary, expected)
     print(json.dumps(summary.fields()) if options.json else "\n".join(lines(summary)))
     return ALARMED if summary.alarms else 0
 

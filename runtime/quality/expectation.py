@@ -7,7 +7,6 @@ as many parts as the limit says (Pollak, Annals of Statistics 15, 1987). That ho
 they are counted in trials, and take a reading to depend on those before it through its node alone.
 """
 
-import json
 from dataclasses import dataclass, field
 from math import exp, log
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.quality.history import History, Part, Squeezed
+from runtime.shell import strict_json
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 1
@@ -110,14 +110,14 @@ def load(path: Path) -> Expectation:
         UsageError: it cannot be read, or is something else.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = strict_json.parse(path.read_bytes())
     except OSError as error:
         raise UsageError(f"--expected {path}: {error.strerror}; make it with plan-expect") from error
     except ValueError as error:
-        raise UsageError(f"--expected {path}: is no JSON; make it with plan-expect") from error
+        raise UsageError(f"--expected {path}: is {error}; make it with plan-expect") from error
     try:
         return _checked(told)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise UsageError(
             f"--expected {path}: does not hold {KIND} of version {VERSION}; make it with plan-expect"
         ) from error

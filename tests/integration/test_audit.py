@@ -29,7 +29,8 @@ ANSWER_S = 60.0
 class Asked:
     """The process, spoken to as the runtime does."""
 
-    def __init__(self, *words, **files):
+    def __init__(self, *words, code=0, **files):
+        self.code = code
         arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
         self.process = subprocess.Popen(
             [sys.executable, "-m", "drivers.camera.cli", "judge", *arguments, *words],
@@ -54,7 +55,7 @@ class Asked:
     def __exit__(self, *_):
         self.process.stdin.close()
         try:
-            assert self.process.wait(ANSWER_S) == 0
+            assert self.process.wait(ANSWER_S) == self.code
         finally:
             self.process.kill()
             self.process.wait()
@@ -97,20 +98,20 @@ def test_overlay_of_a_failure_shows_the_parts_outline(files, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("change", "sentence", "code"),
     [
-        ({"calibration": "none.json"}, "camera calibration none.json: No such file"),
-        ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match"),
-        ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99"),
-        ({"tree": "none.msgpack"}, "table none.msgpack"),
+        ({"calibration": "none.json"}, "camera calibration none.json: No such file", 33),
+        ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match", 33),
+        ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 23),
+        ({"tree": "none.msgpack"}, "table none.msgpack", 3),
     ],
 )
-def test_whatever_is_missing_is_told_with_every_verdict(files, change, sentence):
+def test_whatever_is_missing_is_told_with_every_verdict_and_at_the_end(files, change, sentence, code):
     if change == {"calibration": "spoilt"}:
         path = files["calibration"]
         path.write_text(path.read_text().replace("S-1", "S-2"))
         change = {}
-    with Asked(**{**files, **change}) as audit:
+    with Asked(code=code, **{**files, **change}) as audit:
         for _ in range(2):
             answer = audit.ask()
             assert answer["verdict"] == "unknown"

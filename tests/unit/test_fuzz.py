@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import fuzz_frames
 import fuzz_tables
+import hostile_inputs
 import pytest
 
 TOOL = Path(__file__).parents[2] / "tools" / "fuzz"
@@ -74,3 +76,29 @@ def test_the_tool_says_what_to_install(tmp_path: Path) -> None:
     done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))
     assert done.returncode == 2
     assert "pip install atheris" in done.stderr
+
+
+def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must() -> None:
+    failures: list[str] = []
+    ends = hostile_inputs.run(7, range(1, 150), failures.append)
+    assert failures == []
+    assert len({end.partition(":")[0] for end in ends}) >= 10  # commands
+
+
+def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def end(code: int, err: str = "") -> None:
+        monkeypatch.setattr(hostile_inputs, "_within", lambda made: (code, err))
+
+    made = hostile_inputs.case(7, 1)
+    for code, err in (
+        (1, f"{hostile_inputs.err_name(made.entry)}: internal error\n"),
+        (2, ""),
+        (0, "Traceback"),
+    ):
+        end(code, err)
+        with pytest.raises(AssertionError):
+            hostile_inputs.judge(made)
+    monkeypatch.setattr(hostile_inputs, "judge", lambda made, as_process: time.sleep(60))
+    told: list[str] = []
+    assert hostile_inputs.run(7, range(1, 3), told.append, longest_s=0.1)["FAILED"] == 2
+    assert "no end within" in told[0]

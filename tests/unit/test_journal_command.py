@@ -83,7 +83,7 @@ def test_show_filters_by_part_node_outcome_and_time(
     assert {json.loads(line)["node"] for line in lines(capsys)} == {1}
     assert main(["show", str(journal), "--outcome", "reject", "--json"]) == 0
     assert {json.loads(line)["part"] for line in lines(capsys)} == {4}
-    assert main(["show", str(journal), "--since", "9999"]) == 0
+    assert main(["show", str(journal), "--since", "9999-01-01"]) == 0
     assert lines(capsys) == []
 
 

@@ -111,6 +111,9 @@ def test_what_is_no_question_is_told_so(line: str) -> None:
         ("Host: localhost.evil.example:8080\r\n", 403),
         ("Host: localhost\r\nHost: evil.example\r\n", 403),
         ("Host:\r\n", 403),
+        ("Host: evil.example other\r\n", 403),
+        ("Host: \x80\r\n", 403),
+        ("Host : evil.example\r\n", 403),
     ],
 )
 def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields: str, code: int) -> None:

@@ -137,7 +137,7 @@ MISTAKES = {
     "empty": ("", "line 0, header: the file ends where number of pushes"),
     "no pushes": ("0\n", "line 1, header: number of pushes is 0"),
     "half a push": (changed_line(0, "1.5"), "line 1, header: number of pushes is 1.5"),
-    "word": (changed_line(5, "1.0 x 2.0"), "line 6, push 1 of 1: force readings: 'x' is not a finite number"),
+    "word": (changed_line(5, "1.0 x 2.0"), "line 6, push 1 of 1: force readings: 'x' is not a number below"),
     "infinite": (changed_line(5, "1.0 inf 2.0"), "line 6, push 1 of 1: force readings: 'inf'"),
     "column lost": (
         changed_line(5, "1.0 2.0"),
@@ -209,7 +209,7 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
         ("", "line 1: column fx_n"),
         ("fx_n,fy_n,tau_n_mm,vx_mm,vy_mm\n1,2,3,4,5", "line 1: column omega_rad is missing"),
         (HEADER, "line 2: holds no pair"),
-        (f"{HEADER}\n1,2,3,4,5,nan", "line 2: omega_rad: 'nan' is not a finite number"),
+        (f"{HEADER}\n1,2,3,4,5,nan", "line 2: omega_rad: 'nan' is not a number below"),
         (f"{HEADER}\n1,2,3,4,5,6\n1,2,3,4,5", "line 3: omega_rad: a number is missing"),
         (f"{HEADER}\n1,2,3,0,0,0", "line 2: a wrench or twist is zero"),
         (f"{HEADER},weight\n1,2,3,4,5,6,0", "line 2: a wrench or twist is zero, or a weight not positive"),

@@ -120,7 +120,7 @@ def test_file_that_is_none(tmp_path):
     with pytest.raises(UsageError, match="make it with plan-expect"):
         load(tmp_path / "none.json")
     (tmp_path / "text").write_text("{")
-    with pytest.raises(UsageError, match="is no JSON"):
+    with pytest.raises(UsageError, match="is not JSON"):
         load(tmp_path / "text")
 
 

@@ -18,6 +18,10 @@ def options(*words):
     return parser.parse_args(words)
 
 
+def run(body):
+    return shell.run(shell.parser("plan-x", "Does it."), [], body)
+
+
 def test_roll_outs_are_kept_where_the_options_say(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "users"))
     assert shell.store_of(options()).folder == tmp_path / "users" / "rollouts"
@@ -39,17 +43,17 @@ def test_no_cache_and_a_folder_for_it_contradict_each_other(tmp_path, capsys):
 
 
 def test_trouble_with_the_store_is_one_line_and_no_failure(capsys):
-    def body():
+    def body(_):
         warnings.warn("folder: cannot be written", StoreWarning, stacklevel=1)
         return 0
 
-    assert shell.run("plan-x", False, body) == 0
+    assert run(body) == 0
     assert capsys.readouterr().err == "plan-x: warning: folder: cannot be written\n"
 
 
 def test_other_warnings_stay_what_they_are():
     with pytest.warns(DeprecationWarning, match="old"):
-        shell.run("plan-x", False, lambda: warnings.warn("old", DeprecationWarning, stacklevel=1) or 0)
+        run(lambda _: warnings.warn("old", DeprecationWarning, stacklevel=1) or 0)
 
 
 def test_a_terminal_is_told_the_stage_and_the_time_that_is_left(capsys, monkeypatch):

@@ -9,6 +9,8 @@ import numpy as np
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers.pieces import MAX_SHAPES, Pieces, need_units, sorted_out, too_much
 
+FARTHEST_MM = 1e6
+
 
 def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
     """The cuts of a solid with a horizontal plane; arguments as `dxf.read`.
@@ -33,13 +35,15 @@ def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None
             f"{where}: STL files need trimesh; install it with: pip install 'squeezetree[mesh]'"
         ) from error
     try:
-        solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
+        solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
         faces = np.asarray(solid.faces)
     except Exception as error:  # damage shows in many places of the parser
         raise InputFileError("is no STL file that can be read; export it again", where=where) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputFileError("holds no triangles; export it again", where=where)
+    if np.abs(vertices).max() > FARTHEST_MM:
+        raise InputFileError(f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where)
     low, high = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     height = 0.5 * (high - low) if height_mm is None else height_mm
     if not 0.0 < height < high - low:

@@ -1,0 +1,279 @@
+"""What every command shares: one-line errors, exit codes, types of arguments, standard output that fails.
+
+A command is a parser and a body: `return run(parser(), argv, body)`.
+"""
+
+import argparse
+import contextlib
+import errno
+import math
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from io import TextIOWrapper
+from typing import Any, NoReturn, TextIO
+
+USAGE = 2
+INPUT_FILE = 3
+LINK = 20
+INTERRUPTED = 130
+OURS = frozenset({"planner", "runtime", "drivers"})
+LONGEST_LINE = 2000
+UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
+
+_lost: list[OSError] = []
+"""Why lines of standard output are lost, since `run` began."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, and whose text is printed as it was written."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        """End with exit code 2 and a line on standard error."""
+        tell(self.prog, f"{message}; {self.prog} --help tells more")
+        self.exit(USAGE)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print the text of --help; argparse itself would not tell that it was lost."""
+        try:
+            (file or sys.stderr).write(message)
+        except OSError as error:
+            _give_up(file or sys.stderr, error)
+
+    def add_common(self, json: str = "print one JSON object instead of text") -> None:
+        """Add --json, with its help, and --debug."""
+        self.add_argument("--json", action="store_true", help=json)
+        self.add_debug()
+
+    def add_debug(self) -> None:
+        """Add --debug."""
+        self.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+def run(
+    built: Parser,
+    argv: Sequence[str] | None,
+    body: Callable[[argparse.Namespace], int],
+    stopped: tuple[int, str] = (INTERRUPTED, "interrupted"),
+) -> int:
+    """Run a command; whatever goes wrong becomes one line on standard error and an exit code.
+
+    An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
+    connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
+    An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
+    not.
+
+    Args:
+        built: the command's parser; arguments without `debug` count as without --debug.
+        argv: the arguments, without the command's name; None for the process's own.
+        body: does the work and returns the exit code.
+        stopped: exit code and sentence of a KeyboardInterrupt.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        SystemExit: of the parser, for --help and for arguments that are not understood.
+    """
+    closed = _open_streams()
+    _lost.clear()
+    try:
+        arguments = built.parse_args(argv)
+    except SystemExit as end:
+        raise SystemExit(_flushed(built.prog, int(end.code or 0))) from None
+    if closed:
+        tell(built.prog, "standard output is closed; send it to a file, or to /dev/null")
+        return USAGE
+    return _flushed(built.prog, _guarded(built.prog, arguments, body, stopped))
+
+
+def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
+    """Import the module of a command and run its `main`; say what to install where the extra is missing.
+
+    Args:
+        name: of the command.
+        module: its module.
+        extra: the extra of squeezetree that it needs.
+        argv: its arguments; None for the process's own.
+
+    Returns:
+        The exit code: 2 without the extra.
+    """
+    try:
+        loaded = import_module(module)
+    except ModuleNotFoundError as error:
+        missing = (error.name or module).split(".")[0]
+        if missing in OURS:
+            raise
+        hint = f"install it with: pip install 'squeezetree[{extra}]'"
+        tell(name, f"needs the {extra} extra ({missing} is missing); {hint}")
+        return USAGE
+    except KeyboardInterrupt:
+        tell(name, "interrupted")
+        return INTERRUPTED
+    return int(loaded.main(argv))
+
+
+def say(line: str, file: TextIO | None = None) -> None:
+    """Print a line at once; that nobody reads it or the disk is full must not stop a cell.
+
+    What standard output has lost is told by `run` at the command's end.
+
+    Args:
+        line: what to print.
+        file: None for standard output.
+    """
+    file = file or sys.stdout
+    try:
+        print(line, file=file, flush=True)
+    except OSError as error:
+        _give_up(file, error)
+
+
+def tell(name: str, words: object) -> None:
+    """Print what is wrong as one line on standard error, if there is one."""
+    with contextlib.suppress(OSError):
+        print(f"{name}: {one_line(words)}", file=sys.stderr, flush=True)
+
+
+def one_line(words: object) -> str:
+    """The text of an error without line breaks and control characters, and not without end."""
+    text = " ".join(str(words).split()) or type(words).__name__
+    if len(text) > LONGEST_LINE:
+        text = f"{text[:LONGEST_LINE]}..."
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
+def positive_int(text: str) -> int:
+    """An integer of at least 1, for argparse."""
+    return _at_least(1, text)
+
+
+def natural(text: str) -> int:
+    """An integer of at least 0, for argparse."""
+    return _at_least(0, text)
+
+
+def number(text: str) -> float:
+    """A finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
+def positive(text: str) -> float:
+    """A finite number above 0, for argparse."""
+    value = number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+    return value
+
+
+def _at_least(least: int, text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if value < least:
+        raise argparse.ArgumentTypeError(f"{text!r} is less than {least}")
+    return value
+
+
+def _guarded(
+    name: str,
+    arguments: argparse.Namespace,
+    body: Callable[[argparse.Namespace], int],
+    stopped: tuple[int, str],
+) -> int:
+    try:
+        return body(arguments)
+    except KeyboardInterrupt:
+        code, words = stopped
+        tell(name, words)
+        return code
+    except (Exception, SystemExit) as error:  # a world's factory may be any function
+        if getattr(arguments, "debug", False):
+            traceback.print_exc()
+        code, words = _end_of(error)
+        tell(name, words)
+        return code
+
+
+def _end_of(error: BaseException) -> tuple[int, str]:
+    """Exit code and sentence of an error."""
+    code = getattr(error, "exit_code", None)
+    if isinstance(code, int):
+        return code, one_line(error)
+    if isinstance(error, OSError):
+        reason = error.strerror or one_line(error)
+        if error.errno in UNWRITABLE:
+            _discard(sys.stdout)
+            return USAGE, _unwritten(error)
+        if error.filename is not None:
+            return INPUT_FILE, f"{error.filename}: {reason}"
+        if isinstance(error, ConnectionError | TimeoutError):
+            return LINK, reason
+    kind = type(error).__name__
+    return 1, f"internal error, please report it: {kind}: {error} (--debug shows more)"
+
+
+def _flushed(name: str, code: int) -> int:
+    """The exit code, once standard output is written or known to be lost."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        _give_up(sys.stdout, error)
+    if not _lost:
+        return code
+    tell(name, _unwritten(_lost[0]))
+    return code or USAGE
+
+
+def _unwritten(error: OSError) -> str:
+    return f"output cannot be written: {error.strerror}; free the disk, or send it elsewhere"
+
+
+def _give_up(file: TextIO, error: OSError) -> None:
+    """Print nothing more to a stream, and remember what standard output has lost."""
+    if file is sys.stdout and not isinstance(error, BrokenPipeError):
+        _lost.append(error)
+    _discard(file)
+
+
+def _discard(file: TextIO) -> None:
+    """Let what is still to be printed go nowhere: Python flushes on its way out, and would complain then."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    with contextlib.suppress(OSError):  # a stream in memory has no descriptor
+        os.dup2(nowhere, file.fileno())
+    os.close(nowhere)
+
+
+def _open_streams() -> bool:
+    """Open those of the three standard streams that are closed, onto nothing; returns whether the second was.
+
+    Otherwise the next file that is opened would take its number, and be written with what others print.
+    """
+    closed = []
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free is this one
+            closed.append(descriptor)
+    sys.stdin = sys.stdin or open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stdout = sys.stdout or open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold any bytes
+        if not sys.stdout.isatty():  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+            sys.stdout.reconfigure(write_through=False)
+    return 1 in closed

@@ -1,0 +1,137 @@
+"""What is done to sound files to make them almost right: text, bytes, values of JSON, records of journals."""
+
+import contextlib
+import hashlib
+import json
+import re
+from collections.abc import Callable
+from random import Random
+
+# Numbers and words that a file of text may hold where it should hold something else.
+ODD = (
+    "-1", "0", "nan", "inf", "-inf", "1e400", "1e308", "1e-320", "9" * 25, "9" * 5000, "0x10", "1_000",
+    "true", "null", '""', "[]", "{}", "[" * 2000, "{" * 2000, "1979-05-27", "'", '"', "\\", "\x00", "\x1b[2J",
+    "\u202e",     "../../etc/passwd", "%s%n", "=1+1", "<!ENTITY a 'a'>", "&a;", "É", "",
+)  # fmt: skip
+STRANGE = (
+    None, True, -1, 0, 2**31, 2**63, 10**18, 1.5, -0.0, 1e308, "", "zzz", "\x00", "\ud800", [], {}, [[]],
+    {"a": 1}, [0] * 300, "x" * 5000, "2026-01-01", "header", "end", float("nan"), float("inf"),
+)  # fmt: skip
+
+
+def text(data: bytes, random: Random) -> bytes:
+    """Damage text: numbers and words become odd ones, lines go, come twice or change places."""
+    for _ in range(random.choice((1, 1, 2, 4))):
+        action = random.randrange(8)
+        if action < 4:
+            found = [*re.finditer(rb"-?\d[\d.eE+-]*|\"[^\"\n]*\"|\b[A-Za-z_]+\b", data)]
+            if found:
+                hit = random.choice(found)
+                odd = random.choice(ODD).encode("utf-8")
+                data = data[: hit.start()] + odd + data[hit.end() :]
+        elif action < 6:
+            lines = data.splitlines(keepends=True) or [b""]
+            at, to = random.randrange(len(lines)), random.randrange(len(lines))
+            line = lines.pop(at)
+            if action == 5:
+                lines[to:to] = [line] * random.choice((1, 2, 500))
+            data = b"".join(lines)
+        else:
+            data = damaged(data, random)
+    return data
+
+
+def damaged(data: bytes, random: Random) -> bytes:
+    """Damage bytes: one flipped, cut off, put in, twice, another encoding."""
+    at = random.randrange(len(data) + 1)
+    return random.choice(
+        (
+            data[:at],
+            data[at:],
+            data[:at] + random.randbytes(random.choice((1, 2, 60))) + data[at:],
+            data[:at] + data[at + random.choice((1, 3, 100)) :],
+            data[:at] + b"\xff\xfe\x00" + data[at:],
+            b"\xef\xbb\xbf" + data,
+            data.replace(b"\n", b"\r\n"),
+            data.replace(b"\n", b""),
+            data + data,
+            data.decode("latin-1").encode("utf-16"),
+            b"",
+        )
+    )
+
+
+def odd(value: object, random: Random) -> object:
+    """A value of JSON with something strange in it."""
+    if isinstance(value, dict) and value and random.random() < 0.95:
+        name = random.choice(sorted(value))
+        action = random.randrange(10)
+        if action == 0:
+            return {key: inner for key, inner in value.items() if key != name}
+        if action == 1:
+            return {**value, random.choice(("odd", "", "part")): random.choice(STRANGE)}
+        return {**value, name: odd(value[name], random)}
+    if isinstance(value, list) and value and random.random() < 0.9:
+        at = random.randrange(len(value))
+        action = random.randrange(6)
+        if action == 0:
+            return value[:at] + value[at + 1 :]
+        if action == 1:
+            return value[:at] + [value[at]] * 2 + value[at + 1 :]
+        return [*value[:at], odd(value[at], random), *value[at + 1 :]]
+    if type(value) in (int, float) and random.random() < 0.5:
+        return random.choice((value + 1, -value, value * 1000, str(value), value / 7))
+    if random.random() < 0.05:
+        deep: object = 0
+        for _ in range(300):
+            deep = [deep]
+        return deep
+    return random.choice(STRANGE)
+
+
+def journal(data: bytes, random: Random) -> bytes:
+    """A journal whose records say something odd, under digests that are right; or damaged as text is."""
+    if random.random() < 0.25:
+        return text(data, random)
+    entries = [json.loads(line) for line in data.splitlines()]
+    for _ in range(random.choice((1, 1, 2))):
+        at, action = random.randrange(len(entries)), random.randrange(8)
+        if action == 0 and len(entries) > 1:
+            del entries[at]
+        elif action == 1:
+            entries.insert(random.randrange(len(entries)), entries[at])
+        else:
+            changed = odd(entries[at], random)
+            entries[at] = changed if isinstance(changed, dict) else entries[at]
+    return chained(entries)
+
+
+def chained(entries: list[dict]) -> bytes:
+    """Records as lines, each with its number, the digest of the line before and its own."""
+    lines, head = [], "0" * 64
+    for number, entry in enumerate(entries):
+        fields = {name: value for name, value in entry.items() if name not in ("digest", "previous", "seq")}
+        seq = number if type(entry.get("seq")) is int else entry.get("seq")
+        body = json.dumps({"seq": seq, **fields, "previous": head}, separators=(",", ":")).encode()
+        head = hashlib.sha256(body).hexdigest()
+        lines.append(body[:-1] + f',"digest":"{head}"}}\n'.encode())
+    return b"".join(lines)
+
+
+def sealed(digest: Callable[[dict], str]) -> Callable[[bytes, Random], bytes]:
+    """Changes a JSON document and gives it the digest that it then has; or damages it as text."""
+
+    def change(data: bytes, random: Random) -> bytes:
+        if random.random() < 0.3:
+            return text(data, random)
+        told = odd({name: value for name, value in json.loads(data).items() if name != "sha256"}, random)
+        with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
+            told = {**told, "sha256": digest(told)} if isinstance(told, dict) else told
+        return json.dumps(told).encode()
+
+    return change
+
+
+def values(data: bytes, random: Random) -> bytes:
+    """A JSON document with something odd in it, or damaged as text."""
+    return text(data, random) if random.random() < 0.3 else json.dumps(odd(json.loads(data), random)).encode()

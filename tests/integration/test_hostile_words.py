@@ -1,0 +1,265 @@
+"""A wrong word: answers that are lost, arguments and files that are odd: no traceback, no false 0."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from sample_tables import every_field_table, small_table, with_job
+from written_journals import write_run
+
+from runtime.completion import _subcommands, parsers
+from runtime.journal import verify
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+WAIT_S = 120
+Seen = tuple[int, str, str]
+
+RUNTIME = ("runtime.cli", "main")
+JOURNAL = ("runtime.journal_command", "main")
+REPORT = ("runtime.quality.command", "main")
+EVALUATE = ("planner.cli.evaluate", "main")
+CELL = ("drivers.sim.cli", "main")
+DOCTOR = ("runtime.cli", "doctor")
+
+Tell = Callable[..., Seen]
+
+
+@pytest.fixture
+def tell(record_property, tmp_path: Path, monkeypatch, capsys) -> Tell:
+    """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(
+        entry: tuple[str, str], *words: object, code: int | None = None, ends: str = "", shell: str = ""
+    ) -> Seen:
+        module, function = entry
+        if shell:
+            call = f"import sys; from {module} import {function}; sys.exit({function}())"
+            line = ["bash", "-o", "pipefail", "-c", f'"$@" {shell}', "bash", sys.executable, "-c", call]
+            done = subprocess.run(
+                [*line, *map(str, words)], capture_output=True, text=True, timeout=WAIT_S, check=False,
+                env={**os.environ, "PYTHONPATH": str(ROOT)},
+            )  # fmt: skip
+            seen = done.returncode, done.stdout, done.stderr
+        else:
+            ended = getattr(import_module(module), function)([str(word) for word in words])
+            seen = ended, *capsys.readouterr()
+        assert "Traceback" not in seen[2], seen[2]
+        assert code is None or seen[0] == code, seen
+        record_property("exit_code", seen[0])
+        record_property("ends", ends or (seen[2].splitlines() or ["nothing is said"])[-1])
+        return seen
+
+    return run
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "j.jsonl")
+
+
+def simulated(tmp_path: Path, *words: str) -> list[object]:
+    dump(small_table(), tmp_path / "t.msgpack")
+    given = ("--port", "sim", "--world", "runtime.rehearsal:make", "--time-scale", "100", "--count", "2")
+    return ["--tree", "t.msgpack", *given, *words]
+
+
+@pytest.mark.parametrize("words", [[], ["--json"]])
+def test_a_run_whose_answers_are_lost_ends_in_order_and_says_so(tell: Tell, tmp_path: Path, words) -> None:
+    ends = "both parts are done, the journal is whole"
+    _, _, err = tell(RUNTIME, *simulated(tmp_path, *words), code=2, ends=ends, shell=">/dev/full")
+    assert "output cannot be written: No space left on device" in err.splitlines()[-1]
+    seen = verify(tmp_path / "squeezetree-journal.jsonl")
+    assert seen.closed
+
+
+def test_a_run_without_a_reader_goes_on(tell: Tell, tmp_path: Path) -> None:
+    _, _, err = tell(RUNTIME, *simulated(tmp_path), code=0, ends="both parts are done", shell="| head -1")
+    assert err == ""
+    assert verify(tmp_path / "squeezetree-journal.jsonl").closed
+
+
+def test_a_run_without_standard_output_does_not_begin(tell: Tell, tmp_path: Path) -> None:
+    _, _, err = tell(RUNTIME, *simulated(tmp_path), code=2, ends="nothing moved, no journal", shell=">&-")
+    assert err == "grasp-runtime: standard output is closed; send it to a file, or to /dev/null\n"
+    assert not (tmp_path / "squeezetree-journal.jsonl").exists()
+
+
+@pytest.mark.parametrize("stream", ["<&-", "2>&-", "<&- 2>&-", "2>/dev/full"])
+def test_other_streams_may_be_closed(tell: Tell, journal: Path, stream: str) -> None:
+    before = journal.read_bytes()
+    tell(JOURNAL, "verify", journal, code=0, ends="the journal is as it was", shell=stream)
+    tell(JOURNAL, "show", "none", code=24, ends="it is as it was", shell=stream)
+    assert journal.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "words", [["verify", "j.jsonl"], ["show", "--help"], ["replay", "j.jsonl", "--json"]]
+)
+def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: list[str]) -> None:
+    _, _, err = tell(JOURNAL, *words, code=2, shell=">/dev/full")
+    assert err.count("\n") == 1
+    assert "output cannot be written: No space left" in err
+
+
+def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell: Tell, journal: Path) -> None:
+    code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
+    assert err == ""
+    assert code in (0, 13)
+    assert tell(REPORT, journal)[0] == code
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--outcome", "zzz"], "invalid choice: 'zzz'"),
+        (["--since", "never"], "'never' is no date"),
+        (["--part", "-1"], "'-1' is less than 0"),
+        (["--node", "x"], "'x' is not a whole number"),
+    ],
+)
+def test_filters_that_no_record_could_pass_are_usage(tell: Tell, journal: Path, words, told: str) -> None:
+    _, out, err = tell(JOURNAL, "show", journal, *words, code=2, shell="2>&2")
+    assert (out, err.count("\n")) == ("", 1)
+    assert told in err
+
+
+def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property) -> None:
+    every = [("", made) for _, made in parsers()]
+    for _, made in every:
+        every += [("", inner) for inner in _subcommands(made).values()]
+    for _, made in every:
+        for words in (["--no\nsuch\x1b[2J"], ["--debug=3", "\udcff"]):
+            with pytest.raises(SystemExit) as ended:
+                made.parse_args(words)
+            err = capsys.readouterr().err
+            assert ended.value.code == 2
+            assert err.count("\n") == 1, err
+            assert err.startswith(f"{made.prog}: ")
+            assert "\x1b" not in err
+    record_property("exit_code", 2)
+    record_property("ends", f"{len(every)} commands and subcommands, a line each")
+
+
+@pytest.mark.parametrize(
+    ("job", "told"),
+    [
+        ("[" * 100_000, "nested too deeply"),
+        ('{"a":' * 70 + "1" + "}" * 70, "nested too deeply"),
+        ("seed = 1", "not JSON"),
+        ('{"seed":' + "9" * 5000 + "}", "a number of 5000 digits"),
+        ('{"seed":NaN}', "NaN"),
+        ("[]", "no JSON object"),
+    ],
+    ids=["brackets", "braces", "toml", "digits", "nan", "list"],
+)
+def test_an_odd_job_under_a_valid_digest_is_a_refused_table(tell: Tell, tmp_path: Path, job, told) -> None:
+    table = tmp_path / "t.msgpack"
+    dump(with_job(every_field_table(), job), table)
+    before = table.read_bytes()
+    _, _, err = tell(RUNTIME, "--tree", table, "--check", code=30, ends="the table is refused")
+    assert err.count("\n") == 1
+    assert told in err
+    assert table.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "data", [b"\xff\xfe\x00", b"delivery = 3", b"a = " + b"[" * 10_000, b"drop_mm = [1e9, 0]"]
+)
+def test_an_odd_delivery_is_usage(tell: Tell, tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "d.toml").write_bytes(data)
+    _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=2, ends="nothing moved")
+    assert err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml") or "d.toml: drop_mm" in err
+    assert not (tmp_path / "squeezetree-journal.jsonl").exists()
+
+
+def sealed(fields: dict[str, object], text: str = "") -> bytes:
+    """A journal line whose digest is right, whatever stands in it."""
+    frame = {"seq": 0, "time": "2026-01-01T00:00:00", "kind": "part", "previous": "0" * 64, **fields}
+    body = (text or json.dumps(frame, separators=(",", ":"))).encode()
+    return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        sealed({"seq": "0"}),
+        sealed({"seq": True}),
+        sealed({"kind": ["header"]}),
+        sealed({"kind": {"a": 1}}),
+        sealed({"time": 7}),
+        sealed({"kind": "header", "journal_version": 1, "widths_um": [{}]}),
+        sealed({}, '{"part":' + "[" * 20_000 + "]" * 20_000 + "}"),
+        sealed({}, '{"part":' + "9" * 5000 + "}"),
+    ],
+    ids=["seq-text", "seq-true", "kind-list", "kind-object", "time", "widths", "deep", "digits"],
+)
+def test_odd_journals_do_not_verify(tell: Tell, tmp_path: Path, line: bytes) -> None:
+    path = tmp_path / "j.jsonl"
+    path.write_bytes(line)
+    for entry, words in ((JOURNAL, ["show", path]), (JOURNAL, ["replay", path]), (REPORT, [path])):
+        _, out, err = tell(entry, *words, code=24)
+        assert (out, err.count("\n")) == ("", 1)
+    assert path.read_bytes() == line
+
+
+@pytest.mark.parametrize("port", [f"tcp://{'x' * 300}:502", f"rtu+tcp://{'x' * 300}:502", "tcp://a..b:502"])
+def test_a_host_that_no_host_can_be_is_a_port_that_cannot_be_opened(tell: Tell, tmp_path: Path, port) -> None:
+    dump(small_table(), tmp_path / "t.msgpack")
+    words = ["--tree", "t.msgpack", "--port", port, "--arm", "tcp://127.0.0.1:9"]
+    _, _, err = tell(RUNTIME, *words, code=23, ends="nothing was reached")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("entry", [CELL, EVALUATE])
+@pytest.mark.parametrize("world", ["os:getcwd", "sys:exit", "this.is.no:module", "antigravity.:x"])
+def test_a_world_that_is_none_is_a_sentence(tell: Tell, entry, world: str) -> None:
+    words = ["--tree", RECTANGLE] if entry is CELL else [RECTANGLE, "--trials", "10"]
+    _, _, err = tell(entry, *words, "--world", world, code=31 if entry is CELL else 2)
+    assert err.count("\n") == 1
+    assert world.partition(":")[0] in err
+
+
+@pytest.mark.parametrize(
+    ("missing", "code"), [("tree", 3), ("calibration", 33), ("tag", 33)], ids=["tree", "calibration", "tag"]
+)
+def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_path, missing, code) -> None:
+    pytest.importorskip("cv2")
+    from cameras import camera, part_tag, true_calibration
+
+    from drivers.camera import calibration, tag_file
+
+    calibration.save(true_calibration(camera()), tmp_path / "calibration")
+    tag_file.save(part_tag(), tmp_path / "tag", "2026-01-01T00:00:00+00:00")
+    (tmp_path / "tree").write_bytes(RECTANGLE.read_bytes())
+    (tmp_path / missing).unlink()
+    files = [word for name in ("tree", "calibration", "tag") for word in (f"--{name}", name)]
+    words = ["judge", *files, "--camera", "/dev/video99"]
+    _, out, err = tell(("drivers.camera.commands", "audit"), *words, code=code, shell="</dev/null")
+    assert (out, err.count("\n")) == ("", 1)
+    assert missing in err
+
+
+def test_the_unforeseen_is_one_broad_sentence(monkeypatch, capsys, record_property, tmp_path) -> None:
+    from runtime import cli
+
+    def broken(path: Path) -> None:
+        raise ZeroDivisionError("of\nnothing")
+
+    monkeypatch.setattr(cli, "load", broken)
+    assert cli.main(["--tree", "t", "--check"]) == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "internal error, please report it: ZeroDivisionError: of nothing" in err
+    assert cli.main(["--tree", "t", "--check", "--debug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+    record_property("exit_code", 1)
+    record_property("ends", err)
