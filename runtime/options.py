@@ -258,6 +258,13 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
         "part over (default: abort)",
     )
+    add(
+        "--resume-within",
+        type=_positive,
+        default=300.0,
+        metavar="S",
+        help="go on with a part only if its last record is at most so many seconds old (default: 300)",
+    )
 
 
 def _add_views(group: argparse._ArgumentGroup) -> None:
