@@ -118,7 +118,7 @@ def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
         raise BrokenRunError(f"{told}, and the clock says {now}: it went back; {ABORT}")
     if age_s > most_s:
         raise BrokenRunError(
-            f"{told}, {age_s:.0f} s ago; after {most_s:g} s (--resume-within) the part may be another: {ABORT}"
+            f"{told}, {age_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another part: {ABORT}"
         )
 
 
@@ -167,7 +167,7 @@ def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None
 def _check_same_grip(count: int, before: int) -> None:
     if abs(count - before) > OPENED_COUNTS:
         raise BrokenRunError(
-            f"the fingers stand at count {count} and held the part at {before}: it is another, or gone; {ABORT}"
+            f"the fingers stand at count {count}, the part was held at {before}: another, or gone; {ABORT}"
         )
 
 

@@ -188,8 +188,8 @@ class Gripper:
     def _send(self, image: dict[str, int]) -> None:
         """Write the command image, again and again until one write is acknowledged.
 
-        Speed and force are not echoed, so no reading tells that they arrived; only the answer to the write does.
-        The same block once more changes nothing: there is no edge in it.
+        Speed and force are not echoed, so no reading tells that they arrived; only the answer to the write
+        does. The same block once more changes nothing: there is no edge in it.
 
         Raises:
             GripperFault: the gripper is no longer active, so that the block would not be the same to it.
