@@ -184,9 +184,11 @@ def _holds(
         GripperStateError: they may not: the gripper is not ready, or holds something.
     """
     state = devices.gripper.state()
+    holds = held.look(state, _calibration(plan, table))
+    if arguments.put_down and holds is None:
+        return None
     if state.activated or arguments.put_down or not activate:
         ready_gripper(devices.gripper)
-    holds = held.look(state, _calibration(plan, table))
     if holds is not None and not (arguments.put_down or arguments.jaws_empty):
         raise holds.refusal(devices.arm.pose()[2], arguments.journal)
     return holds

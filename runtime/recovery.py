@@ -6,11 +6,11 @@ it, have let go of it, or are on their way; after `freed`, and before the first 
 squeeze that was cut short is repeated from the same place: it brings the part to where it would have.
 """
 
-from datetime import datetime
 from math import hypot, remainder, tau
 from pathlib import Path
 from typing import NamedTuple
 
+from runtime.clock import age_s
 from runtime.decision import ARRIVED, Course, release_point
 from runtime.errors import BrokenRunError
 from runtime.geometry import Pose2, placement
@@ -111,14 +111,14 @@ def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
     """
     told = f"the run that broke off wrote its last record at {broken.time}"
     try:
-        age_s = (datetime.fromisoformat(now) - datetime.fromisoformat(broken.time)).total_seconds()
+        passed_s = age_s(broken.time, now)
     except (ValueError, TypeError):
         raise BrokenRunError(f"{told}, which is no time; {ABORT}") from None
-    if age_s < 0.0:
+    if passed_s < 0.0:
         raise BrokenRunError(f"{told}, and the clock says {now}: it went back; {ABORT}")
-    if age_s > most_s:
+    if passed_s > most_s:
         raise BrokenRunError(
-            f"{told}, {age_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another part: {ABORT}"
+            f"{told}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: {ABORT}"
         )
 
 
