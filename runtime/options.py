@@ -241,8 +241,8 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
     add(
         "--audit",
         metavar="COMMAND",
-        help="ask this program about every leaf, and once before the run: one JSON line in, one out; {camera} in "
-        "it is the address of the camera of --port sim",
+        help="ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} "
+        "is the address of the camera of --port sim",
     )
 
 

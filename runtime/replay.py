@@ -71,7 +71,7 @@ class Replay:
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
         """Go through a journal's records in order and tell what does not follow from those before."""
         for entry in entries:
-            seq, self.time = int(str(entry["seq"])), str(entry["time"])
+            seq, self.time = int(str(entry["seq"])), str(entry.get("time"))
             try:
                 yield from (Finding(seq, sentence) for sentence in self._take(entry))
             except (KeyError, TypeError, ValueError, IndexError, CellError) as error:
