@@ -5,7 +5,9 @@
 <- {"verdict": "pass", "residual_x_mm": 0.02, ...}
 ```
 
-A camera never stops the cell: whatever is wrong with it, the verdict is "unknown" and the run goes on.
+Before a run, `{"part": 0}` asks for no more than a verdict: a program that is not there, ends or says
+something else is refused then. A camera never stops the cell: whatever is wrong with it, the verdict is
+"unknown" and the run goes on.
 """
 
 import contextlib
@@ -27,6 +29,7 @@ from runtime.shell import strict_json
 VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"
 ANSWER_S = 10.0
+START_S = 60.0  # OpenCV is loaded meanwhile, perhaps on a busy machine
 END_S = 2.0
 MAX_ANSWER_BYTES = 65_536
 MAX_TEXT = 500
@@ -65,6 +68,7 @@ class AuditProcess:
     """
 
     def __init__(self, command: str, clock: Clock, answer_s: float = ANSWER_S) -> None:
+        self._command = command
         self._clock = clock
         self._answer_s = answer_s
         self._owed = 0  # answers still to come from questions that were not waited for
@@ -85,16 +89,36 @@ class AuditProcess:
             ValueError: an answer that is no JSON.
         """
         asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
+        return self._ask(asked, self._answer_s)
+
+    def check(self) -> None:
+        """Ask a question without a pose, which any verdict answers.
+
+        Raises:
+            UsageError: the program has ended, is silent, or answers something else.
+        """
+        try:
+            told = self._ask({"part": 0}, START_S)
+        except ValueError:
+            told = {}
+        except OSError as error:
+            raise UsageError(f"--audit {self._command!r}: {error}") from error
+        if "verdict" not in told:
+            raise UsageError(
+                f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
+            )
+
+    def _ask(self, asked: Mapping[str, object], answer_s: float) -> Mapping[str, object]:
         assert self._process.stdin is not None
         try:
             os.write(self._process.stdin.fileno(), json.dumps(asked).encode() + b"\n")
         except BrokenPipeError as error:
             raise ConnectionError("the auditor has ended; run its command by itself to see why") from error
         self._owed += 1
-        until = self._clock.now() + self._answer_s
+        until = self._clock.now() + answer_s
         answer = b""
         while self._owed:
-            answer = self._line(until)
+            answer = self._line(until, answer_s)
             self._owed -= 1
         told = strict_json.parse(answer)
         return told if isinstance(told, dict) else {}
@@ -119,16 +143,18 @@ class AuditProcess:
     ) -> None:
         self.close()
 
-    def _line(self, until: float) -> bytes:
+    def _line(self, until: float, answer_s: float) -> bytes:
         assert self._process.stdout is not None
         pipe = self._process.stdout.fileno()
         while b"\n" not in self._read:
             left = until - self._clock.now()
             if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
-                raise TimeoutError(f"the auditor did not judge within {self._answer_s:g} s")
+                raise TimeoutError(f"the auditor did not answer within {answer_s:g} s")
             piece = os.read(pipe, 4096)
             if not piece or len(self._read) > MAX_ANSWER_BYTES:
-                raise ConnectionError("the auditor ended, or talks without end")
+                raise ConnectionError(
+                    "the auditor has ended, or talks without end; run its command by itself to see why"
+                )
             self._read += piece
         line, _, self._read = self._read.partition(b"\n")
         return line

@@ -7,20 +7,22 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, options, session
+from runtime import crash, dry_run, fitness, held, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects
-from runtime.errors import StoppedError
+from runtime.errors import BrokenRunError, StoppedError
 from runtime.executor import Cell, Plan
+from runtime.hand import check_arc
+from runtime.held import Held
 from runtime.incidents import Incidents, Report
 from runtime.interrupts import StopRequests
 from runtime.journal import Journal
@@ -29,7 +31,7 @@ from runtime.monitor import Monitor
 from runtime.options import SIMULATED, parser
 from runtime.ports import Arm, Gripper, Scene
 from runtime.safe_state import DECLARED
-from runtime.safety import check_table
+from runtime.safety import check_table, ready_gripper
 from runtime.shell import command
 from runtime.shell.command import Parser, say
 from runtime.table import PPM, Calibration, Table, dumps, load
@@ -122,21 +124,34 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     journal = begun = None
     if os.path.lexists(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
-        begun = crash.look(journal, data, header, policy, console)
+        within = {"now": clock.stamp(), "most_s": arguments.resume_within}
+        try:
+            begun = crash.look(journal, data, header, policy, console, **within)
+        except BrokenRunError as error:
+            if not arguments.put_down:
+                raise
+            console.note(str(error))
     incidents = Incidents()
     devices = _connect(arguments, table, console, stack, incidents.record)
-    # Not before the devices answer: a run that never was leaves no record, and no file.
-    journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
-    crash.begin(journal, begun, data, header, policy)
-    incidents.hand_over(journal)
+    # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
+    activate = arguments.activate or arguments.port == SIMULATED
+    # What would be refused later is refused now: a run that never was leaves no record, and no file.
+    if begun is None or begun.part is None:
+        holds = _holds(arguments, devices, plan, table, activate=activate)
+        if arguments.put_down and holds is None:
+            return _say_put_down(arguments, console, None)
     auditor = None
     if arguments.audit is not None:
         auditing = arguments.audit.replace(options.SIMULATED_CAMERA, devices.camera)
         auditor = stack.enter_context(AuditProcess(auditing, SystemClock()))
+        auditor.check()
+    journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
-    # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
-    activate = arguments.activate or arguments.port == SIMULATED
     monitor.ready()
+    crash.begin(journal, begun, data, header, policy)
+    incidents.hand_over(journal)
+    if arguments.put_down:
+        return _say_put_down(arguments, console, session.put_down(table, cell, monitor, plan))
     tally = session.run_journalled(
         table,
         cell,
@@ -152,15 +167,52 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     return tally.exit_code
 
 
+def _holds(
+    arguments: argparse.Namespace, devices: Devices, plan: Plan, table: Table, *, activate: bool
+) -> Held | None:
+    """What the fingers may hold before a run begins, if they may be moved all the same.
+
+    Raises:
+        GripperStateError: they may not: the gripper is not ready, or holds something.
+    """
+    state = devices.gripper.state()
+    holds = held.look(state, _calibration(plan, table))
+    if arguments.put_down and holds is None:
+        return None
+    if state.activated or arguments.put_down or not activate:
+        ready_gripper(devices.gripper)
+    if holds is not None and not (arguments.put_down or arguments.jaws_empty):
+        raise holds.refusal(devices.arm.pose()[2], arguments.journal)
+    return holds
+
+
+def _say_put_down(arguments: argparse.Namespace, console: Console, told: Mapping[str, object] | None) -> int:
+    if arguments.json:
+        say(json.dumps({"put_down": told}))
+    elif told is None:
+        console.note("the fingers hold nothing; nothing was moved")
+    else:
+        console.note(
+            f"put down at ({told['x_mm']:.2f}, {told['y_mm']:.2f}) mm, {told['width_mm']:.2f} mm between the "
+            "fingers; the run ends here: look where it lies, then start again"
+        )
+    return 0
+
+
 def _check_fit(table: Table, plan: Plan) -> None:
-    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
+    calibration = _calibration(plan, table)
     fitness.check(table, calibration)
+    check_arc(plan.handling.arc, table.limits, calibration)
+
+
+def _calibration(plan: Plan, table: Table) -> Calibration:
+    return plan.handling.calibration or Calibration.linear(table.gripper)
 
 
 def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console) -> int:
     """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
     told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
-    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
+    calibration = _calibration(plan, table)
     origin = arguments.calibration or "the linear map"
     console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
     if arguments.port is not None:

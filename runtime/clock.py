@@ -7,6 +7,16 @@ from datetime import UTC, datetime
 LINK_MARGIN_S = 30.0
 
 
+def age_s(stamp: str, now: str) -> float:
+    """Seconds from one moment to another, each as `Clock.stamp` tells it.
+
+    Raises:
+        ValueError: one of them is no such text.
+        TypeError: only one of them has a time zone.
+    """
+    return (datetime.fromisoformat(now) - datetime.fromisoformat(stamp)).total_seconds()
+
+
 @dataclass(frozen=True, slots=True)
 class SystemClock:
     """The machine's monotonic clock, for a cell that lives `time_scale` seconds in one of ours.

@@ -6,14 +6,21 @@ from collections.abc import Mapping
 from runtime.console import Console
 from runtime.errors import BrokenRunError
 from runtime.journal import Journal
-from runtime.recovery import BrokenRun, broken_run, restarted
+from runtime.recovery import BrokenRun, broken_run, check_recent, restarted
 from runtime.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
 
 
 def look(
-    journal: Journal, table: bytes, fields: Mapping[str, object], policy: str, console: Console
+    journal: Journal,
+    table: bytes,
+    fields: Mapping[str, object],
+    policy: str,
+    console: Console,
+    *,
+    now: str,
+    most_s: float,
 ) -> BrokenRun | None:
     """Look for a run that broke off, and give it up if that is the policy; nothing else is written.
 
@@ -23,13 +30,15 @@ def look(
         fields: what the header of a new run would tell.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: told what was found.
+        now: what a record would be dated with now.
+        most_s: age of the last record from which on a part is not gone on with, s.
 
     Returns:
         What can be gone on with, None where the last run ended.
 
     Raises:
         BrokenRunError: the policy is to give it up, or it cannot be gone on with: another table, another
-            calibration, or a record that its counts do not justify.
+            calibration, a record that its counts do not justify, or too old a part.
         JournalError: the journal cannot be written.
     """
     broken = _found(journal, policy)
@@ -42,6 +51,8 @@ def look(
             f"{told}; it is given up and nothing was moved: look at the fingers, clear the cell, start again"
         )
     _check_same(broken, table, fields)
+    if broken.part is not None:
+        check_recent(broken, now, most_s)
     console.note(f"{told}; {'going on with it' if policy == RESUME else 'starting that part over'}")
     if policy == RESTART and broken.part is not None:
         return broken._replace(part=restarted(broken.part))

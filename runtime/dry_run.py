@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from runtime import safety, strokes
+from runtime import held, safety, strokes
 from runtime.executor import Plan
 from runtime.geometry import placement
 from runtime.ports import Arm, Gripper
@@ -33,6 +33,8 @@ def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
         f"gripper: {activity}, fault 0x{seen.fault:02X}, count {seen.position_counts} ({width_mm:.2f} mm)",
         f"arm: at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, {degrees(pose[3]):.1f} deg",
     ]
+    if (holds := held.look(seen, calibration)) is not None:
+        told.append(f"{holds.sentence()}; a run would be refused")
     heights = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
     for index, node in enumerate(table.nodes):
         x_mm, y_mm, angle_rad = placement(node.squeeze)

@@ -45,6 +45,29 @@ class Handling:
     current: CurrentBand = field(default_factory=CurrentBand)
 
 
+def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
+    """Check that the tips' arc fits between a table's heights.
+
+    Raises:
+        TableError: it does not.
+    """
+    if arc is None:
+        return
+    widest_mm = calibration.widths_um[0] / 1000
+    if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
+        raise TableError(
+            f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
+            "teach the tool frame with the jaws fully open, and check link and offset"
+        )
+    top_mm = limits.squeeze_height_um / 1000 + max(arc.most_mm(0.0, widest_mm), 0.0)
+    retreat_mm = limits.retreat_height_um / 1000
+    if top_mm >= retreat_mm:
+        raise TableError(
+            f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is {retreat_mm:g} mm; "
+            "raise cell.retreat_height_mm and recompile"
+        )
+
+
 class Hand:
     """Arm and gripper of one cell, within one table's limits.
 
@@ -79,7 +102,7 @@ class Hand:
         self._calibration = calibration
         self._handling = handling
         self._open_mm = 0.0
-        self._check_arc(handling.arc)
+        check_arc(handling.arc, limits, calibration)
 
     def await_stillness(self) -> None:
         """Wait until a motion that was begun before this run is over.
@@ -225,19 +248,3 @@ class Hand:
 
     def _low_mm(self, advance_mm: float) -> float:
         return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)
-
-    def _check_arc(self, arc: TipArc | None) -> None:
-        if arc is None:
-            return
-        widest_mm = self._calibration.widths_um[0] / 1000
-        if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
-            raise TableError(
-                f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
-                "teach the tool frame with the jaws fully open, and check link and offset"
-            )
-        top_mm = self._low_mm(arc.most_mm(0.0, widest_mm))
-        if top_mm >= self.limits.retreat_height_um / 1000:
-            raise TableError(
-                f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is "
-                f"{self.limits.retreat_height_um / 1000:g} mm; raise cell.retreat_height_mm and recompile"
-            )

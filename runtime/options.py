@@ -92,6 +92,10 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
+    if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
+        raise UsageError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
+    if arguments.put_down and arguments.after_crash != "abort":
+        raise UsageError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
         raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
     if simulated and arguments.arm not in (None, SIMULATED):
@@ -197,6 +201,11 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
         action="store_true",
         help="connect over links that cannot write, and tell what would be sent",
     )
+    group.add_argument(
+        "--put-down",
+        action="store_true",
+        help="put down what the fingers still hold: straight down where the arm stands, open, retreat, end",
+    )
 
 
 def _add_handling(group: argparse._ArgumentGroup) -> None:
@@ -229,13 +238,18 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
     add(
         "--audit",
         metavar="COMMAND",
-        help="ask this program about every leaf: one JSON line in, one out; {camera} in it is the address of "
-        "the camera of --port sim",
+        help="ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} "
+        "is the address of the camera of --port sim",
     )
 
 
 def _add_policy(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
+    add(
+        "--jaws-empty",
+        action="store_true",
+        help="begin although the fingers may hold something: you see that they do not (what they hold falls)",
+    )
     add(
         "--on-reject",
         default="next",
@@ -254,6 +268,13 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         default="abort",
         help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
         "part over (default: abort)",
+    )
+    add(
+        "--resume-within",
+        type=positive,
+        default=300.0,
+        metavar="S",
+        help="go on with a part only if its last record is at most so many seconds old (default: 300)",
     )
 
 

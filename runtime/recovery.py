@@ -10,17 +10,20 @@ from math import hypot, remainder, tau
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.decision import ARRIVED, Course
+from runtime.clock import age_s
+from runtime.decision import ARRIVED, Course, release_point
 from runtime.errors import BrokenRunError
-from runtime.geometry import placement
+from runtime.geometry import Pose2, placement
 from runtime.hand import LEVEL_MM, Hand
 from runtime.journal import records
 from runtime.ports import Pose
-from runtime.reading import CLOSED_COUNTS
+from runtime.reading import CLOSED_COUNTS, OPENED_COUNTS
 from runtime.replay import Entry, Last, Replay
 from runtime.results import Step
 from runtime.safety import PLACED_MM, PLACED_RAD
 from runtime.table import REJECT, Node, Table
+
+ABORT = "clear the cell, then start with --after-crash abort"
 
 
 class Broken(NamedTuple):
@@ -31,7 +34,7 @@ class Broken(NamedTuple):
         steps: its squeezes.
         course: where it stands.
         last: what the hand was doing.
-        held_at: the node whose squeeze may hold it, and the target it led to; None where nothing is held.
+        held_at: the node that squeezed it last, and the target it led to; None where it was not touched.
         delivering: whether it was being carried to its drop-off.
     """
 
@@ -50,11 +53,13 @@ class BrokenRun(NamedTuple):
         header: its first record.
         parts: parts that came to an outcome.
         part: the one that did not, None where it broke off between two.
+        time: when it wrote its latest record, ISO 8601.
     """
 
     header: Entry
     parts: int
     part: Broken | None
+    time: str
 
 
 def broken_run(path: Path) -> BrokenRun | None:
@@ -76,7 +81,7 @@ def broken_run(path: Path) -> BrokenRun | None:
             "a run that cannot be followed is not resumed: clear the cell and use --after-crash abort"
         )
     if replay.part is None:
-        return BrokenRun(replay.header, replay.parts, None)
+        return BrokenRun(replay.header, replay.parts, None, replay.time)
     part = Broken(
         replay.part,
         tuple(replay.steps),
@@ -85,12 +90,36 @@ def broken_run(path: Path) -> BrokenRun | None:
         replay.held_at,
         replay.delivering,
     )
-    return BrokenRun(replay.header, replay.parts, part)
+    return BrokenRun(replay.header, replay.parts, part, replay.time)
 
 
 def restarted(broken: Broken) -> Broken:
     """The same part from the root; what its hand may hold stays known."""
     return broken._replace(steps=(), course=Course())
+
+
+def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
+    """Check that a part's last record is so young that nobody can have changed the part since.
+
+    Args:
+        broken: the run.
+        now: what a record would be dated with now, ISO 8601.
+        most_s: the greatest age, s.
+
+    Raises:
+        BrokenRunError: it is older, lies in the future, or is no time.
+    """
+    told = f"the run that broke off wrote its last record at {broken.time}"
+    try:
+        passed_s = age_s(broken.time, now)
+    except (ValueError, TypeError):
+        raise BrokenRunError(f"{told}, which is no time; {ABORT}") from None
+    if passed_s < 0.0:
+        raise BrokenRunError(f"{told}, and the clock says {now}: it went back; {ABORT}")
+    if passed_s > most_s:
+        raise BrokenRunError(
+            f"{told}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: {ABORT}"
+        )
 
 
 def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None:
@@ -102,7 +131,8 @@ def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None
         hand: at rest.
 
     Raises:
-        BrokenRunError: the arm does not stand where the run left it, or the part may be in the air.
+        BrokenRunError: the hand does not stand where the run left it or holds something else, or the part may
+            be in the air.
     """
     if broken.delivering:
         raise BrokenRunError("the part was being carried when the run broke off; take it out of the fingers")
@@ -110,30 +140,51 @@ def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None
         return None
     index, target = broken.held_at
     node = table.nodes[index]
+    place = placement(node.squeeze)
     pose, state = hand.where(), hand.gripper.state()
-    low = pose[2] < hand.limits.retreat_height_um / 1000 - LEVEL_MM
-    if broken.last is Last.PLACED:
-        _check_between(pose, node, None, low=low)
-        return node, REJECT
-    if state.echo_counts != CLOSED_COUNTS and state.object_flag == ARRIVED:
-        return None  # it was let go before the run broke off
     branch = next((k for k, branch in enumerate(node.branches) if branch.target == target), REJECT)
-    _check_between(pose, node, node.release, low=low)
-    return node, branch
+    released = release_point(node, branch)
+    let_go = place if released is None else (released[0] / 1000, released[1] / 1000, place[2])
+    retreat_mm = hand.limits.retreat_height_um / 1000
+    low = pose[2] < retreat_mm - LEVEL_MM
+    closed = state.echo_counts == CLOSED_COUNTS
+    held = broken.last is Last.SQUEEZED and (closed or state.object_flag != ARRIVED)
+    if held or broken.last is Last.PLACED:
+        if not (low and _between(pose, place, let_go)):
+            raise _moved(pose, "with the part between the fingers; take it out")
+        if held and closed and broken.steps:
+            _check_same_grip(state.position_counts, broken.steps[-1].position_counts)
+        return node, branch
+    if not broken.steps:
+        return None  # nothing is believed of the part that it could not have moved away from
+    coming = let_go if broken.course.outcome else placement(table.nodes[broken.course.node].squeeze)
+    ways = [(let_go, let_go), (coming, coming)] if low else [(let_go, coming)]
+    if pose[2] > retreat_mm + PLACED_MM or not any(_between(pose, *way) for way in ways):
+        raise _moved(pose, "after it had let go of the part, which may have been moved too")
+    return None
 
 
-def _check_between(pose: Pose, node: Node, release: tuple[int, int] | None, *, low: bool) -> None:
-    """Check that the arm stands low on the line from where the node squeezes to where it lets go."""
-    x_mm, y_mm, angle_rad = placement(node.squeeze)
-    end = (x_mm, y_mm) if release is None else (release[0] / 1000, release[1] / 1000)
-    off_mm = _distance(pose[:2], (x_mm, y_mm), end)
-    off_rad = abs(remainder(pose[3] - angle_rad, tau))
-    if not (low and off_mm <= PLACED_MM and off_rad <= PLACED_RAD):
+def _check_same_grip(count: int, before: int) -> None:
+    if abs(count - before) > OPENED_COUNTS:
         raise BrokenRunError(
-            f"the arm stands at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm and the run broke off at "
-            f"({x_mm:.2f}, {y_mm:.2f}) mm with the part between the fingers; take it out, clear the cell, "
-            "then start with --after-crash abort"
+            f"the fingers stand at count {count}, the part was held at {before}: another, or gone; {ABORT}"
         )
+
+
+def _moved(pose: Pose, where: str) -> BrokenRunError:
+    return BrokenRunError(
+        f"the arm stands at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, not where the run broke off "
+        f"{where}; {ABORT}"
+    )
+
+
+def _between(pose: Pose, start: Pose2, end: Pose2) -> bool:
+    """Whether the arm stands on the way from one place to another, whatever its height."""
+    off_mm = _distance(pose[:2], start[:2], end[:2])
+    whole, done, left = (
+        abs(remainder(a - b, tau)) for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
+    )
+    return off_mm <= PLACED_MM and done + left <= whole + 2 * PLACED_RAD
 
 
 def _distance(point: tuple[float, ...], start: tuple[float, float], end: tuple[float, float]) -> float:

@@ -49,7 +49,9 @@ class Replay:
         steps: the part's squeezes so far.
         course: where the part stands.
         last: what the hand was doing.
-        held_at: the node whose squeeze may hold the part and the target it led to, or None.
+        held_at: the node that last squeezed the part and the target it led to, or None; AWAY tells that the
+            fingers have let go there.
+        time: what the latest record is dated with.
         delivering: whether the part was being carried.
         decisions: squeezes derived so far, over all runs.
     """
@@ -62,12 +64,13 @@ class Replay:
         self.over = False
         self.decisions = 0
         self.parts = 0
+        self.time = ""
         self._begin(None)
 
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
         """Go through a journal's records in order and tell what does not follow from those before."""
         for entry in entries:
-            seq = int(str(entry["seq"]))
+            seq, self.time = int(str(entry["seq"])), str(entry.get("time"))
             try:
                 yield from (Finding(seq, sentence) for sentence in self._take(entry))
             except Exception as error:  # a journal is a file, and holds what anybody wrote
@@ -87,7 +90,7 @@ class Replay:
         elif kind == "squeeze":
             yield from self._squeeze(entry)
         elif kind == "freed":
-            self._hold(Last.AWAY, None)
+            self.last = Last.AWAY
         elif kind == "delivery":
             self.delivering = entry["begun"] is True
         elif kind == "outcome":

@@ -1,19 +1,22 @@
 """A run of many parts: feed, execute, compare with the truth where there is one, sum up."""
 
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from math import isfinite
 
+from runtime import held
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, exit_code_of
 from runtime.executor import Cell, Executor, Plan
 from runtime.geometry import error_mm, meets
+from runtime.hand import Hand
 from runtime.phases import Watcher, unwatched
-from runtime.ports import Gripper, Scene
+from runtime.ports import Gripper, Journal, Scene
 from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
+from runtime.safe_state import reach_safe_state
 from runtime.safety import ready_gripper
-from runtime.table import Table
+from runtime.table import Calibration, Table
 from runtime.tally import Tally
 
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
@@ -70,19 +73,52 @@ def run_journalled(
         Exception: an error before the first part, or between two, once it is recorded.
     """
     plan = plan or Plan()
-    tally = Tally()
-    try:
+    with _ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             prepare_gripper(cell.gripper, console, activate=activate)
         for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
             tally.add(result, seen)
+    return tally
+
+
+def put_down(table: Table, cell: Cell, console: Console, plan: Plan) -> Mapping[str, object]:
+    """Put down what the fingers hold, as a run without parts.
+
+    Args:
+        table: the table, proved.
+        cell: the devices and the journal, its header written.
+        console: told what the safe state was after a fault.
+        plan: how the hand is used, and where parts are carried.
+
+    Returns:
+        Where it was put down, and its width.
+
+    Raises:
+        Exception: whatever went wrong, once the declared safe state is reached and recorded.
+    """
+    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
+    hand = Hand(cell.gripper, cell.arm, cell.clock, table.limits, calibration, plan.handling)
+    with _ending(cell.journal):
+        try:
+            return held.put_down(hand, table, plan.delivery, cell.journal)
+        except BaseException:
+            for sentence in reach_safe_state(cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known):
+                console.note(sentence)
+            raise
+
+
+@contextmanager
+def _ending(journal: Journal) -> Iterator[Tally]:
+    """Write a run's last record however it ends."""
+    tally = Tally()
+    try:
+        yield tally
     except BaseException as error:
         with suppress(JournalError):
-            cell.journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
+            journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
-    cell.journal.record("end", _end_fields(tally, tally.exit_code, None))
-    return tally
+    journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 
 def run_parts(

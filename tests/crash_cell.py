@@ -7,6 +7,7 @@ world knows where the part lies, and keeps a list of what must never happen to i
 
 import random
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 from math import hypot, remainder, tau
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from runtime.journal import Journal
 from runtime.table import Calibration, Node, Table, dumps
 
 REACH_MM = 35.0
+RESUME_WITHIN_S = 60.0
 LOOK_S = 0.04
 RESTART_S = 3.0
 NEAR_MM, NEAR_RAD = 0.3, 0.01
@@ -63,7 +65,8 @@ class Time:
         return self.seconds + seconds + 30.0
 
     def stamp(self) -> str:
-        return f"2026-11-21T00:00:{self.seconds:09.3f}+00:00"
+        moment = datetime(2026, 11, 21, tzinfo=UTC) + timedelta(seconds=self.seconds)
+        return moment.isoformat(timespec="milliseconds")
 
 
 class World:
@@ -245,7 +248,9 @@ def process(
     on_reject, on_unresolved = plan.policy.texts()
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
-        begun = crash.look(journal, data, fields, after_crash, console)
+        begun = crash.look(
+            *(journal, data, fields, after_crash, console), now=world.time.stamp(), most_s=RESUME_WITHIN_S
+        )
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)

@@ -22,6 +22,7 @@ MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
 EQUAL_COUNTS = 3  # readings in a row with one count before a width is believed
 SETTLE_S = 0.02  # between them: at 20 mm/s the count changes once in as long
 COMM_SILENCE = 0x09
+WRITE_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 
 
 class Settled(NamedTuple):
@@ -130,9 +131,8 @@ class Gripper:
         request = {"rACT": 1, "rGTO": 1, "rPR": position_counts, "rSP": speed_counts, "rFR": force_counts}
         stroke_mm = abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
         budget_s = stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S
-        move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s)
         self._send(request)
-        self._move = move
+        self._move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s)
 
     def wait(self) -> Settled:
         """Wait until the last move has ended and the count stands still.
@@ -186,20 +186,32 @@ class Gripper:
         self._link.close()
 
     def _send(self, image: dict[str, int]) -> None:
-        """Write the command image; after a lost answer, look before writing it again."""
+        """Write the command image, again and again until one write is acknowledged.
+
+        Speed and force are not echoed, so no reading tells that they arrived; only the answer to the write
+        does. The same block once more changes nothing: there is no edge in it.
+
+        Raises:
+            GripperFault: the gripper is no longer active, so that the block would not be the same to it.
+            LinkTimeout: no write was acknowledged.
+        """
         block = pack(OUTPUT_FIELDS, image)
-        try:
-            self._link.write(block)
-        except LinkTimeout:
-            arrived = self._arrived(image)
-            self._report("link", {"incident": "write unanswered", "arrived": arrived})
-            if not arrived:
+        for attempt in range(1, WRITE_TRIES + 1):
+            try:
                 self._link.write(block)
+                break
+            except LinkTimeout:
+                arrived = self._arrived(image)
+                self._report("link", {"incident": "write unanswered", "arrived": arrived})
+                if attempt == WRITE_TRIES:
+                    raise
         self._image = image
 
     def _arrived(self, image: dict[str, int]) -> bool:
+        """Whether the echoes tell that it arrived; looked at before the block is written once more."""
         seen = self.state()
-        if image.get("rGTO", 0) == 1:
+        sweeps = not seen.enabled and self._image.get("rACT") == image.get("rACT") == 1
+        if image.get("rGTO") == 1 or sweeps:  # rACT set in a gripper that lost power starts the sweep
             require_ready(seen, "repeating a write whose answer was lost")
         wanted = (image.get("rACT", 0) == 1, image.get("rGTO", 0) == 1, image.get("rPR", 0))
         return (seen.enabled, seen.going, seen.echo_counts) == wanted

@@ -1,7 +1,7 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
 One transaction is tried once here, with a deadline of our own above pymodbus; `read` may be repeated, a write
-never is (the device logic reads the state first).
+is not (the device logic reads the state first).
 """
 
 from pymodbus.pdu import ModbusPDU

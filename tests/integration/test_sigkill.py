@@ -106,7 +106,7 @@ def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tr
         _, err = given_up.communicate(timeout=WAIT_S)
         assert given_up.returncode == 25
         assert "given up and nothing was moved" in err
-        anew = start(tree, cell)
+        anew = start(tree, cell, "--jaws-empty")
         _, err = anew.communicate(timeout=WAIT_S)
         assert anew.returncode in (0, 10, 11), err
     assert verify(journal).runs == 2

@@ -1,6 +1,7 @@
 """What is done about a run that broke off, before any device is opened."""
 
 import base64
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from runtime.journal import Journal, records, verify
 from runtime.table import dumps
 
 STAMP = SystemClock().stamp
+RESUME_WITHIN_S = 300.0
 TABLE = dumps(small_table())
 FIELDS = {"on_reject": "next", "on_unresolved": "next"}
 
@@ -26,9 +28,12 @@ def broken(path: Path, lines: int) -> Path:
     return path
 
 
-def look(path: Path, policy: str, table: bytes = TABLE, **fields: object):
+def look(path: Path, policy: str, table: bytes = TABLE, late_s: float = 0.0, **fields: object):
+    now = (datetime.now(UTC) + timedelta(seconds=late_s)).isoformat()
     with Journal(path, STAMP) as journal:
-        return crash.look(journal, table, {**FIELDS, **fields}, policy, Quiet())
+        return crash.look(
+            *(journal, table, {**FIELDS, **fields}, policy, Quiet()), now=now, most_s=RESUME_WITHIN_S
+        )
 
 
 def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path: Path) -> None:
@@ -80,6 +85,24 @@ def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, wh
     assert not verify(path).closed
 
 
+@pytest.mark.parametrize(("late_s", "says"), [(400.0, "s ago; after 300 s"), (-60.0, "went back")])
+@pytest.mark.parametrize("policy", [crash.RESUME, crash.RESTART])
+def test_a_part_of_long_ago_or_of_tomorrow_is_not_gone_on_with(
+    tmp_path: Path, policy: str, late_s: float, says: str
+) -> None:
+    path = broken(tmp_path / "j.jsonl", 4)
+    with pytest.raises(BrokenRunError, match=says) as refused:
+        look(path, policy, late_s=late_s)
+    assert refused.value.exit_code == 25
+    assert not verify(path).closed
+
+
+def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path: Path) -> None:
+    seen = look(broken(tmp_path / "j.jsonl", 5), crash.RESUME, late_s=1e6)
+    assert seen is not None
+    assert seen.part is None
+
+
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.ABORT])
 def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(tmp_path: Path, policy: str) -> None:
     path = tmp_path / "j.jsonl"
@@ -97,7 +120,9 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')
     with Journal(path, STAMP) as journal:
-        seen = crash.look(journal, TABLE, FIELDS, crash.RESUME, Quiet())
+        seen = crash.look(
+            *(journal, TABLE, FIELDS, crash.RESUME, Quiet()), now=STAMP(), most_s=RESUME_WITHIN_S
+        )
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]
     assert (last["kind"], last["part"], last["how"], last["cut_bytes"]) == ("resume", 1, "resume", 12)

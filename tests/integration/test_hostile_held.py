@@ -1,0 +1,262 @@
+"""Starts upon what a stop or a crash left behind, and starts that fail: nothing falls, nothing is made up."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+
+from drivers import connect
+from drivers.sim.cell import Cell
+from drivers.sim.line import CleanLine
+from drivers.sim.scene import REHEARSAL, load
+from runtime.journal import records, verify
+from runtime.replay import Replay
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 120
+TIME_SCALE = 20.0
+RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
+FORCE_AT = 5  # of rFR in the output block
+Ended = tuple[int, str, str]
+
+
+class Station:
+    """A cell in this process, with a rehearsal behind it, and `grasp-runtime` as processes of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.tree, self.journal = folder / "small.msgpack", folder / "journal.jsonl"
+        dump(small_table(), self.tree)
+        self.cell = Cell(load(self.tree, None, REHEARSAL), 0, TIME_SCALE)
+        self.gripper, self.table = self.cell.works.gripper, self.cell.works.table
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        ports = self.cell.endpoints
+        command = [sys.executable, "-m", "runtime.cli", "--tree", str(self.tree), "--tips", "straight"]
+        command += ["--port", ports["gripper"], "--arm", ports["arm"], "--journal", str(self.journal)]
+        command += ["--force", "direct", *words]
+        return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def run(self, *words: str) -> Ended:
+        return self.end(self.start(*words))
+
+    def end(self, process: subprocess.Popen[str]) -> Ended:
+        out, err = process.communicate(timeout=WAIT_S)
+        return process.returncode, out, err
+
+    def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
+        """Start, and send a signal while the gripper waits to answer in the state asked for."""
+        process = self.start(*words)
+        deadline = time.monotonic() + WAIT_S
+        while process.poll() is None and time.monotonic() < deadline:
+            with self.cell._lock:
+                if when():
+                    process.send_signal(number)
+                    break
+            time.sleep(0.001)
+        return self.end(process)
+
+    def grips(self) -> bool:
+        return self.gripper._gripping
+
+    def kinds(self) -> list[object]:
+        return [entry["kind"] for entry in records(self.journal)] if self.journal.exists() else []
+
+    def stands(self) -> tuple[float, float, float, float]:
+        """Where the arm is, and the opening."""
+        with self.cell._lock:
+            now_s = self.cell.works.now()
+            x_mm, y_mm, z_mm, _ = self.cell.works.arm.pose_at(now_s)
+            return x_mm, y_mm, z_mm, self.gripper.opening_mm(now_s)
+
+    def ends(self) -> str:
+        *_, z_mm, opening_mm = self.stands()
+        held = "a part held" if self.grips() else "nothing held"
+        return f"{held}, jaws at {opening_mm:.1f} mm, arm at {z_mm:.1f} mm, {self.table.drops} parts dropped"
+
+    def sound(self) -> bool:
+        return verify(self.journal).closed and not list(Replay().follow(records(self.journal)))
+
+
+@pytest.fixture
+def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    made = Station(tmp_path)
+    with made.cell:
+        yield made
+
+
+@pytest.fixture
+def told(station: Station, record_property: Callable[[str, object], None]) -> Callable[[Ended], Ended]:
+    def tell(ended: Ended) -> Ended:
+        record_property("exit_code", ended[0])
+        record_property("ends", station.ends())
+        return ended
+
+    return tell
+
+
+def is_refused(station: Station, told: Callable[[Ended], Ended], code: int, *words: str) -> str:
+    """The one line of a start that moves nothing and records nothing."""
+    before, kinds = station.stands(), station.kinds()
+    ended, _, err = told(station.run(*words))
+    assert (ended, err.count("\n")) == (code, 1), err
+    assert (station.stands(), station.kinds()) == (before, kinds)
+    return err
+
+
+def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station, told) -> None:
+    code, out, err = station.strike(signal.SIGINT, station.grips, "--activate", "--count", "9")
+    assert code == 40, (out, err)
+    assert station.grips()
+    assert station.stands()[2] == pytest.approx(RETREAT_MM, abs=0.1)
+    said = is_refused(station, told, 21, "--activate", "--after-crash", "resume")
+    assert "hold something" in said
+    assert "--put-down" in said
+    assert "ended as stopped" in said
+    code, out, err = told(station.run("--put-down"))
+    assert code == 0, (out, err)
+    assert "put down at" in out
+    assert (station.grips(), station.table.drops) == (False, 0)
+    assert station.stands()[2] == pytest.approx(RETREAT_MM, abs=0.1)
+    assert station.kinds()[-4:] == ["header", "put_down", "put_down", "end"]
+    assert station.run()[0] in (0, 10, 11)
+    assert (station.table.drops, station.sound()) == (0, True)
+
+
+def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(
+    station, told
+) -> None:
+    station.strike(signal.SIGKILL, station.grips, "--activate")
+    code, _, err = station.run()
+    assert code == 25
+    assert "nothing was moved" in err
+    said = is_refused(station, told, 21)
+    assert "ended as aborted" in said
+    assert "they met it while closing" in said
+    assert station.stands()[2] == pytest.approx(SQUEEZE_MM, abs=0.1)
+    assert told(station.run("--put-down"))[0] == 0
+    assert (station.grips(), station.table.drops, station.sound()) == (False, 0, True)
+
+
+def test_putting_down_right_after_a_crash_gives_the_run_up(station, told) -> None:
+    station.strike(signal.SIGKILL, station.grips, "--activate")
+    code, out, err = told(station.run("--put-down"))
+    assert code == 0, err
+    assert "given up" in out
+    assert (station.grips(), station.table.drops, station.sound()) == (False, 0, True)
+
+
+def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station, told) -> None:
+    station.strike(signal.SIGINT, station.grips, "--activate")
+    with station.cell._lock:
+        station.gripper.power_cycle(station.cell.works.now())
+    said = is_refused(station, told, 21, "--activate")
+    assert "cannot tell" in said
+    assert "--jaws-empty" in said
+    code, out, err = told(station.run("--activate", "--jaws-empty"))
+    assert code in (0, 10, 11), (out, err)
+
+
+def test_jaws_stopped_on_their_way_may_hold_something(station, told) -> None:
+    def on_their_way() -> bool:
+        gripper = station.gripper
+        return "placed" in station.kinds() and gripper._running and gripper._stroke.rate > 0
+
+    assert station.strike(signal.SIGINT, on_their_way, "--activate")[0] == 40
+    if station.grips():
+        pytest.skip("the stop came when the part was met")
+    assert "may hold something: they were stopped on their way" in is_refused(station, told, 21)
+
+
+def open_fully(station: Station) -> None:
+    with contextlib.closing(connect.gripper(station.cell.endpoints["gripper"])) as gripper:
+        gripper.move(0, 255, 0)
+        gripper.wait()
+
+
+@pytest.mark.parametrize("height_mm", [SQUEEZE_MM, RETREAT_MM])
+def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(station, told, height_mm) -> None:
+    station.strike(signal.SIGKILL, lambda: "squeeze" in station.kinds(), "--activate")
+    open_fully(station)
+    with contextlib.closing(connect.arm(station.cell.endpoints["arm"])) as arm:
+        arm.move_linear(30.0, 20.0, RETREAT_MM, 0.0, 250.0)
+        arm.move_linear(30.0, 20.0, height_mm, 0.0, 250.0)
+    before = station.stands()
+    code, out, _ = told(station.run("--after-crash", "resume"))
+    assert code == 25
+    assert "not where the run broke off" in out
+    assert station.stands() == before
+    assert station.sound()
+
+
+def test_a_part_of_long_ago_is_not_gone_on_with(station, told) -> None:
+    station.strike(signal.SIGKILL, station.grips, "--activate")
+    time.sleep(0.05)
+    said = is_refused(station, told, 25, "--after-crash", "resume", "--resume-within", "0.01")
+    assert "--resume-within" in said
+
+
+class LosesForces(CleanLine):
+    """Loses the first write of each block that raises the force and nothing else."""
+
+    def __init__(self, station: Station) -> None:
+        self._station, self._before, self._lost = station, b"", set[bytes]()
+        self.lost, self.forces = 0, list[int]()
+
+    def hears(self, frame: bytes) -> bool:
+        if frame[1] != 16:
+            return True
+        block, before, self._before = frame[7:13], self._before, frame[7:13]
+        if block[3] != 255 and before[3:4] == b"\xff":  # what it gripped with, as the jaws are told to open
+            self.forces.append(self._station.gripper.read_output()[FORCE_AT])
+        if block[:5] != before[:5] or block == before:
+            return True
+        self.lost += 1
+        return False
+
+
+def test_a_force_that_was_lost_on_the_way_is_written_again(station, told) -> None:
+    line = LosesForces(station)
+    station.cell._pty._slave._line = line
+    code, out, err = told(station.run("--activate", "--force", "regulated"))
+    assert code in (0, 10, 11), (out, err)
+    assert line.lost
+    assert set(line.forces) == {(40_000 - 20_000) * 255 // (235_000 - 20_000)}
+    assert "write unanswered" in [entry.get("incident") for entry in records(station.journal)]
+    assert station.sound()
+
+
+AUDITORS = {
+    "not found": "/no/such/auditor",
+    "not executable": str(ROOT / "README.md"),
+    "ends at once": f"{sys.executable} -c pass",
+    "no protocol": f"{sys.executable} -c \"input(); print('hello', flush=True); input()\"",
+}
+
+
+@pytest.mark.parametrize("name", AUDITORS)
+def test_a_bad_auditor_is_refused_before_anything_is_moved_or_written(station, told, name) -> None:
+    code, _, err = told(station.run("--activate", "--audit", AUDITORS[name]))
+    assert code == 2, err
+    assert err.splitlines()[-1].startswith("grasp-runtime: --audit ")
+    assert not station.journal.exists()
+    assert bytes(station.gripper.read_output()) == bytes(16)
+
+
+def test_a_table_that_leaves_no_room_for_the_tips_is_refused_before_anything_is_moved(station, told) -> None:
+    code, _, err = told(station.run("--activate", "--tips", "10,5"))
+    assert (code, err.count("\n")) == (30, 1), err
+    assert not station.journal.exists()
+    assert bytes(station.gripper.read_output()) == bytes(16)
+
+
+def test_a_gripper_that_may_not_be_moved_leaves_no_journal(station, told) -> None:
+    assert "not activated" in is_refused(station, told, 21)
+    assert not station.journal.exists()
