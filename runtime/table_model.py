@@ -22,6 +22,8 @@ MAX_COVARIANCE = 10**9
 
 HELD_UM = 2000
 """From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
+UNDETECTED_UM = 5000
+"""Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation")
 MAX_NODES = 1 << 14
