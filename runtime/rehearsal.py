@@ -9,8 +9,7 @@ from random import Random
 
 from runtime.errors import UsageError
 from runtime.geometry import Pose2, compose, placement
-from runtime.table import HELD_UM, Branch, Calibration, Node, Table, decisions
-from runtime.table_lookup import COUNTS
+from runtime.table import COUNTS, HELD_UM, Branch, Calibration, Node, Table, decisions
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
