@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,11 +16,11 @@ from planner.belief import doubting
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
-from planner.evaluation.stress import Doubt, doubt, settle, stressed
+from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
 from planner.goal import metric_of
 from planner.job import Job
 from planner.lower import lower
-from planner.measured import with_evaluation
+from planner.measured import predicting, with_figures
 from planner.mechanics.simulator import Simulator
 from planner.models.learning import learned_model, learns
 from planner.models.store import Store
@@ -34,6 +36,7 @@ from planner.search.improve import improve
 from planner.search.outcomes import MotionModel, Simulation
 from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
+from planner.untried import tried, without_untried
 from planner.world import ContactWorld
 from runtime.table import Table, canonical, refuted
 
@@ -53,6 +56,9 @@ LEAST_SHORT = 0.001
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 
+Judge = Callable[[Table, int], Evaluation]
+"""Trials of a table, in an attempt."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
@@ -62,11 +68,13 @@ class Plan:
         table: the decision table, canonical, with the evaluation's figures.
         root: the tree with its beliefs, for reports.
         evaluation: what the table was judged by.
+        untried: how many branches no trial took, so that their widths are REJECT.
     """
 
     table: Table
     root: TreeNode
     evaluation: Evaluation
+    untried: int
 
 
 def compile_job(
@@ -110,11 +118,13 @@ def compile_job(
     growth = _growth(job, simulator, ahead, reference)
     root = TreeNode(belief, 1.0, growth.look_ahead.metric.mode(belief))
     planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
-    table, evaluation = planning.run(trials)
-    table, evaluation = with_evaluation(table, evaluation, job)
-    if not evaluation.success.any():
-        raise _no_plan(table, evaluation, job)
-    return Plan(table, root, evaluation)
+    judge = partial(_judge, job, trials, simulator.workers)
+    table, evaluation, attempt = planning.run(judge)
+    others = beyond(table, job, trials, attempt, scheduler or Threads(simulator.workers))
+    plan = _plan(job, root, table, evaluation, others, judge)
+    if not plan.evaluation.success.any():
+        raise _no_plan(plan.table, plan.evaluation, job)
+    return plan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,22 +139,21 @@ class _Planning:
     say: Report
     deadline: float
 
-    def run(self, trials: int) -> tuple[Table, Evaluation]:
-        """Plans the whole tree; the table, canonical, and what it was judged by."""
+    def run(self, judge: Judge) -> tuple[Table, Evaluation, int]:
+        """Plans the whole tree; the table, canonical, its trials, and the attempt that they belong to."""
         doubts: list[Doubt] = []
         for attempt in range(REFINEMENTS + 1):
             self._grow(attempt)
             settle(doubts, self.growth.look_ahead.confidence)
             table = canonical(lower(self.root, self.job))
             self.say("evaluate", attempt, REFINEMENTS + 1)
-            world = ContactWorld(self.job, self.job.seed + SEED_WORLD + attempt, self.workers)
-            evaluation = evaluate(table, self.job, world, trials, self.job.seed + SEED_EVALUATION + attempt)
+            evaluation = judge(table, attempt)
             if attempt == REFINEMENTS or self._late():
                 break
             short, doubts = self._faults(table, evaluation, attempt)
             if short < LEAST_SHORT and not doubts:
                 break
-        return table, evaluation
+        return table, evaluation, attempt
 
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
@@ -191,11 +200,35 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
-    table = canonical(lower(root, job))
-    world = ContactWorld(job, job.seed + SEED_WORLD, workers)
-    evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION)
-    table, evaluation = with_evaluation(table, evaluation, job)
-    return Plan(table, root, evaluation)
+    table, judge = canonical(lower(root, job)), partial(_judge, job, trials, workers)
+    return _plan(job, root, table, judge(table, 0), [], judge)
+
+
+def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
+    """Squeezes fresh parts as a table says."""
+    world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
+    return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
+
+
+def _plan(
+    job: Job, root: TreeNode, table: Table, evaluation: Evaluation, others: list[Evaluation], judge: Judge
+) -> Plan:
+    """Puts the figures in, and leaves out what no trial took.
+
+    The trials that chose what stays cannot tell what else parts may do: fresh ones judge the rest.
+
+    Raises:
+        NoPlanError: nothing stays.
+    """
+    table, evaluation = with_figures(table, evaluation, others, job)
+    kept = tried(table, [evaluation, *others])
+    if not kept[0]:
+        raise _no_plan(table, evaluation, job)
+    untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
+    if untried:
+        table = without_untried(table, root, kept)
+        evaluation = judge(table, REFINEMENTS + 1)
+    return Plan(predicting(table, evaluation), root, evaluation, untried)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:

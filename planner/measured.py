@@ -2,39 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.evaluate import Evaluation
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
-from runtime.table import PPM, Calibration, Leaf, Node, Prediction, Table, canonical, count_map, refuted
+from runtime.table import PPM, Leaf, Node, Prediction, Table, canonical, refuted
 
 LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
 
 
-def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
-    """Puts the measured figures into the leaves, the branches and the table.
+def with_figures(
+    table: Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
+) -> tuple[Table, Evaluation]:
+    """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
     is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
     are the further poses that parts had there.
+
+    Args:
+        table: canonical.
+        evaluation: of this table, in the world that the job states.
+        others: of this table in other worlds: for leaves that no part came to in the stated one.
+        job: the job it was planned for.
 
     Returns:
         The table, canonical, and the evaluation, whose `resolved` follows the leaves.
     """
     metric = metric_of_table(table)
-    leaves = tuple(_leaf(leaf, index, evaluation, job, metric) for index, leaf in enumerate(table.leaves))
+    elsewhere = Evaluation.joined(others) if others else evaluation
+    here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
+    leaves = tuple(
+        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
+        for index, leaf in enumerate(table.leaves)
+    )
     known = np.array([leaf.resolved for leaf in leaves])
-    resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
-    at_leaf = evaluation.leaf >= 0
-    resolved_trials[at_leaf] = known[evaluation.leaf[at_leaf]]
-    evaluation = replace(evaluation, resolved=resolved_trials)
+    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
+    nodes = _measured(table, evaluation)
+    return canonical(replace(table, nodes=nodes, leaves=leaves)), replace(evaluation, resolved=resolved)
+
+
+def predicting(table: Table, evaluation: Evaluation) -> Table:
+    """States the figures of an evaluation in its table."""
     figures = evaluation.summary()
     predicted = Prediction(
         success_ppm=round(PPM * figures["success_rate"]),
@@ -42,8 +59,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
         mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
         reject_ppm=round(PPM * figures["reject_rate"]),
     )
-    nodes = _measured(table, evaluation)
-    return canonical(replace(table, nodes=nodes, leaves=leaves, predicted=predicted)), evaluation
+    return replace(table, predicted=predicted)
 
 
 def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
@@ -70,10 +86,9 @@ def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, 
 
 def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
     """The nodes, the shares of their branches as parts took them."""
-    calibration = Calibration.linear(table.gripper)
     nodes = []
     for index, node in enumerate(table.nodes):
-        taken = np.array(count_map(node, calibration))[evaluation.counts[evaluation.path == index]]
+        taken = evaluation.branch[evaluation.path == index]
         visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
         total = int(visits.sum())
         if total >= LEAST_VISITS:

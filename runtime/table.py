@@ -20,7 +20,7 @@ from runtime.table_canonical import canonical
 from runtime.table_check import check
 from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, decode, encode
 from runtime.table_format_2 import PAYLOAD_FIELDS
-from runtime.table_lookup import REJECT, Calibration, count_map, decide, decisions
+from runtime.table_lookup import COUNTS, REJECT, Calibration, count_map, decide, decisions
 from runtime.table_model import (
     FORMAT,
     HELD_UM,
@@ -40,6 +40,7 @@ from runtime.table_model import (
 from runtime.table_proof import prove, prove_read, refuted, wilson_upper
 
 __all__ = [
+    "COUNTS",
     "FORMAT",
     "FRAME_FIELDS",
     "HELD_UM",

@@ -6,7 +6,7 @@ from operator import gt
 from typing import Self
 
 from runtime.errors import TableError
-from runtime.table_model import HELD_UM, Branch, GripperSpec, Node
+from runtime.table_model import HELD_UM, UNDETECTED_UM, Branch, GripperSpec, Node
 
 REJECT = -1
 COUNTS = 256
@@ -66,7 +66,7 @@ class Calibration:
 
 
 def count_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
-    """What each encoder count means at a node.
+    """What the width of each encoder count says at a node, for drawings; `decisions` judges readings.
 
     Among the branches whose interval contains the width, the one with the nearest expected width (the lower
     one of two equally near); none: `REJECT`.
@@ -89,11 +89,11 @@ def count_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
 
 
 def decisions(node: Node, calibration: Calibration) -> tuple[int, ...]:
-    """What each settled reading of a closing motion means at a node, the object flag included.
+    """What each settled reading of a closing motion means at a node (decision 0020).
 
-    A branch of expected width `HELD_UM` or more is a grip: it is believed only if the gripper felt an object,
-    and never where the jaws are fully closed. A narrower one means that nothing is held: it is believed only
-    if the gripper felt none. Everything else is `REJECT`.
+    A branch of expected width `HELD_UM` or more is a grip, and never read where the jaws are fully closed; a
+    narrower one means that nothing is held. With an object felt only a grip is believed. With none felt no
+    width above `UNDETECTED_UM` is believed; up to it a grip may have gone unfelt. All else is `REJECT`.
 
     Args:
         node: the node.
@@ -104,12 +104,12 @@ def decisions(node: Node, calibration: Calibration) -> tuple[int, ...]:
     """
     outcomes = count_map(node, calibration)
     grips = [branch.expected_um >= HELD_UM for branch in node.branches]
-    empty = (REJECT if outcome == REJECT or grips[outcome] else outcome for outcome in outcomes)
-    gripped = (
-        outcome if outcome != REJECT and grips[outcome] and width > 0 else REJECT
-        for outcome, width in zip(outcomes, calibration.widths_um, strict=True)
-    )
-    return (*empty, *gripped)
+    unfelt, felt = [REJECT] * COUNTS, [REJECT] * COUNTS
+    for count, (outcome, width) in enumerate(zip(outcomes, calibration.widths_um, strict=True)):
+        if outcome != REJECT and (width > 0 or not grips[outcome]):
+            unfelt[count] = outcome if width <= UNDETECTED_UM else REJECT
+            felt[count] = outcome if grips[outcome] else REJECT
+    return (*unfelt, *felt)
 
 
 def decide(decided: tuple[int, ...], count: int, object_detected: bool) -> int:

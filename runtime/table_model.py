@@ -22,6 +22,8 @@ MAX_COVARIANCE = 10**9
 
 HELD_UM = 2000
 """From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
+UNDETECTED_UM = 5000
+"""Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation")
 MAX_NODES = 1 << 14
@@ -110,6 +112,11 @@ class Leaf(NamedTuple):
     trials: int
     resolved: bool
     alternatives: tuple[tuple[int, int, int], ...] = ()
+
+    @property
+    def success(self) -> float | None:
+        """Share of its trials that met the goal; None where none ended here, which proves nothing."""
+        return self.success_ppm / PPM if self.trials else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,187 @@
+"""No word without ground: one rule for readings, nothing untried claimed, heights that meet the part."""
+
+import base64
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from fake_cell import fake_cell
+from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
+
+from planner import job as job_file
+from planner.evaluate import REJECTED, evaluate
+from planner.goal import Mode
+from planner.models.partition import Partition
+from planner.report import labels
+from planner.report.panels import leaf_label, leaf_lines
+from planner.search.expand import TreeNode
+from planner.untried import tried, without_untried
+from planner.world import ContactWorlds
+from runtime.console import Lines, as_object
+from runtime.executor import Executor
+from runtime.replay import Replay
+from runtime.results import Outcome, PartResult, Step
+from runtime.table import (
+    REJECT,
+    Branch,
+    Calibration,
+    Leaf,
+    Node,
+    Table,
+    canonical,
+    decide,
+    decisions,
+    dumps,
+    load,
+    prove,
+)
+
+TREES = Path(__file__).parents[2] / "trees"
+LINE = Calibration.linear(GRIPPER)
+
+
+def thin_table() -> Table:
+    """One squeeze: nothing held, a grip that the flag may miss, one across 5 mm, and a wide one."""
+    widths = (0, 0, 900), (1_500, 2_600, 3_500), (4_000, 4_600, 6_500), (20_000, 21_000, 22_000)
+    table = small_table()
+    branches = tuple(Branch(*row, 250_000, ~number) for number, row in enumerate(widths))
+    leaves = tuple(Leaf(0, 0, 0, table.leaves[0].covariance, 999_000, 6_000, True) for _ in widths)
+    return replace(table, nodes=(Node(table.nodes[0].squeeze, branches),), leaves=leaves)
+
+
+TABLES = [thin_table(), every_field_table(), random_table(3, 1), random_table(8, 1)]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=["thin", "every field", "random", "another"])
+def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table: Table) -> None:
+    root = table.nodes[0]
+    decided = decisions(root, LINE)
+    header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
+    for count in range(256):
+        for flag in (2, 3):
+            made = fake_cell([(count, flag)] * table.limits.max_depth)
+            result = Executor(table, made.cell, lambda part, step: None).run_part(1)
+            branch = decide(decided, count, flag == 2)
+            if result.outcome is Outcome.FAULT:  # a contradiction in itself, which the map refuses too
+                assert (flag, branch, result.steps) == (3, REJECT, ())
+                assert LINE.width_um(count) > 5_000
+                continue
+            assert result.steps[0].target == (None if branch == REJECT else root.branches[branch].target)
+            told = ({"seq": n + 1, "kind": kind, **row} for n, (kind, row) in enumerate(made.journal.kept))
+            assert list(Replay().follow([header, *told])) == []
+
+
+class EveryWidth:
+    """Stops the jaws at one width after the other, as far as it is asked."""
+
+    def __init__(self) -> None:
+        self.width_mm: list[float] = []
+
+    def squeeze(self, pose_hand):
+        self.width_mm.append(0.1 * len(self.width_mm))
+        return pose_hand, self.width_mm[-1], "grasped" if self.width_mm[-1] else "untouched"
+
+
+def test_the_evaluation_reads_by_the_same_rule() -> None:
+    table, world = thin_table(), EveryWidth()
+    found = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
+    decided = decisions(table.nodes[0], LINE)
+    for count, width_mm, branch, leaf in zip(
+        found.counts[:, 0], world.width_mm, found.branch[:, 0], found.leaf, strict=True
+    ):
+        assert branch == decide(decided, int(count), width_mm > 0)
+        assert leaf == (REJECTED if branch == REJECT else branch)
+    assert set(found.leaf) == {REJECTED, 0, 1, 2, 3}
+    assert np.all(found.leaf[1:10] == REJECTED)  # something between the fingers, where nothing was planned
+
+
+def tree_of(table: Table, target: int = 0) -> TreeNode:
+    """A tree of the table's shape, without beliefs."""
+    node = TreeNode(np.empty((0, 4)), 1.0, Mode(np.zeros(3), 1.0))
+    if target >= 0:
+        branches = table.nodes[target].branches
+        size = np.ones(len(branches), np.int64)
+        node.clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        node.children = [tree_of(table, branch.target) for branch in branches]
+    return node
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(seed: int) -> None:
+    table, random = canonical(random_table(seed, 12)), Random(seed)
+    taken = [[n for n in range(len(node.branches)) if random.random() < 0.7] or [0] for node in table.nodes]
+    rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
+    run = SimpleNamespace(
+        path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
+    )
+    kept, root = tried(table, [run]), tree_of(table)
+    pruned = without_untried(table, root, kept)
+    prove(pruned)
+    waiting = [(0, 0, root)]
+    while waiting:
+        old, new, planned = waiting.pop()
+        before, after = table.nodes[old], pruned.nodes[new]
+        assert after.squeeze == before.squeeze
+        assert len(planned.children) == len(planned.clusters.mean) == len(after.branches) == len(kept[old])
+        read = zip(decisions(before, LINE), decisions(after, LINE), strict=True)
+        assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
+        for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
+            target = before.branches[number].target
+            if branch.target >= 0:
+                waiting.append((target, branch.target, child))
+            else:
+                assert pruned.leaves[~branch.target] == table.leaves[~target]
+
+
+def small_job(path: Path, *changes: tuple[str, str]) -> Path:
+    """A job that is planned in seconds."""
+    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = text.replace("stress_trials = 2000", "stress_trials = 0")
+    text += "\n[search]\nparticles = 400\nsearch_particles = 60\ndepth = 1\nmax_depth = 3\n"
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def command(name: str, *words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", name, *map(str, words)], capture_output=True, text=True, timeout=300
+    )
+
+
+def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, record_property) -> None:
+    job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
+    told = command("planner.cli.compile", job, "-o", output, "--trials", 40, "--no-advice", "--json")
+    record_property("exit_code", told.returncode)
+    assert told.returncode == 0, told.stderr
+    figures, table = json.loads(told.stdout), load(output)
+    assert figures["untried_branches"] > 0
+    assert all(leaf.trials > 0 for leaf in table.leaves)
+    # 40 trials choose what stays, others say how good that is: 4000 more find the same.
+    assert table.job is not None
+    planned = job_file.from_canonical(table.job)
+    fresh = evaluate(table, planned, ContactWorlds.of_job(planned, 1), 4000, seed=5).summary()
+    low, high = figures["success_ci95"]
+    assert low <= fresh["success_rate"] <= high
+    record_property("ends", f"{figures['untried_branches']} branches REJECT, no leaf untried")
+
+
+def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
+    table = small_table()
+    untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
+    result = PartResult.of(1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None)
+    Lines(untried).part(result, None)
+    told = capsys.readouterr().out
+    assert "success never tried" in told
+    assert as_object(untried, result, None, Path("j"))["success_probability"] is None
+    shown = [told, leaf_label(0, untried.leaves[0]), *leaf_lines(untried.leaves[0])]
+    shown += [line for line, _ in labels.leaf_lines(untried.leaves[0], 2)]
+    assert not any("100" in line or "1.0000" in line for line in shown)
