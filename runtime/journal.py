@@ -31,6 +31,7 @@ from runtime.shell.files import oddity
 VERSION = 1
 GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
+OPENING = b'{"seq":'
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
@@ -247,7 +248,7 @@ def _chain(path: Path, file: BinaryIO, *, torn: bool = False) -> Iterator[tuple[
 
 def _is_begun(line: bytes, number: int) -> bool:
     """Whether a line could be what a crash left of a record; a file system may fill its end with zeros."""
-    opening = b'{"seq":%d,"time":"' % (number - 1)
+    opening = OPENING + b'%d,"time":"' % (number - 1)
     if line.endswith(b"\n"):
         return False
     left = line.rstrip(b"\0")
@@ -255,7 +256,7 @@ def _is_begun(line: bytes, number: int) -> bool:
 
 
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
-    if not line.endswith(b"\n"):
+    if _is_begun(line, number) or (line.startswith(OPENING) and not line.endswith(b"\n")):
         raise TornError(path, "cut short; the run ended while it was written", number)
     if b',"digest":"' not in line[-len(_tail(GENESIS)) :]:
         raise JournalError(path, "is no record of a journal", number)

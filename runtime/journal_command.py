@@ -116,7 +116,7 @@ def _show(arguments: argparse.Namespace) -> int:
         wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
     for number, entry in _numbered(_entries(arguments.journal)):
         if not _is_wanted(arguments, entry) or (
-            wanted is not None and (number, entry.get("part")) not in wanted
+            wanted is not None and (number, _short(entry.get("part"))) not in wanted
         ):
             continue
         try:
@@ -155,10 +155,10 @@ def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[
         yield number, entry
 
 
-def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, object]]:
+def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, str]]:
     for number, entry in _numbered(records(path)):
         if entry["kind"] == "outcome" and entry.get("outcome") == outcome:
-            yield number, entry.get("part")
+            yield number, _short(entry.get("part"))
 
 
 def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:

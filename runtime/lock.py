@@ -66,10 +66,12 @@ def _bound(name: str, port: str) -> socket.socket:
         made.close()
         if error.errno != errno.EADDRINUSE:
             raise PortBusyError(f"port {port}: its lock cannot be taken ({error.strerror})") from error
-        raise PortBusyError(
-            f"port {port} is in use by another process of squeezetree (process {_owner(address)}); "
-            "stop that first"
-        ) from None
+        owner = _owner(address)
+        if owner == str(os.getpid()):
+            told = "this command itself under another name", "name another device"
+        else:
+            told = "another process of squeezetree", "stop that first"
+        raise PortBusyError(f"port {port} is in use by {told[0]} (process {owner}); {told[1]}") from None
     return made
 
 

@@ -37,10 +37,10 @@ def parse(text: str | bytes) -> Any:
 def _is_deep(value: Any) -> bool:
     """Whether it has more than `MOST_LEVELS` levels, found without recursion."""
     level = [value]
-    for _ in range(MOST_LEVELS + 1):
+    for _ in range(MOST_LEVELS):
         inner = [list(item.values()) if isinstance(item, dict) else item for item in level]
         level = [item for items in inner if isinstance(items, list) for item in items]
-    return bool(level)
+    return any(isinstance(item, dict | list) for item in level)
 
 
 def _integer(digits: str) -> int:
