@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, options, session
+from runtime import crash, dry_run, fitness, interrupts, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects, say
-from runtime.errors import CellError, StoppedError, exit_code_of
+from runtime.errors import CellError, StoppedError, exit_code_of, told
 from runtime.executor import Cell, Plan
 from runtime.incidents import Incidents, Report
 from runtime.interrupts import StopRequests
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = parser().parse_args(argv)
-    return guarded("grasp-runtime", run, arguments)
+    return guarded("grasp-runtime", run, arguments, last=argv is None)
 
 
 def doctor(argv: Sequence[str] | None = None) -> int:
@@ -64,7 +64,9 @@ def doctor(argv: Sequence[str] | None = None) -> int:
     from runtime import doctor_command  # another command's modules are not loaded into a run
 
     arguments = doctor_command.parser().parse_args(argv)
-    return guarded("grasp-doctor", lambda given: doctor_command.run(given, connect), arguments)
+    return guarded(
+        "grasp-doctor", lambda given: doctor_command.run(given, connect), arguments, last=argv is None
+    )
 
 
 def calibrate(argv: Sequence[str] | None = None) -> int:
@@ -78,20 +80,35 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
         return of_the_audit(words)
 
     arguments = calibrate_command.parser().parse_args(argv)
-    return guarded("grasp-calibrate", lambda given: calibrate_command.run(given, connect.gripper), arguments)
+    return guarded(
+        "grasp-calibrate",
+        lambda given: calibrate_command.run(given, connect.gripper),
+        arguments,
+        last=argv is None,
+    )
 
 
-def guarded(name: str, command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
+def guarded(
+    name: str, command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace, *, last: bool
+) -> int:
     """Run a command, hear one stop request, and tell an error in one line.
+
+    Args:
+        name: the command's.
+        command: what it does.
+        arguments: with what.
+        last: whether the process ends with it.
 
     Returns:
         The exit code.
     """
-    with StopRequests():
+    with StopRequests(last=last):
         try:
-            return command(arguments)
-        except KeyboardInterrupt:
-            print(f"{name}: stopped by the operator while no part was being squeezed", file=sys.stderr)
+            with interrupts.stoppable():
+                return command(arguments)
+        except KeyboardInterrupt as stop:
+            stop.args = ("stopped by the operator while no part was being squeezed",)
+            say(f"{name}: {told(stop)}", sys.stderr)
             return StoppedError.exit_code
         except Exception as error:
             return _told(name, error, debug=arguments.debug)
@@ -135,6 +152,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     devices = _connect(arguments, table, console, stack, incidents.record)
     # Not before the devices answer: a run that never was leaves no record, and no file.
     journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
+    stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
     crash.begin(journal, begun, data, header, policy)
     incidents.hand_over(journal)
     auditor = None
@@ -286,10 +304,10 @@ def _told(name: str, error: Exception, *, debug: bool) -> int:
     if debug:
         traceback.print_exc()
     if code != 1 or isinstance(error, CellError):
-        print(f"{name}: {error}", file=sys.stderr)
+        say(f"{name}: {told(error)}", sys.stderr)
         return code
     kind = type(error).__name__
-    print(f"{name}: internal error, please report it: {kind}: {error} (--debug shows more)", file=sys.stderr)
+    say(f"{name}: internal error, please report it: {kind}: {told(error)} (--debug shows more)", sys.stderr)
     return 1
 
 

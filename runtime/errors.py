@@ -165,6 +165,11 @@ def exit_code_of(error: BaseException) -> int:
     return 20 if isinstance(error, OSError) else 1
 
 
+def told(error: BaseException) -> str:
+    """An error's sentence, and in the same line what was noted on its way out."""
+    return "; ".join([str(error), *getattr(error, "__notes__", ())])
+
+
 def is_expected(error: BaseException) -> bool:
     """Whether an error is one that devices, disk or people make, and no bug."""
     return hasattr(error, "exit_code") or isinstance(error, OSError)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from math import isfinite
 
+from runtime import interrupts
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, exit_code_of
 from runtime.executor import Cell, Executor, Plan
@@ -12,6 +13,7 @@ from runtime.phases import Watcher, unwatched
 from runtime.ports import Gripper, Scene
 from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
+from runtime.safe_state import fingers_stop
 from runtime.safety import ready_gripper
 from runtime.table import Table
 from runtime.tally import Tally
@@ -33,7 +35,8 @@ def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> No
     """
     if activate and not gripper.state().activated:
         console.note("activating the gripper: the fingers open and close fully")
-        gripper.activate()
+        with fingers_stop(gripper):
+            gripper.activate()
     ready_gripper(gripper)
 
 
@@ -74,13 +77,16 @@ def run_journalled(
     try:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
-            prepare_gripper(cell.gripper, console, activate=activate)
+            with interrupts.stoppable():
+                prepare_gripper(cell.gripper, console, activate=activate)
         for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
             tally.add(result, seen)
     except BaseException as error:
+        interrupts.conclude()
         with suppress(JournalError):
             cell.journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
+    interrupts.conclude()
     cell.journal.record("end", _end_fields(tally, tally.exit_code, None))
     return tally
 
@@ -140,7 +146,9 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
 
 
 def _reason(error: BaseException) -> str:
-    return "stopped by the operator" if isinstance(error, KeyboardInterrupt) else repr(error)
+    if not isinstance(error, KeyboardInterrupt):
+        return repr(error)
+    return "; ".join(["stopped by the operator", *getattr(error, "__notes__", ())])
 
 
 def _end_fields(tally: Tally, code: int, reason: str | None) -> dict[str, object]:
