@@ -1,10 +1,11 @@
-"""When a stop request raises, when it waits, and when it is only acknowledged; by real signals to ourselves."""
+"""When a stop request raises, when it waits, when it is only acknowledged; by signals to ourselves."""
 
 import contextlib
 import os
 import signal
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -80,7 +81,7 @@ def test_a_fault_that_came_first_is_not_replaced() -> None:
     def work() -> None:
         with stoppable():
             try:
-                os.stat("/nowhere")
+                Path("/nowhere").stat()
             finally:
                 ask()
                 reached.append("on its way")
@@ -100,7 +101,7 @@ def test_a_request_that_met_an_exception_which_was_no_fault_is_raised_soon_after
     def work() -> None:
         with stoppable():
             try:
-                os.stat("/nowhere")
+                Path("/nowhere").stat()
             except FileNotFoundError:
                 ask()
             await_request()
