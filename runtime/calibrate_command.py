@@ -44,8 +44,9 @@ examples:
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
 
 For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
-slowly and with the least force. Keep your own fingers out. What the audit measures of its camera is told by
-grasp-calibrate camera --help, tag --help and pictures --help.
+slowly and with the least force. Keep your own fingers out. Ctrl-C, SIGTERM, SIGHUP, SIGQUIT and the end of
+standard input stop the fingers where they are; an activation is reset. What the audit measures of its camera
+is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 {EXIT_CODES}"""
 

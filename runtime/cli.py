@@ -104,14 +104,23 @@ def guarded(
     """
     with StopRequests(last=last):
         try:
-            with interrupts.stoppable():
-                return command(arguments)
-        except KeyboardInterrupt as stop:
-            stop.args = ("stopped by the operator while no part was being squeezed",)
-            say(f"{name}: {told(stop)}", sys.stderr)
-            return StoppedError.exit_code
+            return stopped(command, arguments)
         except Exception as error:
             return _told(name, error, debug=arguments.debug)
+
+
+def stopped(command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
+    """Run a command that a stop request ends.
+
+    Raises:
+        StoppedError: it did.
+    """
+    try:
+        with interrupts.stoppable():
+            return command(arguments)
+    except KeyboardInterrupt as request:
+        request.args = ("stopped by the operator while no part was being squeezed",)
+        raise StoppedError(told(request)) from None
 
 
 def run(arguments: argparse.Namespace) -> int:
