@@ -109,7 +109,7 @@ class Gripper(Protocol):
         """
 
     def stop(self) -> None:
-        """Stop the fingers where they are; what they hold stays held."""
+        """Stop the fingers where they are, on the way of `activate`, too; what they hold stays held."""
 
     def close(self) -> None:
         """Give the link up."""

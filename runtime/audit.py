@@ -148,7 +148,7 @@ class AuditProcess:
         pipe = self._process.stdout.fileno()
         while b"\n" not in self._read:
             left = until - self._clock.now()
-            if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
+            if not select.select([pipe], [], [], max(left, 0.0))[0]:
                 raise TimeoutError(f"the auditor did not answer within {answer_s:g} s")
             piece = os.read(pipe, 4096)
             if not piece or len(self._read) > MAX_ANSWER_BYTES:

@@ -4,13 +4,14 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
 from typing import Protocol, TextIO
 
-from runtime import calibration, strokes
+from runtime import calibration, interrupts, strokes
 from runtime.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
 from runtime.clock import SystemClock
 from runtime.decision import CLOSING_CONTACT
@@ -18,8 +19,9 @@ from runtime.errors import GripperStateError, UsageError
 from runtime.lock import PortLock
 from runtime.ports import Gripper
 from runtime.reading import CLOSED_COUNTS, check_fresh
+from runtime.safe_state import fingers_stop
 from runtime.safety import ready_gripper
-from runtime.shell.command import Parser
+from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
 
@@ -43,8 +45,9 @@ examples:
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
 
 For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
-slowly and with the least force. Keep your own fingers out. What the audit measures of its camera is told by
-grasp-calibrate camera --help, tag --help and pictures --help.
+slowly and with the least force. Keep your own fingers out. Ctrl-C, SIGTERM, SIGHUP, SIGQUIT and the end of
+standard input stop the fingers where they are; an activation is reset. What the audit measures of its camera
+is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 {EXIT_CODES}"""
 
@@ -108,23 +111,22 @@ def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], 
     widths_mm, tips, current = _checked(arguments)
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
-        try:
+        with closing(gripper), fingers_stop(gripper):
             if arguments.activate and not gripper.state().activated:
-                ask("The fingers will open and close fully: clear the space between them and press Enter. ")
+                ask("The fingers will open and close fully: clear the space between them and press Enter.")
                 gripper.activate()
             ready_gripper(gripper)
             gauges = list(measure(gripper, widths_mm, arguments.grips, ask))
-        finally:
-            gripper.close()
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
     made = replace(made, tips=tips, current_ma=current)
+    interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(made, arguments.output)
     if arguments.json:
-        print(json.dumps({"output": str(arguments.output), **figures(made)}))
+        say(json.dumps({"output": str(arguments.output), **figures(made)}))
         return 0
     for line in report(made):
-        print(line)
-    print(f"written to {arguments.output}")
+        say(line)
+    say(f"written to {arguments.output}")
     return 0
 
 
@@ -148,9 +150,9 @@ def measure(
     for width_mm in widths_mm:
         _stroke(gripper, 0, 255)
         if width_mm > 0.0:
-            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter. ")
+            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter.")
         else:
-            ask("Take everything out from between the fingers and press Enter. ")
+            ask("Take everything out from between the fingers and press Enter.")
         counts = []
         for _ in range(grips):
             count, flag = _stroke(gripper, CLOSED_COUNTS, strokes.GENTLE_SPEED)
@@ -197,10 +199,11 @@ class _Terminal:
         self._file = file
 
     def __call__(self, sentence: str) -> None:
-        print(sentence, end="", file=self._file, flush=True)
-        if not sys.stdin.readline():
-            print(file=self._file)
-            raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
+        say(sentence, self._file)
+        with suppress(OSError):  # a terminal that is gone
+            if sys.stdin.readline():
+                return
+        raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, held, options, session
+from runtime import crash, dry_run, fitness, held, interrupts, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
@@ -86,9 +86,22 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
 def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
     """Run a command of the cell, which hears one stop request; returns its exit code."""
-    told = "stopped by the operator while no part was being squeezed"
-    with StopRequests():
-        return command.run(built, argv, body, stopped=(StoppedError.exit_code, told))
+    with StopRequests(last=argv is None):
+        return command.run(built, argv, lambda arguments: stopped(body, arguments))
+
+
+def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
+    """Do what a command does, until a stop request ends it.
+
+    Raises:
+        StoppedError: it did.
+    """
+    try:
+        with interrupts.stoppable():
+            return body(arguments)
+    except KeyboardInterrupt as request:
+        request.args = ("stopped by the operator while no part was being squeezed",)
+        raise StoppedError(command.told(request)) from None
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -148,6 +161,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
     journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
     cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
     monitor.ready()
+    stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
     crash.begin(journal, begun, data, header, policy)
     incidents.hand_over(journal)
     if arguments.put_down:

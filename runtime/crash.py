@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 
+from runtime import interrupts
 from runtime.console import Console
 from runtime.errors import BrokenRunError
 from runtime.journal import Journal
@@ -46,6 +47,7 @@ def look(
         return None
     told = f"the last run in {journal.path} broke off {_where(broken)}"
     if policy == ABORT:
+        interrupts.conclude()  # given up in the journal and told so, or neither
         _give_up(journal, broken)
         raise BrokenRunError(
             f"{told}; it is given up and nothing was moved: look at the fingers, clear the cell, start again"
@@ -81,6 +83,7 @@ def _found(journal: Journal, policy: str) -> BrokenRun | None:
     except BrokenRunError:
         if policy != ABORT:
             raise
+        interrupts.conclude()
         journal.record("end", {"exit_code": BrokenRunError.exit_code, "reason": "given up after a crash"})
         raise
 

@@ -112,12 +112,15 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
             if finding.verdict is Verdict.BAD:
                 return
         yield from doctor.check_latency(port, system)
+    failed = None
     try:
         with PortLock(port), closing(drivers.gripper(port, read_only=True)) as gripper:
             yield from doctor.check_gripper(gripper)
             yield from doctor.check_rate(gripper, SystemClock())
     except (OSError, CellError) as error:
-        yield _failed("gripper", error, "Check power, cable and address.")
+        failed = _failed("gripper", error, "Check power, cable and address.")
+    if failed is not None:
+        yield failed
         if is_tty:
             yield from doctor.check_silence(port, drivers.scan)
 

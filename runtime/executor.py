@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import hypot
 from typing import Protocol
 
-from runtime import recovery, safety, strokes
+from runtime import interrupts, recovery, safety, strokes
 from runtime.audit import answer_of
 from runtime.decision import Course, Policy, advance, decide, release_point
 from runtime.delivery import Delivery, deliver
@@ -113,12 +113,12 @@ class Executor:
         try:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
-                result = self._descend(part, steps, Course())
-            else:
-                steps.extend(broken.steps)
-                self._free(part, broken)
-                result = self._descend(part, steps, broken.course)
-            result = self._finish(result)
+            with interrupts.stoppable():
+                if broken is not None:
+                    steps.extend(broken.steps)
+                    self._free(part, broken)
+                result = self._descend(part, steps, Course() if broken is None else broken.course)
+                result = self._finish(result)
             self._cell.journal.record("outcome", {"part": part, **result.fields()})
         except BrokenRunError as error:
             return self._abandon(part, steps, error)

@@ -1,37 +1,116 @@
-"""Ctrl-C and SIGTERM as one stop request that is heard once, so that nothing interrupts the safe sequence."""
+"""Ctrl-C, SIGTERM, SIGHUP (a session that dropped) and SIGQUIT are one request: to stop. It is heard once.
+
+A request raises KeyboardInterrupt only in what is `stoppable`, and never while an exception is being handled:
+what came first, a fault or the request, is what the command ends with, and nothing cuts short what follows
+from it: safe sequence, records, last words. At any other time it waits for the next `stoppable`. Decision
+0018 says why.
+"""
 
 import contextlib
 import os
+import select
 import signal
+import sys
+from collections.abc import Iterator
 from types import FrameType, TracebackType
 from typing import Self
 
 STDERR = 2
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+AGAIN_S = 0.01  # until a request that met the handling of an exception is tried again
+
+
+class _Request:
+    """What is known of the request; one a process, as signals are.
+
+    Attributes:
+        asked: whether a signal came.
+        open: whether it may raise now.
+        over: whether it was raised, or can change nothing any more.
+    """
+
+    def __init__(self) -> None:
+        self.asked = self.open = self.over = False
+
+    def deliver(self) -> None:
+        """Raise it if it may."""
+        if not (self.asked and self.open) or self.over:
+            return
+        if sys.exception() is not None:
+            # A driver may be about to try again, and the exception no fault at all.
+            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+            return
+        self.over = True
+        raise KeyboardInterrupt
+
+
+_request = _Request()
+
+
+@contextlib.contextmanager
+def _region(*, opened: bool) -> Iterator[None]:
+    before, _request.open = _request.open, opened
+    _request.deliver()
+    try:
+        yield
+    finally:
+        _request.open = before
+        _request.deliver()
+
+
+def stoppable() -> "contextlib._GeneratorContextManager[None]":
+    """A stop request raises KeyboardInterrupt in here, one that came before at once."""
+    return _region(opened=True)
+
+
+def whole() -> "contextlib._GeneratorContextManager[None]":
+    """No stop request raises in here, but in what is stoppable within."""
+    return _region(opened=False)
+
+
+def conclude() -> None:
+    """How the command ends is decided: a stop request raises nothing any more."""
+    _request.over = True
 
 
 class StopRequests:
-    """While entered, the first of `SIGNALS` raises KeyboardInterrupt, a later one is only acknowledged."""
+    """While entered, `SIGNALS` are stop requests; those that were to be ignored by SIGHUP (nohup) still are.
 
-    def __init__(self) -> None:
-        self._asked = False
+    Args:
+        last: whether the process ends when this is left; the signals are then ignored for the rest of it, so
+            that none changes its exit code.
+    """
+
+    def __init__(self, *, last: bool = False) -> None:
+        self._last = last
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._hear) for number in SIGNALS}
+        _request.__init__()  # type: ignore[misc]
+        for number in SIGNALS:
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._hear)
+        self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, lambda *_: _request.deliver())
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        conclude()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if self._last else handler)
 
     def _hear(self, number: int, frame: FrameType | None) -> None:
         del number, frame
-        if self._asked:
-            with contextlib.suppress(OSError):  # whoever read it may be gone
-                os.write(STDERR, b"stopping already\n")
-            return
-        self._asked = True
-        raise KeyboardInterrupt
+        if _request.asked or _request.over:
+            _acknowledge()
+        _request.asked = True
+        _request.deliver()
+
+
+def _acknowledge() -> None:
+    """Say that it was heard before, unless nobody reads it: nothing may wait for that."""
+    with contextlib.suppress(OSError, ValueError):
+        if select.select([], [STDERR], [], 0.0)[1]:
+            os.write(STDERR, b"stopping already\n")

@@ -45,7 +45,8 @@ With --count above 1, rejected, unresolved and undelivered parts do not end the 
 stop; a fault or a stop does. The exit code is the highest that any part earned. A real cell feeds its parts
 by itself, a simulated one brings the next.
 
-Connecting moves nothing. Every fault, and Ctrl-C, ends in the declared safe state:
+Connecting moves nothing. Every fault, and every stop request (Ctrl-C, SIGTERM, SIGHUP, SIGQUIT), ends in the
+declared safe state; what came first gives the exit code:
 {safe_state.DECLARED}.
 """
 

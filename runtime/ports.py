@@ -82,7 +82,7 @@ class Gripper(Protocol):
         """Wait until the requested motion has settled; raises instead of returning a stale reading."""
 
     def stop(self) -> None:
-        """Stop the fingers where they are."""
+        """Stop the fingers where they are, on the way of `activate`, too."""
 
     def close(self) -> None:
         """Let go of the link; moves nothing."""

@@ -7,6 +7,9 @@ The declared safe state, in this order, each step tried even if the one before f
    is not known is not moved.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from runtime.ports import Arm, Gripper
 from runtime.table import Limits
 
@@ -28,13 +31,29 @@ def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: b
     return [_stop_fingers(gripper), _raise_arm(arm, limits) if arm_known else "arm not moved: state unknown"]
 
 
+@contextmanager
+def fingers_stop(gripper: Gripper) -> Iterator[None]:
+    """Stop the fingers on every way out that was not planned: a fault, a stop request, the end of the input.
+
+    What came of it is a note of the error, which `shell.command.told` tells with it.
+    """
+    try:
+        yield
+    except BaseException as error:
+        error.add_note(_stop_fingers(gripper))
+        raise
+
+
 def _stop_fingers(gripper: Gripper) -> str:
     try:
         gripper.stop()
         seen = gripper.state()
     except Exception as error:  # whatever it is, the arm still has to be brought up
         return f"fingers: NOT KNOWN TO BE STOPPED: {error}"
-    return f"fingers stopped at count {seen.position_counts}"
+    if seen.moving:
+        return "fingers: NOT KNOWN TO BE STOPPED: they still move"
+    activity = "" if seen.activated else ", the gripper is not active"
+    return f"fingers stopped at count {seen.position_counts}{activity}"
 
 
 def _raise_arm(arm: Arm, limits: Limits) -> str:

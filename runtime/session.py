@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from runtime import held
+from runtime import held, interrupts
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, exit_code_of
 from runtime.executor import Cell, Executor, Plan
@@ -14,7 +14,7 @@ from runtime.phases import Watcher, unwatched
 from runtime.ports import Gripper, Journal, Scene
 from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
-from runtime.safe_state import reach_safe_state
+from runtime.safe_state import fingers_stop, reach_safe_state
 from runtime.safety import ready_gripper
 from runtime.table import Calibration, Table
 from runtime.tally import Tally
@@ -36,7 +36,8 @@ def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> No
     """
     if activate and not gripper.state().activated:
         console.note("activating the gripper: the fingers open and close fully")
-        gripper.activate()
+        with fingers_stop(gripper):
+            gripper.activate()
     ready_gripper(gripper)
 
 
@@ -76,7 +77,8 @@ def run_journalled(
     with _ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
-            prepare_gripper(cell.gripper, console, activate=activate)
+            with interrupts.stoppable():
+                prepare_gripper(cell.gripper, console, activate=activate)
         for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
             tally.add(result, seen)
     return tally
@@ -101,7 +103,8 @@ def put_down(table: Table, cell: Cell, console: Console, plan: Plan) -> Mapping[
     hand = Hand(cell.gripper, cell.arm, cell.clock, table.limits, calibration, plan.handling)
     with _ending(cell.journal):
         try:
-            return held.put_down(hand, table, plan.delivery, cell.journal)
+            with interrupts.stoppable():
+                return held.put_down(hand, table, plan.delivery, cell.journal)
         except BaseException:
             for sentence in reach_safe_state(cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known):
                 console.note(sentence)
@@ -115,9 +118,11 @@ def _ending(journal: Journal) -> Iterator[Tally]:
     try:
         yield tally
     except BaseException as error:
+        interrupts.conclude()
         with suppress(JournalError):
             journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
+    interrupts.conclude()
     journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 
@@ -176,7 +181,9 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
 
 
 def _reason(error: BaseException) -> str:
-    return "stopped by the operator" if isinstance(error, KeyboardInterrupt) else repr(error)
+    if not isinstance(error, KeyboardInterrupt):
+        return repr(error)
+    return "; ".join(["stopped by the operator", *getattr(error, "__notes__", ())])
 
 
 def _end_fields(tally: Tally, code: int, reason: str | None) -> dict[str, object]:

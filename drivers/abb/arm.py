@@ -22,6 +22,7 @@ ANSWER_S = 2.0  # commands that do not move
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
 TURN_SPEED_DEG_S = 90.0
+LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
 CONNECT_TRIES = 3
 NOTHING_OWED = Reply(codec.PING, True, ())
 
@@ -64,6 +65,7 @@ class Arm:
         self._unknown = ""  # why the state is unknown
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
+        self._late_s = 0.0  # by how much the last reply was read too late
         self._speed = math.nan
         self._at: ArmPose | None = None
         self._drain()
@@ -85,6 +87,14 @@ class Arm:
             ArmError: the arm is silent, or its hand does not point down.
         """
         reply = self._ask(codec.READ_POSE, (), ANSWER_S)
+        if self._late_s > 0.0:  # it tells of a moment that is too long ago
+            reply = self._ask(codec.READ_POSE, (), ANSWER_S)
+        if self._late_s > 0.0:
+            raise ArmError(
+                f"arm at {self.endpoint} answered, but this process was stopped or starved and read it "
+                f"{self._late_s:.1f} s too late; take load off this machine",
+                str(codec.READ_POSE),
+            )
         try:
             seen = codec.parse_pose(reply)
             self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, codec.hand_angle(seen.rotation))
@@ -183,13 +193,17 @@ class Arm:
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
-        while (left := deadline - self._pace.now()) > 0.0:
+        late = 0
+        while late < LATE_LOOKS:
+            left = deadline - self._pace.now()
+            late += left <= 0.0
             reply = codec.parse_reply(self._text, code) if self._text else None
             if reply is not None and not (reply.fields and self._more(QUIET_S, code)):
                 self._text = ""
+                self._late_s = max(-left, 0.0)
                 return reply
             if reply is None:
-                self._more(left, code)
+                self._more(max(left, 0.0), code)
         return None
 
     def _more(self, seconds: float, code: int) -> bool:

@@ -174,11 +174,13 @@ class Gripper:
         )
 
     def stop(self) -> None:
-        """Stop the jaws where they are; the request stays, a held part stays held."""
+        """Stop the jaws where they are; the request stays, a held part stays held. An activation is reset."""
         self._move = None
         seen = self.state()
+        if seen.activating or (seen.enabled and not seen.activated and not seen.fault):
+            self._send({})  # the sweep does not ask for rGTO, only for rACT ([M18] p54)
         # Writing rACT to a gripper that lost power would start the activation sweep; it does not move anyway.
-        if seen.enabled:
+        elif seen.enabled:
             self._send({**self._image, "rACT": 1, "rGTO": 0, "rPR": seen.echo_counts})
 
     def close(self) -> None:
@@ -241,9 +243,11 @@ class Gripper:
 
     def _steady(self, seen: GripperState, move: _Move, deadline: float) -> GripperState:
         """Read until the count has been the same three times in a row, and agrees with gOBJ."""
-        equal = 1
+        equal, late = 1, 0
         while equal < EQUAL_COUNTS or not agrees(seen, move.position_counts, move.start_counts):
-            if self._pace.now() > deadline:
+            # Jaws that rest are read often enough even if the deadline passed while this process was stopped.
+            late += self._pace.now() > deadline
+            if late > EQUAL_COUNTS:
                 raise GripperFault(f"gripper count does not settle; last seen {sketch(seen)}", seen.fault)
             if equal < EQUAL_COUNTS:
                 self._pace.pause(SETTLE_S)

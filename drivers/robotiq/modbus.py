@@ -55,6 +55,7 @@ class ModbusLink:
         self._free_at = pace.now()
         self._lost = ""
         self._out_of_step = False
+        self._late_s = 0.0  # by how much the last answer was read too late
         self._count = BLOCK_REGISTERS
 
     def read(self) -> bytes:
@@ -88,6 +89,12 @@ class ModbusLink:
 
     def _read_once(self) -> bytes:
         reply = self._transact(read_request(self._wiring, self._count))
+        if self._late_s > 0.0:  # it tells of a moment that is too long ago; a write's answer stays true
+            raise LinkTimeout(
+                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
+                f"{self._late_s:.1f} s too late; take load off this machine",
+                self.endpoint,
+            )
         return to_bytes(tuple(reply.registers[:BLOCK_REGISTERS]))
 
     def _transact(self, request: ModbusPDU) -> ModbusPDU:
@@ -127,11 +134,15 @@ class ModbusLink:
     def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
         deadline = self._pace.now() + LINK_TIMEOUT_S
         buffer = b""
-        while (left := deadline - self._pace.now()) > 0.0:
-            data = self._stream.receive(left)
+        left = LINK_TIMEOUT_S
+        while left > 0.0:
+            left = deadline - self._pace.now()
+            # Past the deadline what is there already counts as well: we may have been stopped meanwhile.
+            data = self._stream.receive(max(left, 0.0))
             buffer = (buffer + data)[-MAX_BUFFER:]
             if data and (found := self._framing.find(buffer, request)) is not None:
                 self.counters.stray_bytes += found.skipped
+                self._late_s = max(self._pace.now() - deadline, 0.0)
                 return found.pdu
         self.counters.stray_bytes += len(buffer)
         return None

@@ -141,6 +141,11 @@ def tell(name: str, words: object) -> None:
         print(f"{name}: {one_line(words)}", file=sys.stderr, flush=True)
 
 
+def told(error: BaseException) -> str:
+    """An error's sentence, and in the same line what was noted on its way out."""
+    return one_line("; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())]))
+
+
 def one_line(words: object) -> str:
     """The text of an error without line breaks and control characters, and not without end."""
     text = " ".join(str(words).split()) or type(words).__name__
@@ -212,9 +217,9 @@ def _end_of(error: BaseException) -> tuple[int, str]:
     """Exit code and sentence of an error."""
     code = getattr(error, "exit_code", None)
     if isinstance(code, int):
-        return code, one_line(error)
+        return code, told(error)
     if isinstance(error, OSError):
-        reason = error.strerror or one_line(error)
+        reason = error.strerror or told(error)
         if error.errno in UNWRITABLE:
             _discard(sys.stdout)
             return USAGE, _unwritten(error)
@@ -223,7 +228,7 @@ def _end_of(error: BaseException) -> tuple[int, str]:
         if isinstance(error, ConnectionError | TimeoutError):
             return LINK, reason
     kind = type(error).__name__
-    return 1, f"internal error, please report it: {kind}: {error} (--debug shows more)"
+    return 1, f"internal error, please report it: {kind}: {told(error)} (--debug shows more)"
 
 
 def _flushed(name: str, code: int) -> int:

@@ -253,6 +253,39 @@ def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
         assert arm.pose().x_mm == pytest.approx(100.0)
 
 
+def stopped(arm, times):
+    """Let the process be stopped past the deadline, so many times that it waits for an answer."""
+    receive = arm._stream.receive
+
+    def waited(seconds):
+        nonlocal times
+        if seconds < 0.1 or not times:
+            return receive(seconds)
+        times -= 1
+        time.sleep(seconds + 0.02)
+        return b""
+
+    arm._stream.receive = waited
+
+
+def test_a_move_that_ended_while_the_process_was_stopped_has_ended(rig):
+    with rig.open() as arm:
+        arm.pose()
+        stopped(arm, 2)  # for the speed's answer, and for the move's
+        arm.move_linear(10.0, 0.0, 100.0, 0.0, 50.0)
+        assert arm.pose().x_mm == pytest.approx(10.0)
+
+
+def test_a_pose_that_waited_while_the_process_was_stopped_is_asked_for_again(rig):
+    with rig.open() as arm:
+        stopped(arm, 1)
+        assert arm.pose().z_mm == pytest.approx(100.0)
+        stopped(arm, 2)
+        with pytest.raises(ArmError, match="answered, but this process was stopped or starved"):
+            arm.pose()
+        assert arm.pose().z_mm == pytest.approx(100.0)
+
+
 @pytest.mark.parametrize(
     "url",
     [

@@ -3,6 +3,7 @@
 A new make is one more entry there; the real one, with nothing between its jaws, passes too.
 """
 
+import contextlib
 import threading
 
 import pytest
@@ -123,6 +124,32 @@ def test_a_dead_device_is_a_timeout(rig):
         assert raised.value.exit_code == 20
         if isinstance(raised.value, LinkTimeout):
             assert isinstance(raised.value, TimeoutError)
+
+
+@pytest.mark.parametrize("bus", ["pty", "rtu+tcp", "tcp", "can"])
+def test_an_activation_that_is_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
+    class Interrupted(BaseException):
+        pass
+
+    with contextlib.closing(RIGS[bus]()) as rig, rig.open() as gripper:
+        idle = gripper._pace.idle
+
+        def interrupt(until):
+            idle(until)
+            if gripper.state().position_counts > 60:
+                raise Interrupted
+
+        gripper._pace.idle = interrupt
+        with pytest.raises(Interrupted):
+            gripper.activate()
+        gripper.stop()
+        here = gripper.state()
+        threading.Event().wait(0.1)
+        assert gripper.state().position_counts == here.position_counts > 60
+        assert (here.enabled, here.activated) == (False, False)
+        gripper._pace.idle = idle
+        gripper.activate()
+        assert gripper.state().activated
 
 
 def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():

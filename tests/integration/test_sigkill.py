@@ -1,24 +1,18 @@
 """A real process killed by a real signal, against a cell that outlives it: the next one ends the part."""
 
-import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
+from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
 from sample_tables import small_table
 
 from runtime.journal import records, verify
 from runtime.replay import Replay
 from runtime.table import dump
-
-ROOT = Path(__file__).parents[2]
-WAIT_S = 90
-CELL_SPEED = "12"
-SEED = "0"  # its first part takes both squeezes
 
 
 @pytest.fixture
@@ -27,33 +21,8 @@ def tree(tmp_path: Path) -> Path:
     return tmp_path / "small.msgpack"
 
 
-class RunningCell:
-    """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it."""
-
-    def __init__(self, tree: Path) -> None:
-        command = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json"]
-        command += ["--world", "runtime.rehearsal:make", "--time-scale", CELL_SPEED, "--seed", SEED]
-        command += ["--until-stdin-closes"]
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        assert self.process.stdout is not None
-        self.endpoints = json.loads(self.process.stdout.readline())
-
-    def __enter__(self) -> "RunningCell":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with self.process as process:
-            assert process.stdin is not None
-            process.stdin.close()
-            process.wait(WAIT_S)
-
-
-def start(tree: Path, cell: RunningCell, *arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate", "--tips", "straight"]
-    command += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-    command += ["--journal", str(tree.with_name("journal.jsonl")), *arguments]
+def start(tree: Path, cell: RunningCell, *arguments: str) -> "subprocess.Popen[str]":
+    command = runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments)
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

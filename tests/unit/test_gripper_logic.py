@@ -335,6 +335,39 @@ def test_stop_halfway():
     assert 3 < here < 230
 
 
+def test_stop_ends_the_sweep_of_an_activation_and_leaves_a_latched_fault_alone():
+    link = DirectLink()
+    gripper = connect(link)
+    link.write(bytes((1, 0, 0, 0, 0, 0)))
+    link.clock.sleep(1.5)
+    gripper.stop()
+    here = gripper.state()
+    link.clock.sleep(3.0)
+    assert gripper.state() == here
+    assert (here.enabled, here.activated) == (False, False)
+    assert 3 < here.position_counts < 230
+    link, gripper = active()
+    link.model.fail(0x0E, link.clock.now())
+    gripper.stop()
+    assert gripper.state().fault == 0x0E
+
+
+def test_jaws_that_came_to_rest_while_the_process_was_stopped_have_a_width():
+    link, gripper = active()
+    gripper.move(255, 0, 0)
+    read = link.read
+
+    def stopped_at_its_end():
+        block = read()
+        if block[0] & 0xC0 == 0xC0:  # at the request
+            link.read = read
+            link.clock.sleep(60.0)
+        return block
+
+    link.read = stopped_at_its_end
+    assert gripper.wait().position_counts == 230
+
+
 @pytest.mark.parametrize(
     ("block", "message"),
     [

@@ -131,6 +131,42 @@ def test_a_late_answer_is_never_taken_for_the_answer_to_a_later_request(late_s):
     assert made.read() == STATUS
 
 
+class Starved(Line):
+    """A line to a process that is stopped for 5 s while it waits, `stops` times."""
+
+    stops = 1
+
+    def receive(self, seconds):
+        if self.sent and seconds > 0.1 and self.stops:
+            self.stops -= 1
+            self.clock.sleep(5.0)
+            return b""
+        return super().receive(seconds)
+
+
+@pytest.mark.parametrize("stops", [1, 2])
+def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(stops):
+    old, new = [(0.004, answer(3, bytes(6)))], [(0.004, answer())]
+    line = Starved(*stops * [old], new)
+    line.stops = stops
+    made = rtu_link(line, Pace(line.clock))
+    assert made.read() == STATUS
+    assert (len(line.sent), made.counters.timeouts) == (stops + 1, 0)
+
+
+def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
+    line = Starved(*3 * [[(0.004, answer())]])
+    line.stops = 3
+    with pytest.raises(LinkTimeout, match=r"answered, but this process was stopped or starved .* 4\.5 s"):
+        rtu_link(line, Pace(line.clock)).read()
+
+
+def test_a_write_confirmed_while_the_process_was_stopped_is_confirmed():
+    line = Starved([(0.004, frame("09 10 03E8 0003"))])
+    rtu_link(line, Pace(line.clock)).write(bytes(6))
+    assert len(line.sent) == 1
+
+
 def test_the_number_of_registers_stays_within_the_block():
     made, line, _ = link()
     for _ in range(4):

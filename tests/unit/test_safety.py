@@ -8,7 +8,6 @@ from sample_tables import small_table
 
 from runtime import safety
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.interrupts import StopRequests
 from runtime.safe_state import reach_safe_state
 
 LIMITS = small_table().limits
@@ -111,12 +110,3 @@ def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_k
         assert arm_known
         assert call.arguments[:2] == made.arm.at[:2]
         assert call.arguments[2] == HIGH
-
-
-def test_a_second_stop_request_is_only_acknowledged(capfd: pytest.CaptureFixture[str]) -> None:
-    requests = StopRequests()
-    with requests:
-        with pytest.raises(KeyboardInterrupt):
-            requests._hear(2, None)
-        requests._hear(2, None)
-    assert capfd.readouterr().err == "stopping already\n"

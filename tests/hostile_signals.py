@@ -1,0 +1,344 @@
+"""Signals at random moments of simulated runs, calibrations and activations, each as a process.
+
+`campaign(count, seed)` tries so many cases, prints those that failed and one line at the end, and returns how
+many failed. `campaign(1, seed, first=N)` repeats case N. Each case sends one signal (INT, TERM, HUP, QUIT),
+two in quick succession, or STOP and CONT and then one, to a process that works with a `grasp-cell` of ours.
+Then a line of our own to the same gripper tells whether
+
+- the fingers stand still, where the process said that they stopped;
+- the arm is up, where the process said so;
+- the exit code is that of the first cause: the stop, or the fault that came before it;
+- the journal verifies, ends with its last record, and its decisions can be derived again.
+"""
+
+import contextlib
+import json
+import queue
+import random
+import re
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from running_cells import ROOT, WAIT_S, Notices, RunningCell, calibrate_command, runtime_command
+from sample_tables import small_table
+
+from drivers import connect
+from runtime.interrupts import SIGNALS
+from runtime.journal import records, verify
+from runtime.replay import Replay
+from runtime.table import dump
+
+WORKERS = 4
+SCALE = 4.0
+UP_MM = small_table().limits.retreat_height_um / 1000
+STOPPED, FAULT = 40, 21
+STILL_S = 0.06
+REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
+PARTS = 2000
+# In every second part, some way into it; the other parts are for us to clear the jaws in.
+FAULTS = "".join(f'[[fault]]\nkind = "gflt_0e"\npart = {part}\nat = 90\n' for part in range(2, PARTS, 2))
+
+
+class Case(NamedTuple):
+    """What is sent to what, and when.
+
+    Attributes:
+        kind: of `KINDS`.
+        numbers: the signals, one after the other.
+        delay_s: before the first, counted from the moment that the kind waits for.
+        gap_s: before each other.
+        pause_s: how long the process is stopped (SIGSTOP) before, 0.0 for not at all.
+    """
+
+    kind: str
+    numbers: tuple[signal.Signals, ...]
+    delay_s: float
+    gap_s: float
+    pause_s: float
+
+
+class Ended(NamedTuple):
+    """How a process ended: its exit code, what it printed, its journal."""
+
+    code: int
+    out: str
+    err: str
+    journal: Path
+
+
+def drawn(random_: random.Random) -> Case:
+    """A case at random."""
+    kind = random_.choices(list(KINDS), [row.weight for row in KINDS.values()])[0]
+    numbers = tuple(random_.choices(SIGNALS, k=random_.choice((1, 1, 2))))
+    pause_s = random_.uniform(0.6, 1.6) if kind != "fault" and random_.random() < 0.12 else 0.0
+    return Case(kind, numbers, random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1), pause_s)
+
+
+class Bench:
+    """A cell, and a line of our own to its gripper; one case after the other.
+
+    Args:
+        folder: for table, journals and sockets.
+        faulty: whether the gripper fails in the middle of each part.
+    """
+
+    def __init__(self, folder: Path, *, faulty: bool) -> None:
+        self.folder, self.tree = folder, folder / "small.msgpack"
+        dump(small_table(), self.tree)
+        more: list[str] = []
+        if faulty:
+            (folder / "faults.toml").write_text(FAULTS)
+            more = ["--faults", str(folder / "faults.toml")]
+        self.cell = RunningCell(self.tree, *more, time_scale=SCALE)
+        self.gripper: Any = connect.gripper(self.cell.endpoints["gripper_rtu_tcp"], time_scale=SCALE)
+        self.scene: Any = connect.scene(self.cell.endpoints["scene"])
+        self.number = 0
+
+    def close(self) -> None:
+        """End the cell."""
+        self.gripper.close()
+        self.scene.close()
+        self.cell.__exit__()
+
+    def prepare(self, *, active: bool) -> None:
+        """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
+        self.scene.next_part()
+        self.gripper.activate(after_fault=True)
+        self.gripper.move(0, 255, 0)
+        self.gripper.wait()
+        if not active:
+            self.gripper._link.write(bytes(6))
+        self.scene.next_part()
+
+    def run(self, case: Case) -> tuple[Ended, list[str]]:
+        """Try a case; returns how it ended, and what is wrong with that."""
+        kind = KINDS[case.kind]
+        self.number += 1
+        self.prepare(active=kind.active)
+        journal = self.folder / f"{self.number}.jsonl"
+        with contextlib.closing(Notices(self.folder)) as notices:
+            process = subprocess.Popen(
+                kind.command(self, journal),
+                cwd=ROOT,
+                env=notices.environment,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            assert process.stdin is not None
+            try:
+                process.stdin.write("\n" * 9)
+                process.stdin.flush()
+                kind.wait(notices, process)
+                self._send(process, case)
+                stdin, process.stdin = process.stdin, None  # its end would be a cause of its own
+                out, err = process.communicate(timeout=WAIT_S)
+                stdin.close()
+            finally:
+                process.kill()
+                process.wait()
+        ended = Ended(process.returncode, out, err, journal)
+        wrong = [*self._moving(ended), *self._low(ended), *kind.check(ended)]
+        return ended, [f"{sentence}; exit code {ended.code}, said {err.strip()!r}" for sentence in wrong]
+
+    def _send(self, process: "subprocess.Popen[str]", case: Case) -> None:
+        time.sleep(case.delay_s)
+        if case.pause_s:
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(case.pause_s)
+            process.send_signal(signal.SIGCONT)
+            time.sleep(0.3)
+        for index, number in enumerate(case.numbers):
+            time.sleep(case.gap_s if index else 0.0)
+            process.send_signal(number)
+
+    def _moving(self, ended: Ended) -> Iterator[str]:
+        """What the gripper says after the process has gone."""
+        first = self.gripper.state()
+        time.sleep(STILL_S)
+        last = self.gripper.state()
+        if last.moving or last.activating or first.position_counts != last.position_counts:
+            yield f"the fingers move on, from {first.position_counts} to {last.position_counts}"
+        told = ended.out + ended.err
+        said = re.findall(r"fingers stopped at count (\d+)", told)
+        if said and any(int(count) != last.position_counts for count in said):
+            yield f"the fingers stand at {last.position_counts}, stopped at {said}"
+        if "NOT KNOWN" in told:
+            yield "a state that is not known"
+        if "Traceback" in told and ended.code > 0:
+            yield "a traceback"
+
+    def _low(self, ended: Ended) -> Iterator[str]:
+        """What the arm says; brings it up for the next case."""
+        with contextlib.closing(connect.arm(self.cell.endpoints["arm"], time_scale=SCALE)) as arm:
+            x_mm, y_mm, z_mm, angle_rad = arm.pose()
+            if z_mm < UP_MM:
+                arm.move_linear(x_mm, y_mm, UP_MM, angle_rad, 250.0)
+        if "arm at retreat height" in ended.out and z_mm < UP_MM - 0.1:
+            yield f"the arm stands at {z_mm} mm"
+
+
+def _nothing(notices: Notices, process: "subprocess.Popen[str]") -> None:
+    """Wait for nothing: the process may still be importing."""
+
+
+def _ready(notices: Notices, process: "subprocess.Popen[str]") -> None:
+    notices.wait("READY=1", process)
+
+
+def _safe(notices: Notices, process: "subprocess.Popen[str]") -> None:
+    notices.wait(": safe", process)
+
+
+def _asked(notices: Notices, process: "subprocess.Popen[str]") -> None:
+    """Wait until a calibration asks for something."""
+    assert process.stdout is not None
+    process.stdout.readline()
+
+
+def _run(bench: Bench, journal: Path) -> list[str]:
+    return runtime_command(bench.tree, bench.cell, journal, "--count", "1000")
+
+
+def _calibrate(bench: Bench, journal: Path) -> list[str]:
+    more = ("--blocks", "0,20,40", "--grips", "1000", "--activate")
+    return calibrate_command(bench.cell, journal.with_suffix(".json"), *more)
+
+
+def _stopped(ended: Ended) -> Iterator[str]:
+    if ended.code != STOPPED:
+        yield "not the exit code of a stop"
+    yield from _journal(ended)
+
+
+def _stopped_or_never_begun(ended: Ended) -> Iterator[str]:
+    """Before the handlers stand, a signal ends the process as it always does; nothing has moved then."""
+    if ended.code >= 0:
+        yield from _stopped(ended)
+    elif ended.journal.exists():
+        yield "killed with a journal"
+
+
+def _failed(ended: Ended) -> Iterator[str]:
+    if ended.code != FAULT:
+        yield "not the exit code of the fault"
+    if "FAULT" not in ended.out:
+        yield "the fault is not told"
+    yield from _journal(ended)
+
+
+def _calibration_stopped(ended: Ended) -> Iterator[str]:
+    if ended.code != STOPPED or "fingers stopped at count" not in ended.err:
+        yield "a calibration that was not stopped"
+
+
+def _journal(ended: Ended) -> Iterator[str]:
+    if not ended.journal.exists():
+        return
+    seen = verify(ended.journal)
+    if not seen.closed:
+        yield "the journal has no last record"
+    entries = list(records(ended.journal))
+    yield from (f"replay: {finding}" for finding in Replay().follow(entries))
+    if entries[-1].get("exit_code") != ended.code:
+        yield f"the journal ends with {entries[-1]}"
+    outcomes = [entry for entry in entries if entry["kind"] == "outcome"]
+    if outcomes and outcomes[-1]["outcome"] in ("fault", "stopped"):
+        told = outcomes[-1]["safe_state"]
+        if not str(told[0]).startswith("fingers stopped") or outcomes[-1]["exit_code"] != ended.code:
+            yield f"the outcome is {outcomes[-1]}"
+
+
+class Kind(NamedTuple):
+    """A kind of cases.
+
+    Attributes:
+        weight: how often it is drawn.
+        active: whether the gripper is active before.
+        faulty: whether the cell's gripper fails.
+        lasts_s: the latest moment of the first signal, after `wait`.
+        command: the process.
+        wait: waits for the moment from which on signals come.
+        check: what is wrong with how it ended.
+    """
+
+    weight: int
+    active: bool
+    faulty: bool
+    lasts_s: float
+    command: Callable[[Bench, Path], list[str]]
+    wait: Callable[[Notices, "subprocess.Popen[str]"], None]
+    check: Callable[[Ended], Iterator[str]]
+
+
+KINDS = {
+    "start": Kind(2, True, False, 1.0, _run, _nothing, _stopped_or_never_begun),
+    "run": Kind(6, True, False, 2.5, _run, _ready, _stopped),
+    "activation": Kind(4, False, False, 0.8, _run, _ready, _stopped),
+    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _calibration_stopped),
+    "calibration's activation": Kind(4, False, False, 0.8, _calibrate, _asked, _calibration_stopped),
+    "fault": Kind(4, True, True, REAL_S, _run, _safe, _failed),
+}
+
+
+@contextlib.contextmanager
+def usual_signals() -> Iterator[None]:
+    """Signals that `nohup` or a background job has ignored would be ignored by our processes, too."""
+    ignored = [number for number in SIGNALS if signal.getsignal(number) == signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        for number in ignored:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def campaign(count: int, seed: int, first: int = 0) -> int:
+    """Try cases `first` to `first + count - 1` of a seed.
+
+    Returns:
+        How many failed; each is printed with its number.
+    """
+    cases: dict[bool, queue.SimpleQueue[tuple[int, Case]]] = {
+        kind: queue.SimpleQueue() for kind in (False, True)
+    }
+    for number in range(first, first + count):
+        case = drawn(random.Random(f"{seed}/{number}"))
+        cases[KINDS[case.kind].faulty].put((number, case))
+    failed: list[int] = []
+
+    def work(folder: Path, *, faulty: bool) -> None:
+        with contextlib.closing(Bench(folder, faulty=faulty)) as bench, contextlib.suppress(queue.Empty):
+            while True:
+                number, case = cases[faulty].get_nowait()
+                try:
+                    _, wrong = bench.run(case)
+                except Exception as error:
+                    wrong = [f"the case itself failed: {error!r}"]
+                if wrong:
+                    failed.append(number)
+                    print(f"signals, seed {seed}, case {number}: {case}: {'; '.join(wrong)}", flush=True)
+
+    with tempfile.TemporaryDirectory() as folder, usual_signals():
+        workers = []
+        for number in range(WORKERS):
+            faulty = number == 0
+            if cases[faulty].empty():
+                continue
+            own = Path(folder, str(number))
+            own.mkdir()
+            workers.append(threading.Thread(target=work, args=(own,), kwargs={"faulty": faulty}))
+        for worker in workers:
+            worker.start()
+        for worker in workers:
+            worker.join()
+    print(json.dumps({"signals": count, "seed": seed, "failed": sorted(failed)}), flush=True)
+    return len(failed)

@@ -1,0 +1,115 @@
+"""Stop means stop: each way to end a command that moves something, and what its gripper ends in."""
+
+import contextlib
+import fcntl
+import os
+import pty
+import subprocess
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from signal import SIGHUP, SIGINT, SIGQUIT, SIGTERM
+
+import pytest
+from hostile_signals import Bench, Case, Ended, campaign, usual_signals
+from running_cells import ROOT, WAIT_S, Notices, calibrate_command, runtime_command
+
+from runtime.journal import records, verify
+
+Record = Callable[[str, object], None]
+
+CASES = {
+    "Ctrl-C in a calibration's stroke": Case("calibration", (SIGINT,), 0.7, 0.0, 0.0),
+    "SIGTERM in a calibration's activation": Case("calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0),
+    "SIGHUP in a run's activation": Case("activation", (SIGHUP,), 0.3, 0.0, 0.0),
+    "SIGQUIT in a run": Case("run", (SIGQUIT,), 0.5, 0.0, 0.0),
+    "Ctrl-C twice within 30 ms": Case("run", (SIGINT, SIGINT), 0.4, 0.03, 0.0),
+    "Ctrl-C, then SIGTERM on the way out": Case("run", (SIGINT, SIGTERM), 0.4, 0.1, 0.0),
+    "stopped past every deadline of a run": Case("run", (SIGTERM,), 0.4, 0.0, 2.0),
+    "Ctrl-C in a fault's safe sequence": Case("fault", (SIGINT,), 0.0, 0.0, 0.0),
+    "SIGTERM and SIGHUP in a fault's safe sequence": Case("fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0),
+}
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with usual_signals(), contextlib.closing(Bench(tmp_path_factory.mktemp("sound"), faulty=False)) as bench:
+        yield bench
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with usual_signals(), contextlib.closing(Bench(tmp_path_factory.mktemp("faulty"), faulty=True)) as bench:
+        yield bench
+
+
+def told(record: Record, bench: Bench, code: int) -> None:
+    seen = bench.gripper.state()
+    activity = "active" if seen.activated else "not active"
+    record("exit_code", code)
+    record("ends", f"fingers at rest at count {seen.position_counts}, {activity}")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_stop(name: str, sound: Bench, faulty: Bench, record_property: Record) -> None:
+    bench = faulty if CASES[name].kind == "fault" else sound
+    ended, wrong = bench.run(CASES[name])
+    assert wrong == []
+    told(record_property, bench, ended.code)
+
+
+def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path, record_property: Record) -> None:
+    """An SSH session drops: SIGHUP, and what is read and written fails from then on."""
+    sound.prepare(active=True)
+    journal = tmp_path / "journal.jsonl"
+    ours, theirs = pty.openpty()
+    with contextlib.closing(Notices(tmp_path)) as notices:
+        process = subprocess.Popen(
+            runtime_command(sound.tree, sound.cell, journal, "--count", "1000"),
+            cwd=ROOT,
+            env=notices.environment,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+            text=True,
+        )
+        os.close(theirs)
+        assert notices.wait(": squeeze", process)
+        os.close(ours)
+        code = process.wait(WAIT_S)
+    *_, outcome, end = records(journal)
+    assert (code, outcome["outcome"], end["exit_code"]) == (40, "stopped", 40)
+    assert verify(journal).closed
+    assert list(sound._moving(Ended(code, " ".join(map(str, outcome["safe_state"])), "", journal))) == []
+    told(record_property, sound, code)
+    assert list(sound._low(Ended(code, "", "", journal))) == []
+
+
+def test_the_end_of_standard_input(sound: Bench, tmp_path: Path, record_property: Record) -> None:
+    """Nobody can press Enter any more: between two blocks, the fingers at rest."""
+    sound.prepare(active=True)
+    output = tmp_path / "gripper.json"
+    process = subprocess.run(
+        calibrate_command(sound.cell, output, "--blocks", "0,20,40", "--grips", "1"),
+        cwd=ROOT,
+        input="\n",
+        capture_output=True,
+        text=True,
+        timeout=WAIT_S,
+        check=False,
+    )
+    assert (process.returncode, output.exists()) == (2, False)
+    assert "standard input ended before Enter was pressed" in process.stderr
+    assert "fingers stopped at count" in process.stderr
+    ended = Ended(process.returncode, process.stdout, process.stderr, output)
+    assert list(sound._moving(ended)) == []
+    told(record_property, sound, process.returncode)
+
+
+def test_a_few_of_the_campaign(record_property: Record) -> None:
+    began = time.monotonic()
+    assert campaign(8, 16) == 0
+    record_property("ends", f"8 of 8 in {time.monotonic() - began:.0f} s")

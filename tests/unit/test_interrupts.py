@@ -1,0 +1,143 @@
+"""When a stop request raises, when it waits, when it is only acknowledged; by signals to ourselves."""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime import interrupts
+from runtime.interrupts import SIGNALS, StopRequests, stoppable, whole
+
+WAIT_S = 30.0
+
+
+@pytest.fixture(autouse=True)
+def _handlers() -> Iterator[None]:
+    """A command that believes to be its process's last leaves the signals ignored."""
+    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def ask(number: signal.Signals = signal.SIGINT) -> None:
+    os.kill(os.getpid(), number)
+
+
+def await_request() -> None:
+    """Wait where a request may raise."""
+    until = time.monotonic() + WAIT_S
+    while time.monotonic() < until:
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_each_signal_is_a_request_that_is_raised_once(
+    number: signal.Signals, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def asked_here() -> None:
+        with stoppable():
+            ask(number)
+            await_request()
+
+    with StopRequests():
+        with pytest.raises(KeyboardInterrupt):
+            asked_here()
+        with stoppable():
+            ask(number)
+    assert capfd.readouterr().err == "stopping already\n"
+
+
+def test_a_request_waits_until_it_may_raise() -> None:
+    with StopRequests():
+        ask()
+        with pytest.raises(KeyboardInterrupt):
+            stoppable().__enter__()
+
+
+def test_what_is_whole_is_left_before_a_request_raises() -> None:
+    reached = []
+
+    def work() -> None:
+        with stoppable():
+            with whole():
+                ask()
+                reached.append("whole")
+            reached.append("never")
+
+    with StopRequests(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached == ["whole"]
+
+
+def test_a_fault_that_came_first_is_not_replaced() -> None:
+    """Neither on its way, nor in its handler, nor when that is over and the command has concluded."""
+    reached = []
+
+    def work() -> None:
+        with stoppable():
+            try:
+                Path("/nowhere").stat()
+            finally:
+                ask()
+                reached.append("on its way")
+
+    with StopRequests():
+        try:
+            work()
+        except FileNotFoundError:
+            reached.append("safe sequence")
+            interrupts.conclude()
+        with stoppable():
+            ask()
+    assert reached == ["on its way", "safe sequence"]
+
+
+def test_a_request_that_met_an_exception_which_was_no_fault_is_raised_soon_after() -> None:
+    def work() -> None:
+        with stoppable():
+            try:
+                Path("/nowhere").stat()
+            except FileNotFoundError:
+                ask()
+            await_request()
+
+    with StopRequests(), pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    monkeypatch.setattr(interrupts, "STDERR", writing)
+    with StopRequests():
+        ask()
+        ask()
+        os.close(reading)
+        ask()
+        os.close(writing)
+        ask()
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_after_the_last_command_of_a_process_signals_are_ignored(last: bool) -> None:
+    before = [signal.getsignal(number) for number in SIGNALS]
+    with StopRequests(last=last):
+        pass
+    after = [signal.getsignal(number) for number in SIGNALS]
+    assert after == ([signal.SIG_IGN] * len(SIGNALS) if last else before)
+
+
+def test_a_hangup_that_was_to_be_ignored_is() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with StopRequests(), stoppable():
+        ask(signal.SIGHUP)
+        time.sleep(0.01)
