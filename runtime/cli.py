@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, options, session
+from runtime import carry, crash, dry_run, fitness, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
@@ -114,6 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
     _check_fit(table, plan)
+    carry.check(plan.delivery, table)
     if arguments.check:
         return _check(arguments, table, plan, console)
     with ExitStack() as stack:
@@ -133,6 +134,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
         begun = crash.look(journal, data, header, policy, console)
     incidents = Incidents()
     devices = _connect(arguments, table, console, stack, incidents.record)
+    carry.check(plan.delivery, table, devices.arm)
     # Not before the devices answer: a run that never was leaves no record, and no file.
     journal = journal or stack.enter_context(Journal(arguments.journal, clock.stamp))
     crash.begin(journal, begun, data, header, policy)
@@ -175,6 +177,10 @@ def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Con
     calibration = plan.handling.calibration or Calibration.linear(table.gripper)
     origin = arguments.calibration or "the linear map"
     console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+    if plan.delivery is not None:
+        console.note(
+            "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
+        )
     if arguments.port is not None:
         gripper = connect.gripper(arguments.port, read_only=True)
         try:

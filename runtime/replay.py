@@ -152,7 +152,7 @@ class Replay:
         outcome = DECIDED.get(str(entry["outcome"]))
         if outcome is None and entry["outcome"] not in UNDECIDED:
             yield f"has the unknown outcome {entry['outcome']!r}"
-        if outcome is None and entry.get("leaf") is not None:
+        if outcome is None and entry.get("leaf") not in (None, self.course.leaf):
             yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
         if outcome is not None:
             if (outcome, entry.get("leaf")) != (self.course.outcome, self.course.leaf):

@@ -21,6 +21,7 @@ from runtime.delivery import Delivery
 from runtime.executor import Cell, Executor, Plan
 from runtime.hand import Handling
 from runtime.phases import Phase
+from runtime.ports import TURN_RADIUS_MM
 from runtime.replay import Replay
 from runtime.results import Outcome, PartResult, Step
 from runtime.session import sight
@@ -194,6 +195,7 @@ class Soak:
         limits = self.table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path = math.hypot(x_max - x_min, y_max - y_min)
+        path += math.tau * 1000 * TURN_RADIUS_MM
         path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
         seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / strokes.SLOWEST_UM_S
         return 3.0 * seconds + SQUEEZE_S

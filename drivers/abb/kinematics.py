@@ -127,11 +127,13 @@ def track(joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0) -> 
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
     for number in range(1, steps + 1):
-        ways = [_unwound(way, joints_deg) for way in _solutions(between(start, target, share * number / steps))]
+        ways = [
+            _unwound(way, joints_deg) for way in _solutions(between(start, target, share * number / steps))
+        ]
         if not ways:
             yield None
             return
-        joints_deg = min(ways, key=lambda way: math.dist(way, joints_deg))  # noqa: B023 - called here
+        joints_deg = min(ways, key=lambda way: math.dist(way, joints_deg))
         yield joints_deg
 
 
