@@ -187,9 +187,7 @@ def _settings(url: str, query: str) -> dict[str, Any]:
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
             rotation = tuple(numbers[3:]) or IDENTITY.rotation
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
-        elif (name == "area" and len(numbers) == 6) or (
-            name == "wrist" and len(numbers) == 2 and numbers[0] < numbers[1]
-        ):
+        elif (name, len(numbers)) == ("area", 6) or (name == "wrist" and len(numbers) == 2):
             settings[name] = tuple(numbers)
         else:
             raise PortError(

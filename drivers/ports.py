@@ -18,6 +18,7 @@ Rules that a type cannot express:
 from typing import Protocol, runtime_checkable
 
 PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
+TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
 
 
 class GripperState(Protocol):
@@ -140,7 +141,8 @@ class Arm(Protocol):
         """Move in a straight line and return when it stands there.
 
         The angle is taken as it is counted, not the shortest way: one that differs by a whole turn from where
-        the hand stands turns it once round. A turn counts as the way of a point 160 mm off the hand's axis.
+        the hand stands turns it once round. A turn counts as the way of a point
+        `TURN_RADIUS_MM` off the hand's axis.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.

@@ -1,8 +1,8 @@
 """The last grasp of a localised part and its way to the drop-off: chosen, checked, and gone.
 
-A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where both
-fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and within the
-wrist's range the one that turns the hand least is gone.
+A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where
+both fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and
+within the wrist's range the one that turns the hand least is gone.
 """
 
 import json
@@ -70,12 +70,13 @@ def choose(delivery: Delivery, table: Table, pose: Pose2, start: Pose, arm: Arm 
     Raises:
         MotionRefusedError: there is none; why the plainest one cannot be gone.
     """
-    refused = ""
+    refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
     found: list[tuple[float, Way]] = []
     for taken, put in _same(delivery, table, pose):
-        told = _refusal(delivery, table.limits, start, taken, put, arm)
-        refused = refused or told
-        if told:
+        places = (*taken[:2], *put[:2])
+        if places not in refusals:
+            refusals[places] = _refusal(delivery, table.limits, start, taken, put, arm)
+        if refusals[places]:
             continue
         for here, there in product(_turns(taken, start[3], arm), _turns(put, start[3], arm)):
             turn = abs(here[2] - start[3]) + abs(there[2] - here[2])
@@ -83,9 +84,9 @@ def choose(delivery: Delivery, table: Table, pose: Pose2, start: Pose, arm: Arm 
     if not found:
         x_mm, y_mm, angle_rad = compose(delivery.drop, delivery.grasp)
         raise MotionRefusedError(
-            refused
+            next(iter(refusals.values()))
             or f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at "
-            f"({x_mm:.2f}, {y_mm:.2f}) mm, or not to where the part is taken; jog the last axis to its middle"
+            f"({x_mm:.2f}, {y_mm:.2f}) mm, or not to where the part is taken"
         )
     return min(found)[1]
 
@@ -100,8 +101,8 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
         table: for speed, force and opening of the grasp: those of the root.
 
     Returns:
-        None where the part was put down, else why it was left where it lay: no way leads there, or the fingers
-        read another width.
+        None where the part was put down, else why it was left where it lay: no way leads there, or the
+        fingers read another width.
 
     Raises:
         GripperStateError: the part slipped out while it was carried, or the gripper is not ready.

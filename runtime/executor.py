@@ -90,7 +90,7 @@ class Executor:
         self._observe = observe
         self._plan = plan or Plan()
         self._watch = watch
-        self._found: int | None = None  # the leaf that the part under way has reached
+        self._found: int | None = None  # the leaf of the part that is being delivered
         self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
         self._maps = [count_map(node, self._calibration) for node in table.nodes]
         self._hand = Hand(
@@ -205,7 +205,6 @@ class Executor:
         """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
-        self._found = result.leaf
         leaf = self._table.leaves[result.leaf]
         pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
@@ -218,6 +217,7 @@ class Executor:
             # With the pose, which is the answer even where the delivery comes to nothing.
             found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
+            self._found = result.leaf
             missed = deliver(self._hand, self._plan.delivery, pose, self._table)
             result = result.delivered(missed)
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})

@@ -90,7 +90,7 @@ class Replay:
         elif kind == "freed":
             self._hold(Last.AWAY, None)
         elif kind == "delivery":
-            self.delivering = entry["begun"] is True
+            self.delivering, self._found = entry["begun"] is True, self.course.leaf
         elif kind == "outcome":
             yield from self._end(entry)
         elif kind == "end":
@@ -115,6 +115,7 @@ class Replay:
         self.steps: list[Step] = []
         self.course = Course()
         self.delivering = False
+        self._found: int | None = None  # the leaf whose delivery was begun
         self._hold(Last.AWAY, None)
 
     def _hold(self, last: Last, held_at: tuple[int, int | None] | None) -> None:
@@ -152,7 +153,7 @@ class Replay:
         outcome = DECIDED.get(str(entry["outcome"]))
         if outcome is None and entry["outcome"] not in UNDECIDED:
             yield f"has the unknown outcome {entry['outcome']!r}"
-        if outcome is None and entry.get("leaf") not in (None, self.course.leaf):
+        if outcome is None and entry.get("leaf") not in (None, self._found):
             yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
         if outcome is not None:
             if (outcome, entry.get("leaf")) != (self.course.outcome, self.course.leaf):

@@ -14,7 +14,7 @@ from drivers.abb.codec import Pose, ProtocolError, Reply
 from drivers.abb.reach import Setup, Wrist, obstacle
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
-from drivers.ports import PoseOfHand
+from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 from drivers.stream import Stream, open_tcp
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
@@ -22,7 +22,6 @@ STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
-TURN_RADIUS_MM = 160.0  # no point nearer to the hand's axis moves faster than the arm's speed, turns included
 MOST_TURN_RAD = 2.5  # of one motion: the controller turns the shortest way, which is ours below half a turn
 CONNECT_TRIES = 3
 NOTHING_OWED = Reply(codec.PING, True, ())
@@ -120,8 +119,8 @@ class Arm:
             counted = seen if self._wrist is None else self._wrist
             if abs(counted.moved(here.x_mm, here.y_mm, self._setup) - seen.whole_rad) > math.pi:
                 raise ArmError(
-                    f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out who "
-                    "else moves the arm, then connect again",
+                    f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out "
+                    "who else moves the arm, then connect again",
                     str(codec.READ_JOINTS),
                 )
             self._wrist, self._wrist_is_fresh = seen, True

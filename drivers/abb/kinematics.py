@@ -146,7 +146,7 @@ def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Both ways of the wrist, elbow up and facing the target, whatever the axes' ranges; none out of reach."""
+    """Both ways of the wrist, elbow up and facing the target, whatever the ranges; none out of reach."""
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
     x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]

@@ -66,8 +66,8 @@ def obstacle(start: Pose, target: Pose, setup: Setup) -> str:
 class Wrist(NamedTuple):
     """How far round the wrist stood when the joints were last read.
 
-    The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis, which
-    looks down: but for axis 1, hand angle and last axis always add up to the same.
+    The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
+    which looks down: but for axis 1, hand angle and last axis always add up to the same.
 
     Attributes:
         whole_rad: hand angle and last axis added up, the angle counted on over whole turns.

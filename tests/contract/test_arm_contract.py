@@ -15,6 +15,7 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.sim.arm import Answer, ArmModel
 from drivers.sim.arm_server import ArmServer
+from runtime.ports import TURN_RADIUS_MM
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -131,17 +132,20 @@ def test_a_move_ends_where_it_was_sent(any_arm):
     rng = random.Random(1)
     with any_arm.open() as arm:
         for _ in range(10):
-            x, y, z, a = (
-                rng.uniform(-100, 100),
-                rng.uniform(-100, 100),
-                rng.uniform(5, 80),
-                rng.uniform(-7, 7),
-            )
+            x, y, z = rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(5, 80)
+            low, high = arm.turn_range(x, y)
+            a = rng.uniform(max(low, -7.0), min(high, 7.0))
             arm.move_linear(x, y, z, a, 500.0)
             assert any_arm.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
             seen = arm.pose()
             assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
             assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
+
+
+def test_nothing_is_known_against_a_short_way_in_the_middle(any_arm):
+    with any_arm.open(base=BASE) as arm:
+        assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
+    assert any_arm.moves == 0
 
 
 def test_a_move_is_over_when_the_call_returns(any_arm):
@@ -185,6 +189,10 @@ def test_after_a_silence_everything_is_refused(any_arm):
             with pytest.raises(ArmError, match="state unknown since"):
                 call()
     assert any_arm.moves == 0
+
+
+def test_runtime_and_drivers_agree_how_fast_a_hand_is_turned():
+    assert ports.TURN_RADIUS_MM == TURN_RADIUS_MM
 
 
 # -- the open_abb driver --------------------------------------------------------------------------

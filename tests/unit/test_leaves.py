@@ -97,15 +97,19 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
 
     made.arm.move_linear = slip
     result = run(made, Plan(delivery=DELIVERY))
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, None)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
     assert "slipped out" in str(result.reason)
+    begun = next(fields for kind, fields in made.journal.kept if kind == "delivery")
+    assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
 
 
 def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
     far = from_text("100,0,0")
     made = fake_cell([AT_21, AT_21])
     result = run(made, Plan(delivery=far))
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "outside the work area" in str(result.reason)
+    assert not made.gripper.gripping
     made = fake_cell([AT_21, AT_21])
     delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
     assert run(made, Plan(delivery=delivery)).delivery == "done"
