@@ -63,6 +63,7 @@ class Replay:
         self.over = False
         self.decisions = 0
         self.parts = 0
+        self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
 
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
@@ -115,7 +116,7 @@ class Replay:
         self.steps: list[Step] = []
         self.course = Course()
         self.delivering = False
-        self._found: int | None = None  # the leaf whose delivery was begun
+        self._found = None
         self._hold(Last.AWAY, None)
 
     def _hold(self, last: Last, held_at: tuple[int, int | None] | None) -> None:

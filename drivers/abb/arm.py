@@ -97,12 +97,13 @@ class Arm:
             angle_rad = codec.hand_angle(seen.rotation)
         if self._angle_rad is None:
             # Counted so that axis 6 near its middle gives angles near zero; the joints tell the whole turns.
-            turned = angle_rad + math.radians(self._joints()[5])
-            angle_rad += math.tau * math.floor((1.5 * math.pi - turned) / math.tau)
+            whole_rad = angle_rad + math.radians(self._joints()[5])
+            turns = math.tau * math.floor((1.5 * math.pi - whole_rad) / math.tau)
+            self._wrist = Wrist(whole_rad + turns, seen.x_mm, seen.y_mm)
+            self._angle_rad, self._wrist_is_fresh = angle_rad + turns, True
         else:
-            angle_rad = self._angle_rad + math.remainder(angle_rad - self._angle_rad, math.tau)
-        self._angle_rad = angle_rad
-        self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, angle_rad)
+            self._angle_rad += math.remainder(angle_rad - self._angle_rad, math.tau)
+        self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, self._angle_rad)
         return self._at
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
@@ -113,18 +114,18 @@ class Arm:
         Raises:
             ArmError: the arm is silent, or its wrist stands whole turns off what was counted.
         """
-        here = self._at or self.pose()
-        if self._wrist is None or not self._wrist_is_fresh:
+        here, counted = self._at or self.pose(), self._wrist
+        assert counted is not None  # since the first pose
+        if not self._wrist_is_fresh:
             seen = Wrist(here.angle_rad + math.radians(self._joints()[5]), here.x_mm, here.y_mm)
-            counted = seen if self._wrist is None else self._wrist
             if abs(counted.moved(here.x_mm, here.y_mm, self._setup) - seen.whole_rad) > math.pi:
                 raise ArmError(
                     f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out "
                     "who else moves the arm, then connect again",
                     str(codec.READ_JOINTS),
                 )
-            self._wrist, self._wrist_is_fresh = seen, True
-        return self._wrist.turn_range(x_mm, y_mm, self._setup)
+            self._wrist, self._wrist_is_fresh, counted = seen, True, seen
+        return counted.turn_range(x_mm, y_mm, self._setup)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
         """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
@@ -170,9 +171,7 @@ class Arm:
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
         """Why a hand cannot be turned so far; one that stands beyond the range already may still be moved."""
-        if self._wrist is None:
-            self.turn_range(target.x_mm, target.y_mm)
-        assert self._wrist is not None
+        assert self._wrist is not None  # since the first pose
         low, high = self._wrist.turn_range(target.x_mm, target.y_mm, self._setup)
         if min(low, start.angle_rad) <= target.angle_rad <= max(high, start.angle_rad):
             return ""
