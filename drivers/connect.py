@@ -106,7 +106,8 @@ def arm(
 
     Args:
         url: `tcp://host:port`; frames and limits may follow as `?tool=x,y,z&work_object=...&base=...` (mm,
-            and a quaternion after them if it is not the unit one) and `&area=` with six numbers in mm.
+            and a quaternion after them if it is not the unit one), `&area=` with six numbers in mm, and
+            `&wrist=` with the least and greatest angle of the last axis in degrees.
         clock: clock of waits and deadlines, in wall seconds; none: the machine's own.
         time_scale: arm seconds per wall second; 1 for hardware.
         tool: tool frame; none: the flange itself.
@@ -186,12 +187,12 @@ def _settings(url: str, query: str) -> dict[str, Any]:
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
             rotation = tuple(numbers[3:]) or IDENTITY.rotation
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
-        elif name == "area" and len(numbers) == 6:
+        elif (name, len(numbers)) == ("area", 6) or (name == "wrist" and len(numbers) == 2):
             settings[name] = tuple(numbers)
         else:
             raise PortError(
                 f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z",
+                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees",
                 url,
             )
     return settings

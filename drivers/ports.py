@@ -18,6 +18,7 @@ Rules that a type cannot express:
 from typing import Protocol, runtime_checkable
 
 PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
+TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
 
 
 class GripperState(Protocol):
@@ -120,14 +121,28 @@ class Arm(Protocol):
     """An arm that places the point midway between the finger tips, hand pointing down."""
 
     def pose(self) -> PoseOfHand:
-        """Read where it is.
+        """Read where it is; the angle counts whole turns of the wrist.
 
         Raises:
             ArmError: it is silent, or its hand does not point down.
         """
 
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Least and greatest angle that the hand can be turned to at a place, rad; may be infinite.
+
+        Raises:
+            ArmError: it is silent, or its wrist does not stand as counted.
+        """
+
+    def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
+        """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
+
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         """Move in a straight line and return when it stands there.
+
+        The angle is taken as it is counted, not the shortest way: one that differs by a whole turn from where
+        the hand stands turns it once round. A turn counts as the way of a point
+        `TURN_RADIUS_MM` off the hand's axis.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.

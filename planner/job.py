@@ -216,6 +216,29 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Delivery:
+    """What becomes of a localised part; `runtime.delivery` reads it from the table's embedded job.
+
+    Attributes:
+        drop_mm: (2,) where the origin of the part's frame goes, world frame, read-only.
+        drop_angle_deg: the part's angle there.
+        grasp_mm: (2,) the hand's centre in the part's frame, read-only.
+        grasp_angle_deg: the hand's angle there.
+        width_mm: what the fingers then have to read; None: anything but nothing.
+        width_tolerance_mm: how far off that they may read.
+        area_mm: (4,) x min, y min, x max, y max of the hand while it carries, read-only; None: the work area.
+    """
+
+    drop_mm: Array
+    drop_angle_deg: float
+    grasp_mm: Array
+    grasp_angle_deg: float
+    width_mm: float | None
+    width_tolerance_mm: float
+    area_mm: Array | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """A checked job. Two jobs are equal if their canonical texts are."""
 
@@ -230,11 +253,11 @@ class Job:
     goal: Goal
     search: Search
     cell: Cell
+    delivery: Delivery | None = None
 
     def canonical(self) -> str:
         """Return the job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
-        document = {key: _plain(value) for key, value in asdict(self).items()}
-        return json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return json.dumps(_plain(asdict(self)), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> bytes:
         """Return the SHA-256 of the canonical text, 32 bytes."""
@@ -330,6 +353,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         goal=Goal(**values["goal"]),
         search=Search(**values["search"]),
         cell=Cell(**cell),
+        delivery=None if values["delivery"] is None else Delivery(**values["delivery"]),
     )
 
 

@@ -14,7 +14,7 @@ from planner.errors import FitError, JobError, OutlineError, ValueRangeError
 from planner.part import outline, symmetry
 from planner.surface_file import check_ellipsoid
 
-Values = dict[str, dict[str, Any]]
+Values = dict[str, Any]
 
 ON_PART_MM = 1e-3
 """How far outside the outline a support point may lie, for rounded drawings."""
@@ -74,6 +74,8 @@ def check_conflicts(values: Values, where: str) -> None:
     _check_actions(values["actions"], values["cell"], where)
     _check_choices(values["actions"], values["gripper"], values["cell"], where)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"], where)
+    if values["delivery"] is not None:
+        _check_delivery(values, where)
 
 
 def _check_symmetry(part: dict[str, Any], where: str) -> None:
@@ -134,6 +136,30 @@ def _check_choices(
     if len(forces) and forces.max() > cell["max_force_n"]:
         problem = f"{forces.max():g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
         raise _conflict(problem, where, "actions", "forces_n", forces.tolist())
+
+
+def _check_delivery(values: Values, where: str) -> None:
+    """The hand must come down within its area, with the part in one of the turns that look the same."""
+    delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
+    width = delivery["width_mm"]
+    if width is not None and width >= opening:
+        problem = f"is {width:g}, not below opening_mm = {opening:g} of [gripper]; lower it"
+        raise _conflict(problem, where, "delivery", "width_mm", width)
+    area = values["cell"]["work_area_mm"] if delivery["area_mm"] is None else delivery["area_mm"]
+    low, high = np.reshape(area, (2, 2))
+    if not (low < high).all():
+        problem = "must be [x_min, y_min, x_max, y_max] with min below max"
+        raise _conflict(problem, where, "delivery", "area_mm", area.tolist())
+    order = values["part"]["symmetry"]
+    turns = math.radians(delivery["drop_angle_deg"]) + np.arange(order) * math.tau / order
+    x, y = delivery["grasp_mm"]
+    across = np.column_stack([np.cos(turns) * x - np.sin(turns) * y, np.sin(turns) * x + np.cos(turns) * y])
+    hands = delivery["drop_mm"] + across
+    if not ((low <= hands) & (hands <= high)).all(axis=1).any():
+        outside = "work_area_mm of [cell]" if delivery["area_mm"] is None else "area_mm"
+        place = f"({hands[0, 0]:g}, {hands[0, 1]:g})"
+        problem = f"brings the hand to {place}, outside {outside}; move it or widen the area"
+        raise _conflict(problem, where, "delivery", "drop_mm", delivery["drop_mm"].tolist())
 
 
 def _check_fit(part_outline: outline.Outline, opening_mm: float, where: str) -> None:

@@ -107,6 +107,15 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "max_force_n": Number(0, 10_000, above=True, default=235.0),
         "max_speed_mm_s": Number(0, MM, above=True, default=150.0),
     },
+    "delivery": {
+        "drop_mm": Numbers(PLACE, least=2, most=2),
+        "drop_angle_deg": Number(-360, 360, default=0.0),
+        "grasp_mm": Numbers(PLACE, least=2, most=2, default=[0.0, 0.0]),
+        "grasp_angle_deg": Number(-360, 360, default=0.0),
+        "width_mm": Number(0, MM, above=True, default=None),
+        "width_tolerance_mm": Number(0, MM, above=True, default=1.5),
+        "area_mm": Numbers(PLACE, least=4, most=4, default=None),
+    },
 }
 
 LIMIT_SURFACE: Mapping[str, Field] = {
@@ -135,10 +144,12 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 }
 """Further keys of [pressure], by its kind."""
 
-OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell")
+OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell", "delivery")
+ABSENT_SECTIONS = ("delivery",)
+"""Optional sections that say nothing where they are left out: no defaults take their place."""
 
 
-def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str, Any]]:
+def read_document(document: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Check a parsed job file, key by key; conflicts between keys are the job's business.
 
     Args:
@@ -146,7 +157,8 @@ def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str
         where: the file, for errors.
 
     Returns:
-        Section name to key to checked value, defaults filled in; the section "" is the top level.
+        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
+        one of `ABSENT_SECTIONS` that is not there.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
@@ -158,8 +170,11 @@ def read_document(document: Mapping[str, Any], where: str) -> dict[str, dict[str
     if missing:
         raise missing_names(missing, where, "")
     top = {key: value for key, value in document.items() if key in TOP_LEVEL}
-    values = {"": read_section(top, TOP_LEVEL, where, "")}
+    values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, where, "")}
     for name, section_fields in FIELDS.items():
+        if name in ABSENT_SECTIONS and name not in document:
+            values[name] = None
+            continue
         table = document.get(name, {})
         if name == "pressure":
             section_fields = _pressure_fields(table, where)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, held, interrupts, options, session
+from runtime import carry, crash, dry_run, fitness, held, interrupts, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
@@ -121,6 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
     _check_fit(table, plan)
+    carry.check(plan.delivery, table)
     if arguments.check:
         return _check(arguments, table, plan, console)
     with ExitStack() as stack:
@@ -146,6 +147,7 @@ def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Conso
             console.note(str(error))
     incidents = Incidents()
     devices = _connect(arguments, table, console, stack, incidents.record)
+    carry.check(plan.delivery, table, devices.arm)
     # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
     activate = arguments.activate or arguments.port == SIMULATED
     # What would be refused later is refused now: a run that never was leaves no record, and no file.
@@ -229,6 +231,10 @@ def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Con
     calibration = _calibration(plan, table)
     origin = arguments.calibration or "the linear map"
     console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+    if plan.delivery is not None:
+        console.note(
+            "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
+        )
     if arguments.port is not None:
         gripper = connect.gripper(arguments.port, read_only=True)
         try:

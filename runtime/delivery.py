@@ -1,4 +1,4 @@
-"""What becomes of a localised part: a last grasp at the predicted pose, and a pose to put it down at.
+"""What becomes of a localised part: where it is grasped for the last time, and where it is put down.
 
 Declared in a job's section `delivery`, in a TOML file of the same keys, or on the command line:
 
@@ -20,12 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.decision import ARRIVED, CLOSING_CONTACT
-from runtime.errors import GripperStateError, UsageError
-from runtime.geometry import Pose2, compose
-from runtime.hand import Hand
-from runtime.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Limits, Node, Table
+from runtime.errors import UsageError
+from runtime.geometry import Pose2
 
 KEYS = {
     "drop_mm": 2,
@@ -36,7 +32,7 @@ KEYS = {
     "width_tolerance_mm": 0,
     "area_mm": 4,
 }
-MOST = 1e6  # mm or degrees
+LARGEST = 10_000.0  # mm or degrees; no cell is larger
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +73,12 @@ def from_file(path: Path) -> Delivery:
     """
     try:
         with path.open("rb") as file:
-            keys = tomllib.load(file)
+            document = tomllib.load(file)
     except OSError as error:
-        raise UsageError(f"--deliver {path}: {error.strerror}") from error
+        raise UsageError(f"--deliver {path}: {error.strerror or error}; name a TOML file") from error
     except (ValueError, RecursionError) as error:
-        raise UsageError(f"--deliver {path}: is no TOML: {error}") from error
-    found = keys.get("delivery", keys)
-    if not isinstance(found, dict):
-        raise UsageError(f"--deliver {path}: delivery is no section; write [delivery]")
-    return from_keys(found, str(path))
+        raise UsageError(f"--deliver {path}: no TOML file ({error})") from error
+    return from_keys(document.get("delivery", document), f"--deliver {path}")
 
 
 def from_job(text: str | None) -> Delivery | None:
@@ -96,17 +89,17 @@ def from_job(text: str | None) -> Delivery | None:
     """
     job = json.loads(text) if text is not None else {}
     keys = job.get("delivery") if isinstance(job, dict) else None
-    if keys is not None and not isinstance(keys, dict):
-        raise UsageError("the job's delivery is no section; compile it again")
     return None if keys is None else from_keys(keys, "the job's section delivery")
 
 
-def from_keys(keys: Mapping[str, object], where: str) -> Delivery:
+def from_keys(keys: object, where: str) -> Delivery:
     """The delivery of its keys.
 
     Raises:
-        UsageError: one is unknown, missing, or not as many finite numbers as it takes.
+        UsageError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
     """
+    if not isinstance(keys, Mapping):
+        raise UsageError(f"{where}: delivery is no section of keys and values")
     if unknown := keys.keys() - KEYS.keys():
         raise UsageError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
     if "drop_mm" not in keys:
@@ -122,76 +115,10 @@ def from_keys(keys: Mapping[str, object], where: str) -> Delivery:
         made = replace(made, width_mm=(width - room, width + room))
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
+        if x_min >= x_max or y_min >= y_max:
+            raise UsageError(f"{where}: area_mm is x min, y min, x max, y max, each min below its max")
         made = replace(made, area_um=(x_min, y_min, x_max, y_max))
     return made
-
-
-def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | None:
-    """Grasp a part at its pose, carry it and put it down.
-
-    Args:
-        hand: above the part, jaws open.
-        delivery: where to.
-        pose: of the part in the world, mm, mm, rad.
-        table: for speed, force and opening of the grasp: those of the root.
-
-    Returns:
-        None where the part was put down, else why it was left where it lay: the fingers read another width.
-
-    Raises:
-        GripperStateError: the part slipped out while it was carried, or the gripper is not ready.
-        MotionRefusedError: the grasp or the drop-off is outside the area.
-    """
-    node = _grasp_node(table)
-    _approach(hand, compose(pose, delivery.grasp), node)
-    reading = hand.close(node)
-    width_mm = hand.width_mm(reading.position_counts)
-    low_mm, high_mm = delivery.width_mm
-    if reading.object_flag == ARRIVED or not low_mm <= width_mm <= high_mm:
-        hand.release(node.squeeze)
-        hand.retreat()
-        return (
-            f"the fingers read {width_mm:.2f} mm at the last grasp, expected was {low_mm:g}..{high_mm:g} mm"
-        )
-    carrying = hand.limits if delivery.area_um is None else _within(hand.limits, delivery.area_um)
-    with hand.limited(carrying):
-        hand.retreat()
-        _check_held(hand, reading.position_counts)
-        x_mm, y_mm, angle_rad = compose(delivery.drop, delivery.grasp)
-        angle_rad = math.remainder(angle_rad, math.tau)
-        hand.travel(x_mm, y_mm, angle_rad)
-        _check_held(hand, reading.position_counts)
-        hand.lower(x_mm, y_mm, angle_rad, width_mm)
-        hand.release(node.squeeze)
-        hand.retreat()
-    return None
-
-
-def _approach(hand: Hand, place: Pose2, node: Node) -> None:
-    x_mm, y_mm, angle_rad = place
-    angle_rad = math.remainder(angle_rad, math.tau)
-    hand.retreat()
-    hand.open(node.squeeze)
-    hand.travel(x_mm, y_mm, angle_rad)
-    hand.descend(x_mm, y_mm, angle_rad)
-
-
-def _grasp_node(table: Table) -> Node:
-    """The root's squeeze with the jaws wide, and one outcome that any width is."""
-    opening_um = table.gripper.opening_um
-    squeeze = table.nodes[0].squeeze._replace(opening_um=opening_um)
-    widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)
-    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
-
-
-def _check_held(hand: Hand, count: int) -> None:
-    state = hand.gripper.state()
-    if state.object_flag != CLOSING_CONTACT or abs(state.position_counts - count) > OPENED_COUNTS:
-        raise GripperStateError("the part slipped out of the fingers while it was carried; find it")
-
-
-def _within(limits: Limits, area_um: tuple[int, int, int, int]) -> Limits:
-    return replace(limits, work_area_um=area_um)
 
 
 def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
@@ -201,8 +128,10 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
         raise UsageError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
     numbers = []
     for item in items:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < MOST:
-            raise UsageError(f"{where}: {name} holds {item!r}, which is no number below {MOST:g}")
+        if isinstance(item, bool) or not isinstance(item, int | float) or item != item:
+            raise UsageError(f"{where}: {name} holds {item!r}, which is no number")
+        if not -LARGEST <= item <= LARGEST:
+            raise UsageError(f"{where}: {name} holds a number beyond {LARGEST:g}; these are mm and degrees")
         numbers.append(float(item))
     return tuple(numbers)
 

@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from runtime import held, safety, strokes
+from runtime import carry, held, safety, strokes
 from runtime.executor import Plan
 from runtime.geometry import placement
 from runtime.ports import Arm, Gripper
@@ -19,10 +19,10 @@ def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
         plan: how the parts would be handled.
 
     Returns:
-        One sentence for each device, one for each node.
+        One sentence for each device, one for each node, and one for the delivery if there is one.
 
     Raises:
-        MotionRefusedError: a placement would be refused.
+        MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
     handling = plan.handling
     calibration = handling.calibration or Calibration.linear(table.gripper)
@@ -50,5 +50,11 @@ def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
             f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "
             f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
             f"close by position/speed/force {', '.join(requests)}"
+        )
+    if plan.delivery is not None:
+        carry.check(plan.delivery, table, arm)
+        x_mm, y_mm, angle_rad = plan.delivery.drop
+        told.append(
+            f"delivery: the part from every leaf to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
         )
     return told

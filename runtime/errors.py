@@ -144,7 +144,7 @@ class PartUnresolvedError(CellError):
 
 
 class PartNotDeliveredError(CellError):
-    """A part was localised, but the fingers read another width at the last grasp; it was left there."""
+    """A part was localised, but could not be taken at its pose, or not be carried away; it was left there."""
 
     exit_code = 12
 

@@ -6,19 +6,20 @@ Ctrl-C end in `runtime.safe_state` and in a terminal outcome.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from math import hypot
+from dataclasses import dataclass, field, replace
+from math import hypot, tau
 from typing import Protocol
 
 from runtime import interrupts, recovery, safety, strokes
 from runtime.audit import answer_of
+from runtime.carry import deliver
 from runtime.decision import Course, Policy, advance, decide, release_point
-from runtime.delivery import Delivery, deliver
+from runtime.delivery import Delivery
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
 from runtime.geometry import placement, predicted_pose
 from runtime.hand import Hand, Handling
 from runtime.phases import Phase, Watcher, unwatched
-from runtime.ports import Arm, Auditor, Clock, Gripper, Journal
+from runtime.ports import TURN_RADIUS_MM, Arm, Auditor, Clock, Gripper, Journal
 from runtime.reading import reading_fields
 from runtime.results import Outcome, PartResult, Step
 from runtime.safe_state import reach_safe_state
@@ -89,6 +90,7 @@ class Executor:
         self._observe = observe
         self._plan = plan or Plan()
         self._watch = watch
+        self._found: int | None = None  # the leaf of the part that is being delivered
         self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
         self._maps = [decisions(node, self._calibration) for node in table.nodes]
         self._hand = Hand(
@@ -110,6 +112,7 @@ class Executor:
             Exception: an error that no device makes is a bug, and raised once the safe state is reached.
         """
         steps: list[Step] = []
+        self._found = None
         try:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
@@ -202,7 +205,8 @@ class Executor:
         """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
-        pose = predicted_pose(self._table.leaves[result.leaf])
+        leaf = self._table.leaves[result.leaf]
+        pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
             self._watch(result.part, Phase.AUDIT, None)
             answer = answer_of(self._cell.auditor, result.part, pose)
@@ -210,7 +214,10 @@ class Executor:
             self._cell.journal.record("audit", {**answer, "part": result.part})
         if self._plan.delivery is not None:
             self._watch(result.part, Phase.DELIVER, None)
-            self._cell.journal.record("delivery", {"part": result.part, "begun": True})
+            # With the pose, which is the answer even where the delivery comes to nothing.
+            found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
+            self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
+            self._found = result.leaf
             missed = deliver(self._hand, self._plan.delivery, pose, self._table)
             result = result.delivered(missed)
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
@@ -222,10 +229,11 @@ class Executor:
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
     def _expected_s(self, squeeze: Squeeze) -> float:
-        """Cell seconds of the longest way there is: across the work area, up and down, three slow strokes."""
+        """Cell seconds of the longest way: across the work area, once round, up, down, three slow strokes."""
         limits = self._table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path_um = hypot(x_max - x_min, y_max - y_min)
+        path_um += tau * 1000 * TURN_RADIUS_MM
         path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
         speed_um_s = min(squeeze.speed_um_s, strokes.SLOWEST_UM_S)
         return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / speed_um_s
@@ -238,6 +246,7 @@ class Executor:
             self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )
         result = PartResult.of(part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes))
+        result = replace(result, leaf=self._found)
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
 

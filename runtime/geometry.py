@@ -4,6 +4,8 @@ from math import cos, hypot, remainder, sin, tau
 
 from runtime.table import GoalSpec, Leaf, Squeeze
 
+MOST_TURNS = 3  # no wrist turns farther round, and none is counted farther
+
 Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
 
 
@@ -29,6 +31,14 @@ def relative(frame: Pose2, pose: Pose2) -> Pose2:
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
     c, s = cos(frame[2]), sin(frame[2])
     return c * dx + s * dy, -s * dx + c * dy, pose[2] - frame[2]
+
+
+def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: float) -> list[float]:
+    """The angles within a range that are whole turns off an angle, the nearest to another one first."""
+    nearest = angle_rad + tau * round((near_rad - angle_rad) / tau)
+    turns = (nearest + tau * number for number in range(-MOST_TURNS, MOST_TURNS + 1))
+    found = [turn for turn in turns if low_rad <= turn <= high_rad]
+    return sorted(found, key=lambda turn: abs(turn - near_rad))
 
 
 def goal_distance_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:

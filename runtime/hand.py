@@ -7,10 +7,12 @@ last motion left it. Between two squeezes the hand retreats straight up, travels
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import degrees, remainder, tau
 
 from runtime import safety, strokes
 from runtime.decision import ARRIVED, CLOSING_CONTACT
-from runtime.errors import TableError
+from runtime.errors import MotionRefusedError, TableError
+from runtime.geometry import same_turns
 from runtime.ports import Arm, Clock, Gripper, Pose, Settled
 from runtime.reading import CLOSED_COUNTS, CurrentBand, check_closed, check_fresh, check_opened, check_passed
 from runtime.strokes import Stroke
@@ -103,6 +105,7 @@ class Hand:
         self._handling = handling
         self._open_mm = 0.0
         check_arc(handling.arc, limits, calibration)
+        self._angle_rad: float | None = None
 
     def await_stillness(self) -> None:
         """Wait until a motion that was begun before this run is over.
@@ -120,6 +123,7 @@ class Hand:
         self.arm_known = False  # until it answers
         pose = self.arm.pose()
         self.arm_known = True
+        self._angle_rad = pose[3]
         return pose
 
     def retreat(self) -> None:
@@ -131,8 +135,23 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Go to a place at the retreat height."""
-        self._go((x_mm, y_mm, self.limits.retreat_height_um / 1000, angle_rad))
+        """Go to a place at the retreat height, turning the nearest way that the wrist can go.
+
+        Raises:
+            MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
+        """
+        low_rad, high_rad = self._turn_range(x_mm, y_mm)
+        turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
+        if not turns:
+            raise MotionRefusedError(
+                f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
+                f"mm, only to {degrees(low_rad):.0f}..{degrees(high_rad):.0f} deg"
+            )
+        self.travel_as_counted(x_mm, y_mm, turns[0])
+
+    def travel_as_counted(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+        """Go to a place at the retreat height, whole turns of the angle counted."""
+        self._go_as_counted((x_mm, y_mm, self.limits.retreat_height_um / 1000, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Come straight down, the tips to the squeeze height."""
@@ -232,15 +251,30 @@ class Hand:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
     def _go(self, target: Pose) -> None:
+        """Go to a place, turning the hand no farther than it takes."""
+        now_rad = self._now_rad()
+        self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
+
+    def _go_as_counted(self, target: Pose) -> None:
         safety.check_target(target, self.limits)
         safety.ready_gripper(self.gripper)
         self._move_arm(target)
+
+    def _now_rad(self) -> float:
+        """The hand's angle, whole turns counted."""
+        return self.where()[3] if self._angle_rad is None else self._angle_rad
+
+    def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        self.arm_known = False  # until it answers
+        turns = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
+        return turns
 
     def _move_arm(self, target: Pose) -> None:
         self.arm_known = False  # until the motion is acknowledged; an interrupt leaves it so
         self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
         safety.check_placed(self.arm, target)
-        self.arm_known = True
+        self.arm_known, self._angle_rad = True, target[3]
 
     def _advance_mm(self, width_mm: float) -> float:
         arc = self._handling.arc

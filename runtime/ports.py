@@ -7,7 +7,11 @@ A driver reports trouble by an exception whose attribute `exit_code` is the exit
 from collections.abc import Mapping
 from typing import Protocol
 
-Pose = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point midway between the tips
+# x mm, y mm, z mm, angle rad, of the point midway between the tips; an arm's angle counts whole turns.
+Pose = tuple[float, float, float, float]
+
+TURN_RADIUS_MM = 160.0
+"""An arm turns the hand so fast that a point so far off its axis moves at the commanded speed."""
 
 
 class GripperState(Protocol):
@@ -92,10 +96,19 @@ class Arm(Protocol):
     """An arm that places the point midway between the finger tips, hand pointing down."""
 
     def pose(self) -> Pose:
-        """Read where it is: x, y, z in mm, angle in rad."""
+        """Read where it is: x, y, z in mm, angle in rad, whole turns counted."""
+
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Least and greatest angle that the hand can be turned to at a place, rad; may be infinite."""
+
+    def obstacle(self, start: Pose, target: Pose) -> str:
+        """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
 
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        """Move in a straight line and return once it stands there; raises if that is not known."""
+        """Move in a straight line and return once it stands there; raises if that is not known.
+
+        The angle is taken as counted: one that differs by a whole turn turns the hand once round.
+        """
 
     def close(self) -> None:
         """Let go of the link; moves nothing."""

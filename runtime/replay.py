@@ -65,6 +65,7 @@ class Replay:
         self.decisions = 0
         self.parts = 0
         self.time = ""
+        self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
 
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
@@ -92,7 +93,7 @@ class Replay:
         elif kind == "freed":
             self.last = Last.AWAY
         elif kind == "delivery":
-            self.delivering = entry["begun"] is True
+            self.delivering, self._found = entry["begun"] is True, self.course.leaf
         elif kind == "outcome":
             yield from self._end(entry)
         elif kind == "end":
@@ -117,6 +118,7 @@ class Replay:
         self.steps: list[Step] = []
         self.course = Course()
         self.delivering = False
+        self._found = None
         self._hold(Last.AWAY, None)
 
     def _hold(self, last: Last, held_at: tuple[int, int | None] | None) -> None:
@@ -154,7 +156,7 @@ class Replay:
         outcome = DECIDED.get(str(entry["outcome"]))
         if outcome is None and entry["outcome"] not in UNDECIDED:
             yield f"has the unknown outcome {entry['outcome']!r}"
-        if outcome is None and entry.get("leaf") is not None:
+        if outcome is None and entry.get("leaf") not in (None, self._found):
             yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
         if outcome is not None:
             if (outcome, entry.get("leaf")) != (self.course.outcome, self.course.leaf):

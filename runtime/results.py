@@ -81,7 +81,7 @@ class PartResult:
         part: its number.
         outcome: the outcome.
         steps: its squeezes, in order.
-        leaf: index of the leaf reached, or None.
+        leaf: index of the leaf reached, also where its delivery came to a fault; or None.
         reason: why it is no resolved leaf, or None.
         exit_code: what a run of this one part exits with.
         safe_state: what the safe sequence reached, one sentence a step; empty without a fault.
@@ -110,7 +110,7 @@ class PartResult:
         exit_code: int | None = None,
         safe_state: tuple[str, ...] = (),
     ) -> Self:
-        """The result of a part's steps; only LEAF and UNRESOLVED name the leaf.
+        """The result of a part's steps; LEAF and UNRESOLVED name the leaf.
 
         Args:
             part: its number.

@@ -3,6 +3,7 @@
 from math import hypot, isfinite, remainder, tau
 
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
+from runtime.geometry import MOST_TURNS
 from runtime.ports import Arm, Gripper, GripperState, Pose
 from runtime.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
 from runtime.table import Limits, Table
@@ -77,8 +78,8 @@ def check_target(pose: Pose, limits: Limits) -> None:
             f"height {z_mm:.2f} mm is outside {limits.squeeze_height_um / 1000:g} (squeeze) to "
             f"{limits.retreat_height_um / 1000:g} mm (retreat)"
         )
-    if abs(angle_rad) > tau:
-        raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than a whole turn")
+    if abs(angle_rad) > MOST_TURNS * tau:
+        raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than {MOST_TURNS} whole turns")
 
 
 def check_placed(arm: Arm, target: Pose) -> None:

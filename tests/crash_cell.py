@@ -8,7 +8,7 @@ world knows where the part lies, and keeps a list of what must never happen to i
 import random
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from math import hypot, remainder, tau
+from math import hypot, inf, remainder, tau
 from pathlib import Path
 
 from drivers.clock import Pace
@@ -191,6 +191,13 @@ class CountedArm:
         at = self._world.at_mm
         self._life.moment_passes()
         return at
+
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        self._life.moment_passes()
+        return -inf, inf
+
+    def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
+        return ""
 
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         self._life.moment_passes()

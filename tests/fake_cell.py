@@ -1,5 +1,6 @@
 """A cell in memory for the executor's tests: logs every call, obeys a script of counts, fails on demand."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -109,10 +110,19 @@ class FakeArm:
         self.log = log
         self.at = (5.0, 5.0, 30.0, 0.1)
         self.off_mm = 0.0
+        self.turns = (-math.inf, math.inf)
+        self.obstacles = lambda start, target: ""
 
     def pose(self) -> tuple[float, float, float, float]:
         self.log.call("arm", "pose")
         return self.at[0] + self.off_mm, *self.at[1:]
+
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        self.log.call("arm", "turn_range", x_mm, y_mm)
+        return self.turns
+
+    def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
+        return self.obstacles(start, target)
 
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)

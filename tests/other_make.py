@@ -146,6 +146,12 @@ class OtherArm:
         x, y, z, angle = map(float, self._ask("where"))
         return x, y, z, angle
 
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        return -math.inf, math.inf
+
+    def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
+        return ""
+
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         target = (x_mm, y_mm, z_mm, angle_rad)
         if not all(map(math.isfinite, (*target, speed_mm_s))) or not speed_mm_s > 0.0 or max(target) > 1e3:

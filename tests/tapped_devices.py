@@ -13,7 +13,7 @@ import tty
 READS, WRITES = {3, 4}, {5, 6, 15, 16, 22, 23}
 ACTIVE_OPEN = bytes((0xF9, 0, 0, 0, 3, 0))  # active, at the request, gPR 0, gPO 3
 POWERED_UP = bytes((0, 0, 0, 0, 3, 0))
-POSE = "10.00 20.00 60.00 0.000 1.000 0.000 0.000"
+PAYLOADS = {3: "10.00 20.00 60.00 0.000 1.000 0.000 0.000", 4: "0.00 0.00 0.00 0.00 90.00 180.00"}
 
 
 def crc(data: bytes) -> bytes:
@@ -106,4 +106,4 @@ class TappedArm:
                     self.heard.append(line)
                     code = int(line.split()[0])
                     if code != 99:
-                        client.sendall(f"{code} 1 {POSE if code == 3 else ''}".encode("ascii"))
+                        client.sendall(f"{code} 1 {PAYLOADS.get(code, '')}".encode("ascii"))

@@ -21,6 +21,7 @@ from runtime.delivery import Delivery
 from runtime.executor import Cell, Executor, Plan
 from runtime.hand import Handling
 from runtime.phases import Phase
+from runtime.ports import TURN_RADIUS_MM
 from runtime.replay import Replay
 from runtime.results import Outcome, PartResult, Step
 from runtime.session import sight
@@ -57,6 +58,7 @@ class Watch:
     read_s: float = -math.inf
     ready: bool = False
     at_mm: tuple[float, ...] = (math.nan, math.nan, math.inf)
+    wrist_deg: tuple[float, float] = (math.inf, -math.inf)
     findings: list[str] = field(default_factory=list)
 
     def now(self) -> float:
@@ -79,11 +81,18 @@ class Watch:
         if not text.startswith("1 "):
             return
         target = tuple(float(word) for word in text.split(" ")[1:4])
+        self.look_at_wrist()
         if self.cell and self.cell.works.arm.halted:
             self.findings.append("a silent arm was told to move")
         if not self._is_retreat(target) and self.now() - self.read_s > FRESH_S:
             self.findings.append("the arm was told to move without a look at the gripper")
         self.at_mm = target
+
+    def look_at_wrist(self) -> None:
+        """How far the last axis has really turned."""
+        if self.cell is not None:
+            angle = self.cell.works.arm.joints_at(self.cell.clock.now())[5]
+            self.wrist_deg = (min(self.wrist_deg[0], angle), max(self.wrist_deg[1], angle))
 
     def _is_retreat(self, target: tuple[float, ...]) -> bool:
         """Whether it goes straight up: the safe sequence, which does not ask the gripper."""
@@ -153,6 +162,9 @@ class Told:
     transactions: int = 0
     squeezes: int = 0
     crashes: int = 0
+    delivered: int = 0
+    halts: int = 0  # of the arm's controller
+    wrist_deg: tuple[float, float] = (math.inf, -math.inf)
     outside: int = 0  # leaves whose prediction was farther off than the goal
     expected: float = 0.0  # how many of them the leaves' own success rates predict
     virtual_s: float = 0.0
@@ -183,6 +195,7 @@ class Soak:
         limits = self.table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path = math.hypot(x_max - x_min, y_max - y_min)
+        path += math.tau * 1000 * TURN_RADIUS_MM
         path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
         seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / strokes.SLOWEST_UM_S
         return 3.0 * seconds + SQUEEZE_S
@@ -216,6 +229,8 @@ def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
     told.silent_s = pulse.longest_s
     told.transactions = link.counters.transactions
     told.met.update(cell.works.desk.met)
+    watch.look_at_wrist()
+    told.wrist_deg, told.halts = watch.wrist_deg, int(bool(cell.works.arm.halted))
     told.findings += watch.findings + records.findings
     told.virtual_s = cell.clock.now()
     told.digest = records.digest.hexdigest()
@@ -246,6 +261,7 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
     told.outcomes[result.outcome.value] += 1
     truth = cell.scene.truth()
     told.crashes += truth.crashes
+    told.delivered += result.delivery == "done"
     told.last = result
     if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
         return

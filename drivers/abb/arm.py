@@ -6,14 +6,15 @@ silence makes the arm's state unknown, and this object refuses everything from t
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError, Reply
-from drivers.abb.reach import Setup, obstacle
+from drivers.abb.reach import Setup, Wrist, obstacle
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
+from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 from drivers.stream import Stream, open_tcp
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
@@ -21,8 +22,8 @@ STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
-TURN_SPEED_DEG_S = 90.0
 LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
+MOST_TURN_RAD = 2.5  # of one motion: the controller turns the shortest way, which is ours below half a turn
 CONNECT_TRIES = 3
 NOTHING_OWED = Reply(codec.PING, True, ())
 
@@ -32,7 +33,10 @@ class _CutOffError(ArmError):
 
 
 class ArmPose(NamedTuple):
-    """Where the hand is in the work object frame: mm, and its turn about the vertical in rad."""
+    """Where the hand is in the work object frame: mm, and its turn about the vertical in rad.
+
+    The angle counts whole turns: one that is larger by 2 pi is the same pose, with the wrist once more round.
+    """
 
     x_mm: float
     y_mm: float
@@ -67,7 +71,10 @@ class Arm:
         self._text = ""
         self._late_s = 0.0  # by how much the last reply was read too late
         self._speed = math.nan
-        self._at: ArmPose | None = None
+        self._at: ArmPose | None = None  # None: not known since the last motion
+        self._angle_rad: float | None = None  # the last angle known, the next is counted on from it
+        self._wrist: Wrist | None = None
+        self._wrist_is_fresh = False
         self._drain()
         self._ask(codec.PING, (), ANSWER_S)
         if not setup.read_only:
@@ -95,22 +102,54 @@ class Arm:
                 f"{self._late_s:.1f} s too late; take load off this machine",
                 str(codec.READ_POSE),
             )
-        try:
+        with self._understood(codec.READ_POSE):
             seen = codec.parse_pose(reply)
-            self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, codec.hand_angle(seen.rotation))
-        except ProtocolError as error:
-            raise ArmError(f"arm at {self.endpoint}: {error}", str(codec.READ_POSE)) from error
+            angle_rad = codec.hand_angle(seen.rotation)
+        if self._angle_rad is None:
+            # Counted so that axis 6 near its middle gives angles near zero; the joints tell the whole turns.
+            whole_rad = angle_rad + math.radians(self._joints()[5])
+            turns = math.tau * math.floor((1.5 * math.pi - whole_rad) / math.tau)
+            self._wrist = Wrist(whole_rad + turns, seen.x_mm, seen.y_mm)
+            self._angle_rad, self._wrist_is_fresh = angle_rad + turns, True
+        else:
+            self._angle_rad += math.remainder(angle_rad - self._angle_rad, math.tau)
+        self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, self._angle_rad)
         return self._at
 
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Least and greatest angle that the hand can be turned to at a place, whole turns counted, rad.
+
+        Reads the joints if the arm has moved since they were read.
+
+        Raises:
+            ArmError: the arm is silent, or its wrist stands whole turns off what was counted.
+        """
+        here, counted = self._at or self.pose(), self._wrist
+        assert counted is not None  # since the first pose
+        if not self._wrist_is_fresh:
+            seen = Wrist(here.angle_rad + math.radians(self._joints()[5]), here.x_mm, here.y_mm)
+            if abs(counted.moved(here.x_mm, here.y_mm, self._setup) - seen.whole_rad) > math.pi:
+                raise ArmError(
+                    f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out "
+                    "who else moves the arm, then connect again",
+                    str(codec.READ_JOINTS),
+                )
+            self._wrist, self._wrist_is_fresh, counted = seen, True, seen
+        return counted.turn_range(x_mm, y_mm, self._setup)
+
+    def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
+        """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
+        return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup)
+
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        """Move the hand in a straight line and return when it stands.
+        """Move the hand in a straight line and return when it stands; large turns in several motions.
 
         Args:
             x_mm: the point midway between the finger tips, work object frame.
             y_mm: the same.
             z_mm: the same.
-            angle_rad: the hand's turn about the vertical; it points down.
-            speed_mm_s: speed along the path.
+            angle_rad: the hand's turn about the vertical, whole turns counted as in `pose`; it points down.
+            speed_mm_s: speed along the path, and of a point `TURN_RADIUS_MM` off the hand's axis as it turns.
 
         Raises:
             ArmError: the target cannot be sent or reached (nothing is sent then), the arm refuses it, or
@@ -118,17 +157,49 @@ class Arm:
         """
         target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
         try:
-            numbers = codec.pose_numbers(target.frame)
+            codec.pose_numbers(target.frame)
         except (ProtocolError, ValueError) as error:
             raise ArmError(f"arm not moved: {error}", str(codec.MOVE_LINEAR)) from error
         start = self._at or self.pose()
-        if reason := obstacle(start.frame, target.frame, self._setup):
+        if reason := self.obstacle(start, target) or self._overturn(start, target):
             told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
             raise ArmError(f"arm not moved: the way to {told} is {reason}", str(codec.MOVE_LINEAR))
         self._set_speed(speed_mm_s)
-        self._at = None
+        motions = max(math.ceil(abs(target.angle_rad - start.angle_rad) / MOST_TURN_RAD), 1)
+        for number in range(1, motions + 1):
+            share = number / motions
+            self._move(
+                ArmPose(*(a + (b - a) * share for a, b in zip(start, target, strict=True))), speed_mm_s
+            )
+
+    def _move(self, target: ArmPose, speed_mm_s: float) -> None:
+        start = self._at or self.pose()
+        self._at, self._wrist_is_fresh = None, False
+        numbers = codec.pose_numbers(target.frame)
         self._ask(codec.MOVE_LINEAR, numbers, travel_s(start, target, speed_mm_s) * 1.5 + MOVE_MARGIN_S)
-        self._at = target
+        self._at, self._angle_rad = target, target.angle_rad
+
+    def _overturn(self, start: ArmPose, target: ArmPose) -> str:
+        """Why a hand cannot be turned so far; one that stands beyond the range already may still be moved."""
+        assert self._wrist is not None  # since the first pose
+        low, high = self._wrist.turn_range(target.x_mm, target.y_mm, self._setup)
+        if min(low, start.angle_rad) <= target.angle_rad <= max(high, start.angle_rad):
+            return ""
+        least, most = self._setup.wrist
+        return f"farther round than the wrist turns ({least:g} to {most:g} deg)"
+
+    def _joints(self) -> tuple[float, ...]:
+        """Read the joints, deg."""
+        reply = self._ask(codec.READ_JOINTS, (), ANSWER_S)
+        with self._understood(codec.READ_JOINTS):
+            return codec.parse_numbers(reply)
+
+    @contextlib.contextmanager
+    def _understood(self, code: int) -> Iterator[None]:
+        try:
+            yield
+        except ProtocolError as error:
+            raise ArmError(f"arm at {self.endpoint}: {error}", str(code)) from error
 
     def close(self) -> None:
         """Hang up; the arm does not move. A silent one is left without a word."""
@@ -144,7 +215,8 @@ class Arm:
         if not speed_mm_s > 0.0:
             raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one", str(codec.SET_SPEED))
         try:
-            numbers = (codec.number(speed_mm_s, 3), codec.number(TURN_SPEED_DEG_S, 3))
+            turn_deg_s = math.degrees(speed_mm_s / TURN_RADIUS_MM)
+            numbers = (codec.number(speed_mm_s, 3), codec.number(turn_deg_s, 3))
         except ProtocolError as error:
             raise ArmError(f"arm speed: {error}", str(codec.SET_SPEED)) from error
         self._speed = math.nan  # until it is acknowledged
@@ -222,10 +294,9 @@ class Arm:
 
 
 def travel_s(start: ArmPose, target: ArmPose, speed_mm_s: float) -> float:
-    """Seconds a straight move takes: the slower of path and turn."""
-    path_mm = math.dist(start[:3], target[:3])
-    turn_deg = math.degrees(abs(math.remainder(target.angle_rad - start.angle_rad, 2.0 * math.pi)))
-    return max(path_mm / speed_mm_s, turn_deg / TURN_SPEED_DEG_S)
+    """Seconds a straight move takes: the longer of path and turn."""
+    turn_mm = TURN_RADIUS_MM * abs(target.angle_rad - start.angle_rad)
+    return max(math.dist(start[:3], target[:3]), turn_mm) / speed_mm_s
 
 
 def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:

@@ -12,9 +12,10 @@ MAX_LINE = 80  # RAPID string limit of one SocketReceive \\Str
 MAX_NUMBERS = 10  # params{10} in SERVER.mod
 MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 
-PING, MOVE_LINEAR, READ_POSE, SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 0, 1, 3, 6, 7, 8, 9
+PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
+SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
 CLOSE = 99  # answered by silence
-HARMLESS = frozenset({PING, READ_POSE, CLOSE})  # neither move anything nor change a setting
+HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})  # neither move anything nor change a setting
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {3: 7, 4: 6, 5: 6, 32: 1}
@@ -147,10 +148,21 @@ def parse_pose(reply: Reply) -> Pose:
     Raises:
         ProtocolError: a field is not a number.
     """
-    try:
-        x, y, z, *q = (float(field) for field in reply.fields)
-    except ValueError as error:
-        raise ProtocolError(f"pose reply with a garbled number: {' '.join(reply.fields)}") from error
-    if not all(math.isfinite(value) for value in (x, y, z, *q)):
-        raise ProtocolError(f"pose reply with a number that is not finite: {' '.join(reply.fields)}")
+    x, y, z, *q = parse_numbers(reply)
     return Pose(x, y, z, (q[0], q[1], q[2], q[3]))
+
+
+def parse_numbers(reply: Reply) -> tuple[float, ...]:
+    """The numbers in a reply: of READ_JOINTS, six angles in degrees.
+
+    Raises:
+        ProtocolError: a field is not a number.
+    """
+    told = " ".join(reply.fields)
+    try:
+        values = tuple(float(field) for field in reply.fields)
+    except ValueError as error:
+        raise ProtocolError(f"reply to {reply.code} with a garbled number: {told}") from error
+    if not all(map(math.isfinite, values)):
+        raise ProtocolError(f"reply to {reply.code} with a number that is not finite: {told}")
+    return values

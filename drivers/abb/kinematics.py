@@ -4,11 +4,15 @@ Poses are (x, y, z, (w, x, y, z)), mm and unit quaternions; joints in degrees.
 """
 
 import math
+from collections.abc import Iterator
 
 from drivers.abb.codec import Pose, Quaternion
 
 BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET, FOREARM, WRIST_TO_FLANGE = 290.0, 270.0, 70.0, 302.0, 72.0
-LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), (-400, 400))
+LAST_AXIS_DEG = (-400.0, 400.0)
+LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
+IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)
+STEP_MM, STEP_RAD = 100.0, 1.0  # along a way, so short that no axis can be mistaken by a turn
 _REACH = math.hypot(FOREARM, ELBOW_OFFSET)  # elbow to wrist centre
 _LIFT = math.atan2(ELBOW_OFFSET, FOREARM)
 
@@ -104,31 +108,66 @@ def within_limits(joints_deg: Joints) -> bool:
 
 def inverse(flange: Pose) -> Joints | None:
     """Joints that bring the flange there, elbow up and facing the target; None if out of reach."""
+    return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
+
+
+def track(joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0) -> Iterator[Joints | None]:
+    """The joints along a straight way, turning the shortest way: whole turns of the wrist add up.
+
+    Args:
+        joints_deg: those at the start.
+        start: of the flange, in the base frame.
+        target: of the flange.
+        share: how much of the way.
+
+    Yields:
+        The joints, step by step, also where they leave their range; None and no more where the way leaves
+        the reach.
+    """
+    path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
+    steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
+    for number in range(1, steps + 1):
+        ways = [
+            _unwound(way, joints_deg) for way in _solutions(between(start, target, share * number / steps))
+        ]
+        if not ways:
+            yield None
+            return
+        joints_deg = min(ways, key=lambda way: math.dist(way, joints_deg))
+        yield joints_deg
+
+
+def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
+    """The same place by the joints nearest to those before, whole turns counted."""
+    return tuple(
+        joint + 360.0 * round((before - joint) / 360.0)
+        for joint, before in zip(joints_deg, before_deg, strict=True)
+    )
+
+
+def _solutions(flange: Pose) -> list[Joints]:
+    """Both ways of the wrist, elbow up and facing the target, whatever the ranges; none out of reach."""
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
     x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]
     radius, height = math.hypot(x, y), z - BASE_TO_SHOULDER
     distance = math.hypot(radius, height)
     if not abs(UPPER_ARM - _REACH) < distance < UPPER_ARM + _REACH:
-        return None
+        return []
     cosine = (UPPER_ARM**2 + distance**2 - _REACH**2) / (2.0 * UPPER_ARM * distance)
     elevation = math.atan2(height, radius) + math.acos(max(-1.0, min(1.0, cosine)))
     forearm = math.atan2(height - UPPER_ARM * math.sin(elevation), radius - UPPER_ARM * math.cos(elevation))
     j1, j2, pitch = math.atan2(y, x), math.pi / 2.0 - elevation, _LIFT - forearm
     wrist = multiply(conjugate(multiply(_about(2, j1), _about(1, pitch))), rotation)
     arm = (j1, j2, math.remainder(pitch - j2, 2.0 * math.pi))
-    for turn in _wrist_angles(wrist):
-        joints = tuple(math.degrees(angle) for angle in (*arm, *turn))
-        if within_limits(joints):
-            return joints
-    return None
+    return [tuple(math.degrees(angle) for angle in (*arm, *turn)) for turn in _wrist_angles(wrist)]
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
     """Both ways to write a rotation as X-Y-X turns, the one with less turn of axis 4 first."""
     along, side, up = (rotate(wrist, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     bend = math.acos(max(-1.0, min(1.0, along[0])))
-    if math.sin(bend) < 1e-9:  # axes 4 and 6 in line: leave 4 at zero
+    if math.sin(bend) < IN_LINE:  # axes 4 and 6 in line: leave 4 at zero
         return [(0.0, bend, math.atan2(side[2], side[1]))]
     j4, j6 = math.atan2(along[1], -along[2]), math.atan2(side[0], up[0])
     flipped = tuple(math.remainder(angle + math.pi, 2.0 * math.pi) for angle in (j4, j6))

@@ -9,9 +9,12 @@ from typing import NamedTuple
 
 from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose
-from drivers.abb.kinematics import compose, invert
+from drivers.abb.kinematics import LAST_AXIS_DEG, compose, invert
 
 STEP_MM = 50.0  # between the points at which a straight path is looked at
+SPARE_DEG = 10.0  # kept from both ends of the last axis's range
+# Where the base is not known, nor is axis 1, which turns the hand too: by less than this across a work area.
+SPARE_BLIND_DEG = 90.0
 
 Box = tuple[float, float, float, float, float, float]  # mm: x, y, z from, x, y, z to
 
@@ -24,6 +27,7 @@ class Setup(NamedTuple):
         work_object: the table's frame in the arm's world frame.
         base: the arm's base frame in its world frame; None: not known, the reach is then not checked.
         area: what the hand may not leave, in the work object frame; None: only the reach limits it.
+        wrist: least and greatest angle of the last axis, deg: the arm's own, or what the cables allow.
         read_only: send no setting and refuse every command; poses are then in the frames the server has.
     """
 
@@ -31,6 +35,7 @@ class Setup(NamedTuple):
     work_object: Pose = IDENTITY
     base: Pose | None = None
     area: Box | None = None
+    wrist: tuple[float, float] = LAST_AXIS_DEG
     read_only: bool = False
 
 
@@ -56,6 +61,45 @@ def obstacle(start: Pose, target: Pose, setup: Setup) -> str:
         if kinematics.inverse(compose(compose(to_base, tip), from_tool)) is None:
             return f"out of the arm's reach at {_told(tip[:3])} mm"
     return ""
+
+
+class Wrist(NamedTuple):
+    """How far round the wrist stood when the joints were last read.
+
+    The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
+    which looks down: but for axis 1, hand angle and last axis always add up to the same.
+
+    Attributes:
+        whole_rad: hand angle and last axis added up, the angle counted on over whole turns.
+        x_mm: where the hand was, work object frame.
+        y_mm: the same.
+    """
+
+    whole_rad: float
+    x_mm: float
+    y_mm: float
+
+    def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
+        """What angle and last axis add up to at another place, rad; as here where the base is not known."""
+        if setup.base is None:
+            return self.whole_rad
+        turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)
+        return self.whole_rad + math.remainder(turn, math.tau)
+
+    def turn_range(self, x_mm: float, y_mm: float, setup: Setup) -> tuple[float, float]:
+        """Least and greatest angle of the hand there at which the last axis keeps to its range, rad."""
+        spare = SPARE_DEG if setup.base is not None else SPARE_BLIND_DEG
+        whole = self.moved(x_mm, y_mm, setup)
+        low, high = setup.wrist
+        return whole - math.radians(high - spare), whole - math.radians(low + spare)
+
+
+def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
+    """Where axis 1 looks when the hand is there, rad; the tool lies on the last axis, which points down."""
+    assert setup.base is not None
+    place = Pose(x_mm, y_mm, 0.0, IDENTITY.rotation)
+    seen = compose(compose(invert(setup.base), setup.work_object), place)
+    return math.atan2(seen.y_mm, seen.x_mm)
 
 
 def _told(place: tuple[float, ...]) -> str:

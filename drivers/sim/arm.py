@@ -53,18 +53,33 @@ class Controller(Protocol):
 
 
 class Leg(NamedTuple):
-    """A motion of the flange in the base frame."""
+    """A motion of the flange in the base frame, and the joints at both its ends, whole turns counted."""
 
     start: Pose
     target: Pose
     start_s: float
     seconds: float
+    joints_deg: kinematics.Joints
+    ends_deg: kinematics.Joints
+
+    def share(self, now_s: float) -> float:
+        """How much of it is over."""
+        if now_s >= self.start_s + self.seconds:
+            return 1.0
+        return max(now_s - self.start_s, 0.0) / self.seconds
 
     def at(self, now_s: float) -> Pose:
         """Where the flange is."""
-        if now_s >= self.start_s + self.seconds:
-            return self.target
-        return kinematics.between(self.start, self.target, max(now_s - self.start_s, 0.0) / self.seconds)
+        share = self.share(now_s)
+        return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
+
+    def joints_at(self, now_s: float) -> kinematics.Joints:
+        """How the joints stand."""
+        share = self.share(now_s)
+        if share == 1.0:
+            return self.ends_deg
+        *_, joints = kinematics.track(self.joints_deg, self.start, self.target, share)
+        return joints or self.joints_deg
 
 
 class HaltError(Exception):
@@ -91,7 +106,8 @@ class ArmModel:
         self._external = (0.0,) * 6
         self._circle: Pose | None = None
         here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
-        self._legs = [Leg(here, here, 0.0, 0.0)]
+        joints = kinematics.inverse(here) or (0.0,) * 6
+        self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
 
     def pose_at(self, now_s: float) -> Pose:
         """Where the hand is, in the client's tool and work object."""
@@ -99,8 +115,8 @@ class ArmModel:
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
-        """The joints in degrees."""
-        return kinematics.inverse(self._flange_at(now_s)) or (0.0,) * 6
+        """The joints in degrees, as far round as the arm has really turned them."""
+        return self._leg(now_s).joints_at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
         """One received string; the model answers as if it had listened only now.
@@ -182,9 +198,12 @@ class ArmModel:
 
     # -- motion -----------------------------------------------------------------------------------
 
-    def _flange_at(self, now_s: float) -> Pose:
+    def _leg(self, now_s: float) -> Leg:
         index = bisect.bisect_right([leg.start_s for leg in self._legs], now_s) - 1
-        return self._legs[max(index, 0)].at(now_s)
+        return self._legs[max(index, 0)]
+
+    def _flange_at(self, now_s: float) -> Pose:
+        return self._leg(now_s).at(now_s)
 
     def _flange_target(self, tip: Pose) -> Pose:
         """Flange pose in the base frame that brings the tool to `tip` in the work object."""
@@ -192,12 +211,25 @@ class ArmModel:
         return compose(invert(self._base), world)
 
     def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
-        """Add a motion after what is under way; returns when it ends."""
-        if kinematics.inverse(target) is None:
-            raise HaltError("50050 position outside reach")
-        self._legs = [*self._legs[-8:], Leg(self._flange_at(now_s), target, now_s, seconds)]
+        """Add a straight motion after what is under way; returns when it ends.
+
+        Raises:
+            HaltError: the way leaves the reach, or takes a joint out of its range.
+        """
+        here, joints = self._flange_at(now_s), self.joints_at(now_s)
+        ends = joints
+        for step in kinematics.track(joints, here, target):
+            if step is None:
+                raise HaltError("50050 position outside reach")
+            if not kinematics.within_limits(step):
+                raise HaltError("50027 joint out of range")
+            ends = step
+        return self._go(Leg(here, target, now_s, seconds, joints, ends))
+
+    def _go(self, leg: Leg) -> float:
+        self._legs = [*self._legs[-8:], leg]
         self.moves += 1
-        return now_s + seconds
+        return leg.start_s + leg.seconds
 
     def _line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> tuple[float, float]:
         """One MoveL: when the next instruction may start, and when the motion is over."""
@@ -232,9 +264,9 @@ class ArmModel:
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
-        now = kinematics.inverse(self._flange_at(now_s)) or values
-        widest = max(abs(a - b) for a, b in zip(values, now, strict=True))
-        return "", self._drive(kinematics.forward(values), widest / JOINT_SPEED_DEG_S, now_s)
+        here, now = self._flange_at(now_s), self.joints_at(now_s)
+        seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
+        return "", self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 
     def _move_external(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
         self._external = (values[0], values[1], values[2], values[3], values[4], values[5])

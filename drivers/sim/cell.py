@@ -16,7 +16,7 @@ from drivers.sim.rtu import PtyPort, RtuSlave
 from drivers.sim.scene import Setting
 from drivers.sim.tabletop import Look
 from drivers.sim.timing import SimulatedTime
-from drivers.sim.workcell import Workcell
+from drivers.sim.workcell import ARM_BASE, Workcell
 
 
 class Photographer(Protocol):
@@ -79,9 +79,10 @@ class Cell:
     @property
     def endpoints(self) -> dict[str, str]:
         """Where its devices are, as `drivers.connect` takes them."""
+        base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         found = {
             "gripper": self._pty.path,
-            "arm": self._arm_server.url,
+            "arm": f"{self._arm_server.url}?base={base}",
             "scene": self._scene_server.url,
             "world": self.world,
             "arm_logger": self._logger.url,

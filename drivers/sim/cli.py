@@ -18,7 +18,7 @@ from runtime.shell.command import Parser, one_line, positive, run, tell
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
-  {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001", "scene": "tcp://127.0.0.1:40002", "world": ...}
+  {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001?base=-300,0,0", "scene": ...}
 
 The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP and as
 Modbus TCP (unit 2, registers from 0): use one of the three. The arm is an open_abb server, the scene a line

@@ -15,6 +15,7 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.sim.arm import Answer, ArmModel
 from drivers.sim.arm_server import ArmServer
+from runtime.ports import TURN_RADIUS_MM
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -131,17 +132,20 @@ def test_a_move_ends_where_it_was_sent(any_arm):
     rng = random.Random(1)
     with any_arm.open() as arm:
         for _ in range(10):
-            x, y, z, a = (
-                rng.uniform(-100, 100),
-                rng.uniform(-100, 100),
-                rng.uniform(5, 80),
-                rng.uniform(-7, 7),
-            )
+            x, y, z = rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(5, 80)
+            low, high = arm.turn_range(x, y)
+            a = rng.uniform(max(low, -7.0), min(high, 7.0))
             arm.move_linear(x, y, z, a, 500.0)
             assert any_arm.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
             seen = arm.pose()
             assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
             assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
+
+
+def test_nothing_is_known_against_a_short_way_in_the_middle(any_arm):
+    with any_arm.open(base=BASE) as arm:
+        assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
+    assert any_arm.moves == 0
 
 
 def test_a_move_is_over_when_the_call_returns(any_arm):
@@ -187,6 +191,10 @@ def test_after_a_silence_everything_is_refused(any_arm):
     assert any_arm.moves == 0
 
 
+def test_runtime_and_drivers_agree_how_fast_a_hand_is_turned():
+    assert ports.TURN_RADIUS_MM == TURN_RADIUS_MM
+
+
 # -- the open_abb driver --------------------------------------------------------------------------
 
 
@@ -214,6 +222,61 @@ def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
             with pytest.raises(ArmError, match="state unknown since"):
                 call()
     assert rig.model.moves == 0
+
+
+def test_whole_turns_are_counted_from_the_joints(rig):
+    with rig.open(base=BASE) as arm:
+        began = rig.model.joints_at(1e9)[5]
+        arm.move_linear(0.0, 0.0, 60.0, 2.0 * math.pi, 500.0)
+        assert rig.moves == 3  # none so large that the controller could turn the other way
+        assert rig.model.joints_at(1e9)[5] == pytest.approx(began - 360.0)
+        assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
+        low, high = arm.turn_range(0.0, 0.0)
+        assert (math.degrees(low), math.degrees(high)) == pytest.approx((-210.0, 570.0), abs=0.1)
+    with rig.open(base=BASE) as arm:  # another client counts the same
+        assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
+        assert arm.turn_range(0.0, 0.0) == pytest.approx((low, high), abs=0.003)
+
+
+@pytest.mark.parametrize("angle_deg", [-215.0, 575.0, 900.0])
+def test_what_would_wind_the_wrist_up_is_never_sent(rig, angle_deg):
+    with rig.open(base=BASE) as arm:
+        with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):
+            arm.move_linear(0.0, 0.0, 50.0, math.radians(angle_deg), 500.0)
+        assert (rig.moves, rig.model.halted) == (0, "")
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 500.0)
+
+
+def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig):
+    with contextlib.closing(connect.arm(rig.url + "?base=-300,0,0&wrist=-90,90", time_scale=SCALE)) as arm:
+        low, high = arm.turn_range(0.0, 0.0)  # axis 6 stands at 180 deg
+        assert (math.degrees(low), math.degrees(high)) == pytest.approx((100.0, 260.0), abs=0.1)
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 500.0)
+        with pytest.raises(ArmError, match="not moved"):
+            arm.move_linear(0.0, 0.0, 60.0, -0.1, 500.0)
+        arm.move_linear(0.0, 0.0, 60.0, 1.0, 500.0)
+
+
+def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
+    with rig.open(base=BASE) as arm:
+        arm.move_linear(0.0, 0.0, 60.0, 0.5, 500.0)
+        *others, wrist = rig.model.joints_at(rig.now())
+        told = " ".join(f"{joint:.4f}" for joint in (*others, wrist - 360.0))
+        rig.model.execute(f"2 {told} #", rig.now())
+        time.sleep(2.0 / SCALE)
+        with pytest.raises(ArmError, match="whole turns off") as raised:
+            arm.turn_range(0.0, 0.0)
+        assert raised.value.exit_code == 22
+
+
+def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
+    model = ArmModel(BASE)
+    number, answer = 0, Answer("", 0.0)
+    while not model.halted:
+        number += 1
+        w, x = math.cos(math.radians(50.0 * number)), math.sin(math.radians(50.0 * number))
+        answer = model.execute(f"1 0 0 60 0 {w:.6f} {x:.6f} 0 #", 100.0 * number)
+    assert (answer.text, model.halted) == (None, "50027 joint out of range")
 
 
 def test_a_vanished_clients_move_does_not_confuse_the_next(rig):

@@ -12,7 +12,8 @@ from drivers.errors import ReadOnlyError
 from runtime.cli import doctor, main
 from runtime.table import dump
 
-PING, READ_POSE, CLOSE = 0, 3, 99
+PING, READ_POSE, READ_JOINTS, CLOSE = 0, 3, 4, 99
+QUESTIONS = {PING, READ_POSE, READ_JOINTS, CLOSE}
 
 
 @pytest.fixture
@@ -31,7 +32,7 @@ def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(
         assert set(gripper.functions) <= READS
         # Every byte that left belongs to one of those frames, which have 8 each.
         assert len(gripper.heard) == 8 * len(gripper.functions)
-        assert set(arm.codes) <= {PING, READ_POSE, CLOSE}
+        assert set(arm.codes) <= QUESTIONS
     told = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("node ") for line in told) == len(small_table().nodes)
     assert "nothing was written" in told[-1]
@@ -43,7 +44,7 @@ def test_the_taps_would_see_a_write(tree: Path) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
         assert main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url]) in (20, 21, 22)
         assert set(gripper.functions) & WRITES
-        assert set(arm.codes) - {PING, READ_POSE, CLOSE}
+        assert set(arm.codes) - QUESTIONS
 
 
 def test_the_transport_itself_refuses(tree: Path) -> None:
@@ -61,7 +62,7 @@ def test_the_transport_itself_refuses(tree: Path) -> None:
         gripper.close()
         arm.close()
         assert set(tapped.functions) <= READS
-        assert set(answering.codes) <= {PING, READ_POSE, CLOSE}
+        assert set(answering.codes) <= QUESTIONS
 
 
 def test_check_reads_the_gripper_and_touches_no_arm(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -95,7 +96,7 @@ def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(
     with TappedGripper() as gripper, TappedArm() as arm:
         assert doctor(["--port", gripper.path, "--arm", arm.url, "--tree", str(tree)]) == 0
         assert set(gripper.functions) <= READS
-        assert set(arm.codes) <= {PING, READ_POSE, CLOSE}
+        assert set(arm.codes) <= QUESTIONS
     out = capsys.readouterr().out
     assert "BAD" not in out
     for told in (

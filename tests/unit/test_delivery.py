@@ -1,6 +1,6 @@
 """Where a part goes: read from text, file or job, or refused with the key that is wrong."""
 
-from math import inf, pi
+from math import inf, nan, pi
 from pathlib import Path
 
 import pytest
@@ -52,10 +52,14 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
         ({"drop_mm": [1, 2], "width_mm": [3]}, "width_mm takes one number"),
         ({"drop_mm": [1, "2"]}, "holds '2', which is no number"),
         ({"drop_mm": [1, True]}, "which is no number"),
-        ({"drop_mm": [1, inf]}, "which is no number"),
+        ({"drop_mm": [1, nan]}, "which is no number"),
+        ({"drop_mm": [1, inf]}, "beyond 10000"),
+        ({"drop_mm": [1, 10**400]}, "beyond 10000"),
+        ({"drop_mm": [1, 2], "area_mm": [5, 0, 5, 9]}, "min below its max"),
+        (3, "no section"),
     ],
 )
-def test_what_is_wrong_is_named(keys: dict, told: str) -> None:
+def test_what_is_wrong_is_named(keys: object, told: str) -> None:
     with pytest.raises(UsageError, match=told):
         from_keys(keys, "delivery")
 
@@ -70,5 +74,10 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"none\.toml"):
         from_file(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("drop_mm = [")
-    with pytest.raises(UsageError, match=r"bad\.toml"):
-        from_file(tmp_path / "bad.toml")
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
+    (tmp_path / "other.toml").write_text("delivery = 3")
+    (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
+    for name in ("bad", "deep", "other", "binary"):
+        with pytest.raises(UsageError, match=rf"{name}\.toml") as refused:
+            from_file(tmp_path / f"{name}.toml")
+        assert "\n" not in str(refused.value)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from planner import errors, fields, job, schema
+from runtime import delivery
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")
@@ -217,3 +218,57 @@ def test_openings_to_choose_from_need_fingers_that_close_alike():
     assert job.parse(text).actions.openings_mm == (60.0, 85.0)
     with pytest.raises(errors.ValueRangeError, match="which finger touches first"):
         job.parse(text.replace("[gripper]", "[gripper]\nupper_finger_share = 0.4"))
+
+
+WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
+DELIVERY = """
+[delivery]
+drop_mm = [50, 0]
+drop_angle_deg = 180
+"""
+
+
+def test_a_job_without_a_delivery_says_nothing_of_one():
+    made = job.parse(TEXT)
+    assert made.delivery is None
+    assert "delivery" not in json.loads(made.canonical())
+
+
+def test_the_runtime_reads_the_delivery_that_a_job_states():
+    made = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
+    assert job.from_canonical(made.canonical()) == made
+    stated = tomllib.loads(DELIVERY)["delivery"]
+    assert delivery.from_job(made.canonical()) == delivery.from_keys(stated | WIDTH_AND_AREA, "here")
+    assert delivery.from_job(job.parse(TEXT + DELIVERY).canonical()) == delivery.from_text("50,0,180")
+
+
+def test_job_and_runtime_know_the_same_keys_of_a_delivery():
+    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS}
+    for key, count in delivery.KEYS.items():
+        field = schema.FIELDS["delivery"][key]
+        assert (field.least if isinstance(field, fields.Numbers) else 0) == count
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[delivery]\ndrop_angle_deg = 3", "missing key drop_mm"),
+        ("[delivery]\ndrop_mm = [1, 2, 3]", "must have 2 entries"),
+        ("[delivery]\ndrop_mm = [50, 0]\ndrop = 3", "unknown key"),
+        ("[delivery]\ndrop_mm = [500, 0]", "brings the hand to .500, 0., outside work_area_mm of .cell."),
+        ("[delivery]\ndrop_mm = [50, 0]\narea_mm = [9, 9, 0, 0]", "min below max"),
+        ("[delivery]\ndrop_mm = [50, 0]\nwidth_mm = 90", "not below opening_mm"),
+        ("delivery = 3", "must be a section"),
+    ],
+)
+def test_a_delivery_that_cannot_be_is_refused(text, told):
+    with pytest.raises(errors.JobError, match=told) as raised:
+        job.parse(f"{text}\n{TEXT}" if text.startswith("delivery =") else f"{TEXT}\n{text}\n", "my.toml")
+    assert "\n" not in str(raised.value)
+
+
+def test_a_part_may_be_put_down_in_any_turn_that_looks_the_same():
+    text = "[delivery]\ndrop_mm = [140, 0]\ngrasp_mm = [12, 0]\n"
+    assert job.parse(TEXT + text).delivery is not None  # turned by half, the hand stays inside
+    with pytest.raises(errors.ValueRangeError, match="outside"):
+        job.parse(TEXT.replace('symmetry = "auto"', "symmetry = 1") + text)

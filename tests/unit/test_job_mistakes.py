@@ -46,7 +46,7 @@ REQUIRED = [
     (section, key)
     for section, keys in schema.FIELDS.items()
     for key, field in keys.items()
-    if field.default is fields.REQUIRED
+    if field.default is fields.REQUIRED and section not in schema.ABSENT_SECTIONS
 ]
 
 

@@ -1,15 +1,17 @@
 """What the executor does at a leaf: it asks the auditor, takes the part and puts it down."""
 
 from dataclasses import replace
+from math import degrees, inf, radians
 
 import pytest
-from fake_cell import fake_cell
-from sample_tables import small_table
+from fake_cell import FakeCell, fake_cell
+from sample_tables import small_table, with_job
 from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
 from runtime.delivery import Delivery, from_text
 from runtime.executor import Executor, Plan
 from runtime.results import Outcome
+from runtime.table import Table
 
 # -- audit ----------------------------------------------------------------------------------------
 
@@ -97,15 +99,87 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
 
     made.arm.move_linear = slip
     result = run(made, Plan(delivery=DELIVERY))
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, None)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
     assert "slipped out" in str(result.reason)
+    begun = next(fields for kind, fields in made.journal.kept if kind == "delivery")
+    assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
 
 
 def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
     far = from_text("100,0,0")
     made = fake_cell([AT_21, AT_21])
     result = run(made, Plan(delivery=far))
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "outside the work area" in str(result.reason)
+    assert not made.gripper.gripping
     made = fake_cell([AT_21, AT_21])
     delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
     assert run(made, Plan(delivery=delivery)).delivery == "done"
+
+
+def taken_and_put(made: FakeCell, text: str, table: Table) -> tuple[float, float]:
+    """The hand's angles, deg, where it took the part and where it put it down."""
+    assert run(made, Plan(delivery=from_text(text)), table).delivery == "done"
+    angles = [round(degrees(call.arguments[3]), 3) for call in made.log.named("move_linear")]
+    return angles[-5], angles[-1]
+
+
+def table_of(symmetry: int, share: float | None) -> Table:
+    job = "{}" if share is None else f'{{"gripper": {{"upper_finger_share": {share}}}}}'
+    table = with_job(small_table(), job)
+    return replace(table, goal=replace(table.goal, symmetry=symmetry))
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "share", "angles"),
+    [
+        (1, None, (0, 170)),
+        (2, None, (0, -10)),
+        (4, None, (0, -10)),
+        (1, 0.5, (0, 170)),  # taken with the hand half a turn round, it would turn as far
+        (1, 0.4, (0, 170)),
+    ],
+)
+def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, angles) -> None:
+    assert taken_and_put(fake_cell([AT_21, AT_21]), "40,-20,170", table_of(symmetry, share)) == angles
+
+
+def test_a_wrist_that_cannot_turn_on_is_turned_back() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-200), radians(100))
+    assert taken_and_put(made, "40,-20,170", table_of(1, 0.3)) == (0, -190)
+
+
+def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-185), radians(100))
+    assert taken_and_put(made, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-185), radians(100))
+    assert run(made, Plan(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery == "missed"
+
+
+def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-10), radians(10))
+    result = run(made, Plan(delivery=from_text("40,-20,90")), table_of(1, 0.5))
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "wrist" in str(result.reason)
+    assert not made.gripper.gripping
+
+
+def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
+    result = run(made, Plan(delivery=DELIVERY))
+    assert (result.outcome, result.delivery) == (Outcome.LEAF, "missed")
+    assert "carrying it away: the way is out of reach" in str(result.reason)
+    assert not made.gripper.gripping
+
+
+@pytest.mark.parametrize(("most", "angle"), [(inf, 360), (6.2, 0)])
+def test_squeezes_turn_the_nearest_way_within_the_range(most, angle) -> None:
+    made = fake_cell([AT_21])
+    made.arm.at, made.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
+    run(made, Plan())
+    assert round(degrees(made.arm.at[3])) == angle

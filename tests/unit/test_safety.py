@@ -26,8 +26,8 @@ def but(**changed: float) -> tuple[float, float, float, float]:
     "pose",
     [
         INSIDE,
-        but(x=X_MIN, y=Y_MIN, z=LOW, a=-math.tau),
-        but(x=X_MAX, y=Y_MAX, z=HIGH, a=math.tau),
+        but(x=X_MIN, y=Y_MIN, z=LOW, a=-3 * math.tau),
+        but(x=X_MAX, y=Y_MAX, z=HIGH, a=3 * math.tau),
     ],
 )
 def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, float]) -> None:
@@ -43,8 +43,8 @@ def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, floa
         (but(y=Y_MIN - 0.01), "outside the work area"),
         (but(z=LOW - 0.01), "height"),
         (but(z=HIGH + 0.01), "height"),
-        (but(a=math.tau + 0.01), "whole turn"),
-        (but(a=-math.tau - 0.01), "whole turn"),
+        (but(a=3 * math.tau + 0.01), "whole turns"),
+        (but(a=-3 * math.tau - 0.01), "whole turns"),
         *((but(**{name: bad}), "no place") for name in "xyza" for bad in (math.nan, math.inf)),
     ],
 )

@@ -191,7 +191,7 @@ def test_an_unplugged_port_may_be_plugged_in_again_but_a_forbidden_one_not():
 
 
 def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():
-    hands = Hands(Fault("arm_disconnect", 1, at=3))
+    hands = Hands(Fault("arm_disconnect", 1, at=4))
     hands.go(0.0, 0.0, 80.0)
     with pytest.raises(ArmError, match="connection broke"):
         hands.go(50.0, 0.0, 80.0)

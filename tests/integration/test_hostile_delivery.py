@@ -1,0 +1,174 @@
+"""Deliveries that would harm: a wrist wound up, a place out of reach, a part found and its pose lost.
+
+The wrist is that of the simulated arm, which keeps its joints as far round as it turns them and halts without
+a word where an axis leaves its range, as a real controller does.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table, with_job
+from soaking import small_setting, soak_run
+from tapped_devices import TappedArm, TappedGripper
+
+from drivers.abb.kinematics import LAST_AXIS_DEG
+from drivers.sim.faults import Fault, Listed
+from drivers.sim.virtual import VirtualCell
+from runtime.cli import main
+from runtime.delivery import from_text
+from runtime.executor import Plan
+from runtime.hand import Handling
+from runtime.journal import records
+from runtime.results import Outcome
+from runtime.table import Table, dump
+
+ROOT = Path(__file__).parents[2]
+Record = Callable[[str, object], None]
+
+# With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
+WINDING = Plan(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
+WIDE = """
+drop_mm = [{x}, 0.0]
+area_mm = [-1000, -1000, 1000, 1000]
+"""
+
+
+def marked_table() -> Table:
+    """The small table of a part that no turn looks like."""
+    table = small_table()
+    return replace(table, goal=replace(table.goal, symmetry=1))
+
+
+def soaked(parts: int, faults: Listed | None = None) -> object:
+    soak = soak_run.Soak(small_setting(), marked_table(), faults is not None, parts, (WINDING,))
+    return soak_run.run(soak, 5, faults)
+
+
+def simulated(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """The command as a process, with the simulated cell's bytes behind it."""
+    command = [
+        sys.executable,
+        "-m",
+        "runtime.cli",
+        "--tree",
+        str(tree),
+        "--journal",
+        str(tree.with_name("j")),
+    ]
+    command += ["--port", "sim", "--world", "runtime.rehearsal:make", "--time-scale", "50", *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    dump(marked_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record) -> None:
+    told = soaked(200)
+    assert (told.findings, told.halts) == ([], 0)
+    assert told.delivered == told.outcomes["leaf"] > 150
+    low, high = told.wrist_deg
+    assert LAST_AXIS_DEG[0] < low < high < LAST_AXIS_DEG[1]
+    record_property("exit_code", 0)
+    turned = f"{low:.0f}..{high:.0f} deg"
+    record_property("ends", f"{told.delivered} parts put down, wrist at {turned}, no halt")
+
+
+def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
+    monkeypatch.setattr("drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000)))
+    monkeypatch.setattr("runtime.geometry.MOST_TURNS", 9)
+    monkeypatch.setattr("runtime.safety.MOST_TURNS", 9)
+    told = soaked(60)
+    assert (told.halts, told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)
+
+
+@pytest.mark.parametrize("mode", [(), ("--json",)])
+def test_a_drop_off_outside_the_area_is_refused_before_anything_moves(
+    tree: Path, mode: tuple[str, ...], record_property: Record
+) -> None:
+    done = simulated(tree, "--deliver", "100,0,0", *mode)
+    assert (done.returncode, done.stderr.count("\n")) == (22, 1 + len(mode))
+    assert "delivery from leaf 0: putting it down: (100.00, 0.00) mm is outside" in done.stderr
+    assert not tree.with_name("j").exists()
+    record_property("exit_code", done.returncode)
+    record_property("ends", "nothing connected, nothing moved, no journal")
+
+
+def test_a_drop_off_out_of_the_arms_reach_is_refused_before_anything_moves(
+    tree: Path, record_property: Record
+) -> None:
+    far = tree.with_name("far.toml")
+    far.write_text(WIDE.format(x=700))
+    done = simulated(tree, "--deliver", str(far))
+    assert (done.returncode, done.stderr.count("\n")) == (22, 1)
+    assert "out of the arm's reach" in done.stderr
+    assert not tree.with_name("j").exists()
+    record_property("exit_code", done.returncode)
+    record_property("ends", "connected, nothing moved, no journal")
+
+
+def test_check_and_dry_run_tell_it_too(
+    tree: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, record_property: Record
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
+    far = tree.with_name("far.toml")
+    far.write_text(WIDE.format(x=700))
+
+    def told(*words: str) -> tuple[int, str]:
+        code = main(["--tree", str(tree), *words])
+        seen = capsys.readouterr()
+        return code, seen.err if code else seen.out
+
+    assert told("--check", "--deliver", "100,0,0")[0] == 22
+    code, words = told("--check", "--deliver", "50,0,180")
+    assert (code, "can be delivered" in words) == (0, True)
+    with TappedGripper() as gripper, TappedArm() as arm:
+        dry = ("--dry-run", "--port", gripper.path, "--arm", f"{arm.url}?base=-300,0,0")
+        code, words = told(*dry, "--deliver", str(far))
+        assert (code, words.count("\n"), "out of the arm's reach" in words) == (22, 1, True)
+        code, words = told(*dry, "--deliver", "50,0,180")
+        assert (code, "delivery: the part from every leaf" in words) == (0, True)
+        code, words = told(*dry[:-1], f"{dry[-1]}&wrist=170,190", "--deliver", "50,0,180")
+        assert (code, words.count("\n"), "wrist" in words) == (22, 1, True)
+        assert set(arm.codes) <= {0, 3, 4, 99}
+    record_property("exit_code", 22)
+    record_property("ends", "nothing but questions sent")
+
+
+def test_a_part_that_slips_does_not_take_its_pose_along(record_property: Record) -> None:
+    told = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
+    assert (told.findings, told.last.outcome, told.last.exit_code) == ([], Outcome.FAULT, 21)
+    assert told.last.leaf == ~told.last.steps[-1].target
+    record_property("exit_code", told.last.exit_code)
+    record_property("ends", "declared safe state, the leaf's pose in the answer and in the journal")
+
+
+def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Path) -> None:
+    job = {"delivery": {"drop_mm": [40.0, -20.0], "drop_angle_deg": 90.0}}
+    dump(with_job(small_table(), json.dumps(job)), tree)
+    done = simulated(tree, "--seed", "1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "delivery: done" in done.stdout
+    kinds = [entry["kind"] for entry in records(tree.with_name("j"))]
+    begun = next(entry for entry in records(tree.with_name("j")) if entry["kind"] == "delivery")
+    assert kinds.index("delivery") < kinds.index("outcome")
+    assert {"leaf", "x_um", "y_um", "theta_urad"} <= begun.keys()
+
+
+def test_a_slow_arm_turns_slowly() -> None:
+    """No point within 160 mm of the hand's axis is faster than the arm was told to be."""
+    cell = VirtualCell(small_setting(), 1)
+    arm = cell.arm()
+    arm.move_linear(0.0, 0.0, 80.0, 0.0, 20.0)
+    began = cell.clock.now()
+    arm.move_linear(0.0, 0.0, 80.0, radians(90.0), 20.0)
+    assert cell.clock.now() - began >= radians(90.0) * 160.0 / 20.0
