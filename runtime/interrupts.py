@@ -29,8 +29,7 @@ class _Request:
         over: whether it was raised, or can change nothing any more.
     """
 
-    def __init__(self) -> None:
-        self.asked = self.open = self.over = False
+    asked = open = over = False
 
     def deliver(self) -> None:
         """Raise it if it may."""
@@ -86,7 +85,7 @@ class StopRequests:
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
-        _request.__init__()  # type: ignore[misc]
+        _request.asked = _request.open = _request.over = False
         for number in SIGNALS:
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 self._before[number] = signal.signal(number, self._hear)
