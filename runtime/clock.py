@@ -7,6 +7,16 @@ from datetime import UTC, datetime
 LINK_MARGIN_S = 30.0
 
 
+def date(text: str) -> datetime:
+    """A date with or without a time, ISO 8601; UTC where it names no zone.
+
+    Raises:
+        ValueError: it is none.
+    """
+    told = datetime.fromisoformat(text)
+    return told if told.tzinfo else told.replace(tzinfo=UTC)
+
+
 @dataclass(frozen=True, slots=True)
 class SystemClock:
     """The machine's monotonic clock, for a cell that lives `time_scale` seconds in one of ours.
