@@ -7,14 +7,23 @@ from datetime import UTC, datetime
 LINK_MARGIN_S = 30.0
 
 
+def date(text: str) -> datetime:
+    """A date with or without a time, ISO 8601; UTC where it names no zone.
+
+    Raises:
+        ValueError: it is none.
+    """
+    told = datetime.fromisoformat(text)
+    return told if told.tzinfo else told.replace(tzinfo=UTC)
+
+
 def age_s(stamp: str, now: str) -> float:
-    """Seconds from one moment to another, each as `Clock.stamp` tells it.
+    """Seconds from one moment to another, each as `date` reads it.
 
     Raises:
         ValueError: one of them is no such text.
-        TypeError: only one of them has a time zone.
     """
-    return (datetime.fromisoformat(now) - datetime.fromisoformat(stamp)).total_seconds()
+    return (date(now) - date(stamp)).total_seconds()
 
 
 @dataclass(frozen=True, slots=True)

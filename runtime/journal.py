@@ -18,12 +18,12 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
+from runtime.clock import date
 from runtime.errors import JournalError, TornError
 from runtime.shell import strict_json
 from runtime.shell.files import oddity
@@ -286,7 +286,7 @@ def _is_word(value: object) -> bool:
 
 def _is_date(value: object) -> bool:
     try:
-        return isinstance(value, str) and bool(datetime.fromisoformat(value))
+        return isinstance(value, str) and bool(date(value))
     except ValueError:
         return False
 

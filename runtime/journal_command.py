@@ -3,13 +3,12 @@
 import argparse
 import json
 import sys
-from argparse import ArgumentTypeError
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 
 from runtime import export
+from runtime.clock import date
 from runtime.errors import JournalError, UsageError
 from runtime.journal import records, verify
 from runtime.replay import Entry, Replay
@@ -54,7 +53,7 @@ def parser() -> Parser:
         "--outcome", choices=[outcome.value for outcome in Outcome], help="only parts that ended so"
     )
     shown.add_argument(
-        "--since", type=_date, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+        "--since", type=_since, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
@@ -166,16 +165,15 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
         return False
     if arguments.node is not None and entry.get("node") != arguments.node:
         return False
-    return arguments.since is None or _date(str(entry["time"])) >= arguments.since
+    return arguments.since is None or date(str(entry["time"])) >= arguments.since
 
 
-def _date(text: str) -> datetime:
-    """A date with or without a time, ISO 8601; UTC where it names no zone."""
+def _since(text: str) -> object:
+    """A date, for argparse."""
     try:
-        told = datetime.fromisoformat(text)
+        return date(text)
     except ValueError:
-        raise ArgumentTypeError(f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00") from None
-    return told if told.tzinfo else told.replace(tzinfo=UTC)
+        raise argparse.ArgumentTypeError(f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00") from None
 
 
 def _line(entry: Entry) -> str:

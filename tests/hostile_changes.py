@@ -13,6 +13,7 @@ ODD = (
     "true", "null", '""', "[]", "{}", "[" * 2000, "{" * 2000, "1979-05-27", "'", '"', "\\", "\x00", "\x1b[2J",
     "\u202e",     "../../etc/passwd", "%s%n", "=1+1", "<!ENTITY a 'a'>", "&a;", "É", "",
 )  # fmt: skip
+MILD = (b"0", b"-1", b"1", b"2", b"0.001", b"-0.5", b"1e3", b"1e6", b"1e9", b"90", b"360")
 STRANGE = (
     None, True, -1, 0, 2**31, 2**63, 10**18, 1.5, -0.0, 1e308, "", "zzz", "\x00", "\ud800", [], {}, [[]],
     {"a": 1}, [0] * 300, "x" * 5000, "2026-01-01", "header", "end", float("nan"), float("inf"),
@@ -20,20 +21,24 @@ STRANGE = (
 
 
 def text(data: bytes, random: Random) -> bytes:
-    """Damage text: numbers and words become odd ones, lines go, come twice or change places."""
+    """Damage text: numbers and words become others, lines go, come twice or change places."""
     for _ in range(random.choice((1, 1, 2, 4))):
-        action = random.randrange(8)
-        if action < 4:
-            found = [*re.finditer(rb"-?\d[\d.eE+-]*|\"[^\"\n]*\"|\b[A-Za-z_]+\b", data)]
+        action = random.randrange(10)
+        if action < 6:
+            numbers = [*re.finditer(rb"-?\d[\d.eE+-]*", data)]
+            words = [*re.finditer(rb"\"[^\"\n]*\"|\b[A-Za-z_]+\b", data)]
+            if action < 3:  # still what its grammar wants
+                found, put = numbers, random.choice((*MILD, *(hit[0] for hit in numbers[:40])))
+            else:
+                found, put = numbers + words, random.choice(ODD).encode()
             if found:
                 hit = random.choice(found)
-                odd = random.choice(ODD).encode("utf-8")
-                data = data[: hit.start()] + odd + data[hit.end() :]
-        elif action < 6:
+                data = data[: hit.start()] + put + data[hit.end() :]
+        elif action < 8:
             lines = data.splitlines(keepends=True) or [b""]
             at, to = random.randrange(len(lines)), random.randrange(len(lines))
             line = lines.pop(at)
-            if action == 5:
+            if action == 7:
                 lines[to:to] = [line] * random.choice((1, 2, 500))
             data = b"".join(lines)
         else:

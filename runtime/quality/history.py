@@ -76,10 +76,12 @@ class _Running:
     squeezes: list[Squeezed] = field(default_factory=list)
     audit: Entry = field(default_factory=dict)
 
-    def ended(self, entry: Entry) -> Part:
+    def ended(self, entry: Entry, table: Table) -> Part:
         residual = tuple(_number(self.audit.get(name)) for name in RESIDUAL)
         measured = None if None in residual else residual
         verdict, leaf = self.audit.get("verdict", entry.get("audit")), entry.get("leaf")
+        if isinstance(leaf, int) and not 0 <= leaf < len(table.leaves):
+            raise IndexError(leaf)
         return Part(
             self.number,
             tuple(self.squeezes),
@@ -115,7 +117,7 @@ def read(paths: Sequence[Path]) -> History:
                 parts.extend(_parts(found, table))
             except (KeyError, ValueError, IndexError) as error:
                 raise JournalError(
-                    path, "holds a squeeze that is none of its table's; leave it out"
+                    path, "holds a squeeze or a leaf that is none of its table's; leave it out"
                 ) from error
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")
@@ -156,12 +158,14 @@ def _parts(run: Iterable[Entry], table: Table) -> Iterable[Part]:
         elif kind == "audit":
             part.audit = entry
         elif kind == "outcome":
-            yield part.ended(entry)
+            yield part.ended(entry, table)
             part = None
 
 
 def _squeezed(entry: Entry, table: Table) -> Squeezed:
     node, target = _whole(entry["node"]), entry.get("target")
+    if node < 0:
+        raise IndexError(node)
     targets = [branch.target for branch in table.nodes[node].branches]
     branch = targets.index(target) if isinstance(target, int) and target in targets else None
     return Squeezed(node, branch, _whole(entry["width_um"]))

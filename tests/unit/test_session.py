@@ -220,4 +220,6 @@ def test_usage_is_2(tree: Path, wrong: list[str], capfd: pytest.CaptureFixture[s
     with pytest.raises(SystemExit) as left:
         main(["--tree", str(tree), *port, *wrong])
     assert left.value.code == 2
-    assert "usage: grasp-runtime" in capfd.readouterr().err
+    err = capfd.readouterr().err
+    assert err.startswith(f"grasp-runtime: argument {wrong[0]}: ")
+    assert err.count("\n") == 1
