@@ -140,8 +140,8 @@ class Arm(Protocol):
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         """Move in a straight line and return when it stands there.
 
-        The angle is taken as it is counted, not the shortest way: one that differs by a whole turn from where
-        the hand stands turns it once round. A turn counts as the way of a point
+        The angle is taken as it is counted, not the shortest way; half a turn or more, whose way an arm may
+        not be able to choose, is asked for in several motions. A turn counts as the way of a point
         `TURN_RADIUS_MM` off the hand's axis.
 
         Raises:

@@ -7,7 +7,7 @@ last motion left it. Between two squeezes the hand retreats straight up, travels
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import degrees, remainder, tau
+from math import ceil, degrees, remainder, tau
 
 from runtime import safety, strokes
 from runtime.decision import ARRIVED, CLOSING_CONTACT
@@ -25,6 +25,7 @@ LEVEL_MM = 0.05
 CLEAR_MM = 5.0
 # How long a motion begun before a crash may still take (full stroke at the slowest speed, and some).
 STILL_S = 8.0
+MOST_TURN_RAD = 2.5
 LOOK_S = 0.05
 
 
@@ -256,7 +257,15 @@ class Hand:
         self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
 
     def _go_as_counted(self, target: Pose) -> None:
+        """Go straight to a place, in several motions where the hand turns by about half a turn or more."""
         safety.check_target(target, self.limits)
+        motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
+        if motions > 1:
+            start = self.where()
+            for number in range(1, motions):
+                x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
+                safety.ready_gripper(self.gripper)
+                self._move_arm((x, y, z, angle))
         safety.ready_gripper(self.gripper)
         self._move_arm(target)
 
@@ -271,7 +280,7 @@ class Hand:
         return turns
 
     def _move_arm(self, target: Pose) -> None:
-        self.arm_known = False  # until the motion is acknowledged; an interrupt leaves it so
+        self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
         self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
         safety.check_placed(self.arm, target)
         self.arm_known, self._angle_rad = True, target[3]

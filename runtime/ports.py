@@ -107,7 +107,7 @@ class Arm(Protocol):
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         """Move in a straight line and return once it stands there; raises if that is not known.
 
-        The angle is taken as counted: one that differs by a whole turn turns the hand once round.
+        The angle is taken as counted, not the shortest way; half a turn or more is gone in several motions.
         """
 
     def close(self) -> None:

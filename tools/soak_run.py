@@ -27,7 +27,7 @@ from runtime.results import Outcome, PartResult, Step
 from runtime.session import sight
 from runtime.table import PPM, Table, dumps
 
-FRESH_S = 1.0  # a reading older than this says nothing about now
+FRESH_S = 0.5  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service

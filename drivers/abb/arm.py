@@ -23,7 +23,7 @@ ANSWER_S = 2.0  # commands that do not move
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
 LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
-MOST_TURN_RAD = 2.5  # of one motion: the controller turns the shortest way, which is ours below half a turn
+MOST_TURN_RAD = 3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
 CONNECT_TRIES = 3
 NOTHING_OWED = Reply(codec.PING, True, ())
 
@@ -142,7 +142,7 @@ class Arm:
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup)
 
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        """Move the hand in a straight line and return when it stands; large turns in several motions.
+        """Move the hand in a straight line and return when it stands.
 
         Args:
             x_mm: the point midway between the finger tips, work object frame.
@@ -157,7 +157,7 @@ class Arm:
         """
         target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
         try:
-            codec.pose_numbers(target.frame)
+            numbers = codec.pose_numbers(target.frame)
         except (ProtocolError, ValueError) as error:
             raise ArmError(f"arm not moved: {error}", str(codec.MOVE_LINEAR)) from error
         start = self._at or self.pose()
@@ -165,22 +165,14 @@ class Arm:
             told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
             raise ArmError(f"arm not moved: the way to {told} is {reason}", str(codec.MOVE_LINEAR))
         self._set_speed(speed_mm_s)
-        motions = max(math.ceil(abs(target.angle_rad - start.angle_rad) / MOST_TURN_RAD), 1)
-        for number in range(1, motions + 1):
-            share = number / motions
-            self._move(
-                ArmPose(*(a + (b - a) * share for a, b in zip(start, target, strict=True))), speed_mm_s
-            )
-
-    def _move(self, target: ArmPose, speed_mm_s: float) -> None:
-        start = self._at or self.pose()
         self._at, self._wrist_is_fresh = None, False
-        numbers = codec.pose_numbers(target.frame)
         self._ask(codec.MOVE_LINEAR, numbers, travel_s(start, target, speed_mm_s) * 1.5 + MOVE_MARGIN_S)
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
-        """Why a hand cannot be turned so far; one that stands beyond the range already may still be moved."""
+        """Why a hand cannot be turned so far; one that stands beyond the range already may be turned back."""
+        if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
+            return "half a turn or more, which the controller may go either way; go it in several motions"
         assert self._wrist is not None  # since the first pose
         low, high = self._wrist.turn_range(target.x_mm, target.y_mm, self._setup)
         if min(low, start.angle_rad) <= target.angle_rad <= max(high, start.angle_rad):

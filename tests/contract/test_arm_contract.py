@@ -131,10 +131,11 @@ def test_one_opened_for_reading_cannot_be_commanded(any_arm):
 def test_a_move_ends_where_it_was_sent(any_arm):
     rng = random.Random(1)
     with any_arm.open() as arm:
+        a = 0.0
         for _ in range(10):
             x, y, z = rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(5, 80)
             low, high = arm.turn_range(x, y)
-            a = rng.uniform(max(low, -7.0), min(high, 7.0))
+            a = rng.uniform(max(low, a - 2.9), min(high, a + 2.9))
             arm.move_linear(x, y, z, a, 500.0)
             assert any_arm.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
             seen = arm.pose()
@@ -227,8 +228,8 @@ def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
 def test_whole_turns_are_counted_from_the_joints(rig):
     with rig.open(base=BASE) as arm:
         began = rig.model.joints_at(1e9)[5]
-        arm.move_linear(0.0, 0.0, 60.0, 2.0 * math.pi, 500.0)
-        assert rig.moves == 3  # none so large that the controller could turn the other way
+        for number in range(1, 5):
+            arm.move_linear(0.0, 0.0, 60.0, number * math.pi / 2.0, 500.0)
         assert rig.model.joints_at(1e9)[5] == pytest.approx(began - 360.0)
         assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
         low, high = arm.turn_range(0.0, 0.0)
@@ -238,13 +239,23 @@ def test_whole_turns_are_counted_from_the_joints(rig):
         assert arm.turn_range(0.0, 0.0) == pytest.approx((low, high), abs=0.003)
 
 
-@pytest.mark.parametrize("angle_deg", [-215.0, 575.0, 900.0])
-def test_what_would_wind_the_wrist_up_is_never_sent(rig, angle_deg):
+@pytest.mark.parametrize("way", [-1, 1])
+def test_what_would_wind_the_wrist_up_is_never_sent(rig, way):
     with rig.open(base=BASE) as arm:
-        with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):
-            arm.move_linear(0.0, 0.0, 50.0, math.radians(angle_deg), 500.0)
-        assert (rig.moves, rig.model.halted) == (0, "")
-        arm.move_linear(0.0, 0.0, 50.0, 0.0, 500.0)
+        turned = 0.0
+        with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):  # noqa: PT012
+            while abs(turned) < 1200.0:
+                arm.move_linear(0.0, 0.0, 50.0, math.radians(turned + 60.0 * way), 500.0)
+                turned += 60.0 * way
+        assert (turned, rig.model.halted) == (-180.0 if way < 0 else 540.0, "")
+        arm.move_linear(0.0, 0.0, 50.0, math.radians(turned - 60.0 * way), 500.0)
+
+
+@pytest.mark.parametrize("angle_deg", [-175.0, 180.0, 350.0])
+def test_half_a_turn_in_one_motion_is_refused_for_it_may_go_either_way(rig, angle_deg):
+    with rig.open(base=BASE) as arm, pytest.raises(ArmError, match="either way"):
+        arm.move_linear(0.0, 0.0, 50.0, math.radians(angle_deg), 500.0)
+    assert rig.moves == 0
 
 
 def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig):

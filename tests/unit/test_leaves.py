@@ -177,9 +177,17 @@ def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
     assert not made.gripper.gripping
 
 
-@pytest.mark.parametrize(("most", "angle"), [(inf, 360), (6.2, 0)])
-def test_squeezes_turn_the_nearest_way_within_the_range(most, angle) -> None:
+@pytest.mark.parametrize(
+    ("most", "angles"),
+    [
+        (inf, [344, 360]),
+        (6.2, [344, 229, 115, 0]),  # back, in motions so small that no controller takes the short way
+    ],
+)
+def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:
     made = fake_cell([AT_21])
     made.arm.at, made.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
     run(made, Plan())
-    assert round(degrees(made.arm.at[3])) == angle
+    turned = [round(degrees(call.arguments[3])) for call in made.log.named("move_linear")]
+    assert turned[: len(angles)] == angles
+    assert turned[-1] == angles[-1]
