@@ -20,7 +20,7 @@ from planner.errors import ValueRangeError
 from planner.evaluate import REJECTED, evaluate
 from planner.goal import Mode
 from planner.models.partition import Partition
-from planner.report import labels
+from planner.report import canvas, labels
 from planner.report.panels import leaf_label, leaf_lines
 from planner.search.expand import TreeNode
 from planner.untried import tried, without_untried
@@ -236,3 +236,27 @@ def test_a_job_without_a_height_is_compiled_and_told_what_its_tips_presuppose(tm
     assert compile_.main([str(job), "-o", str(tmp_path / "t"), "--trials", "20", "--no-advice"]) == 0
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "height_mm" in line)
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
+
+
+def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(record_property, capsys, tmp_path) -> None:
+    found = {}
+    for kind in ("pose", "orientation"):
+        job = small_job(
+            tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
+        )
+        code = compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
+        record_property("exit_code", code)
+        found[kind] = json.loads(capsys.readouterr().out)["real"]
+    # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
+    assert found["orientation"]["located"] >= found["orientation"]["oriented"] - 0.02
+    assert found["orientation"]["located"] > found["pose"]["located"] + 0.2
+
+
+def test_a_finger_that_stands_still_does_so_in_pictures(tmp_path) -> None:
+    job = job_file.load(
+        small_job(tmp_path / "job.toml", ("force_n = 40.0", "upper_finger_share = 1.0\nforce_n = 40.0"))
+    )
+    for width_mm in (5.0, 40.0, 85.0):
+        upper, lower = canvas.finger_boxes(canvas.jaws_of(job), width_mm)
+        assert lower[:, 1].max() == -42.5
+        assert upper[:, 1].min() == pytest.approx(width_mm - 42.5)
