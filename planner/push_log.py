@@ -48,7 +48,7 @@ MAX_TILT_DEG = 15.0
 """A pose tilted more than this is not that of a block on a table: the numbers are in another order."""
 
 MOST_PUSHES = 100_000
-MOST = 1e12
+MOST = 1e30
 
 
 class Push(NamedTuple):

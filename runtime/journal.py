@@ -23,7 +23,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
-from runtime.clock import date
 from runtime.errors import JournalError, TornError
 from runtime.shell import strict_json
 from runtime.shell.files import oddity
@@ -273,22 +272,12 @@ def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, o
         raise JournalError(path, f"has sequence number {entry['seq']}, expected {number - 1}", number)
     if entry["previous"] != previous:
         raise JournalError(path, "does not follow the line before it", number)
-    if not _is_word(entry["kind"]) or not _is_date(entry["time"]):
-        raise JournalError(path, "has a kind that is no word, or a time that is no date", number)
-    if entry["kind"] == "header":
+    kind = entry["kind"]
+    if not (isinstance(kind, str) and kind.isidentifier() and isinstance(entry["time"], str)):
+        raise JournalError(path, "has a kind that is no word, or a time that is no text", number)
+    if kind == "header":
         _embedded_table(path, number, entry)
     return entry
-
-
-def _is_word(value: object) -> bool:
-    return isinstance(value, str) and value.isidentifier()
-
-
-def _is_date(value: object) -> bool:
-    try:
-        return isinstance(value, str) and bool(date(value))
-    except ValueError:
-        return False
 
 
 def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> bytes:

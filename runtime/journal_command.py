@@ -165,7 +165,11 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
         return False
     if arguments.node is not None and entry.get("node") != arguments.node:
         return False
-    return arguments.since is None or date(str(entry["time"])) >= arguments.since
+    try:
+        return arguments.since is None or date(str(entry["time"])) >= arguments.since
+    except ValueError:
+        told = f"record {entry['seq']} has a time that is no date; leave out --since"
+        raise JournalError(arguments.journal, told) from None
 
 
 def _since(text: str) -> object:
