@@ -60,7 +60,7 @@ def parser() -> Parser:
         "--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)"
     )
     answers.add_argument(
-        "--thickness", type=_number, metavar="MM",
+        "--thickness", type=number, metavar="MM",
         help="of the part, from the table to its top (default: the height of an STL solid)",
     )  # fmt: skip
     answers.add_argument("--gripper", choices=GRIPPERS, help="which one")
@@ -155,7 +155,7 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     if thickness is None and asking:
         thickness = _ask(
             "its thickness, table to top [mm; empty: not known]: ",
-            lambda text: _number(text) if text else None,
+            lambda text: number(text) if text else None,
         )
     return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
 
