@@ -158,5 +158,5 @@ def test_a_pattern_that_cannot_tell_jobs_apart_is_refused(pattern, words):
 
 def test_an_output_folder_that_is_a_file_is_one_error(job, tmp_path, capsys):
     (tmp_path / "file").touch()
-    assert compiled(job, tmp_path / "file", "--sweep", RADII) == 3
+    assert compiled(job, tmp_path / "file", "--sweep", RADII) == 2
     assert "cannot be made" in capsys.readouterr().err

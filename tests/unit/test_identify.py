@@ -159,7 +159,7 @@ def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
         ([str(tmp_path / "none.txt")], 3),
         ([str(bad)], 6),
         ([good, "--figure", str(tmp_path / "x.bmp")], 2),
-        ([good, "-o", str(tmp_path / "no" / "x.toml")], 3),
+        ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
         ([good, "--train-share", "0.05"], 6),
     ]
     for arguments, code in cases:

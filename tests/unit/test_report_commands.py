@@ -62,7 +62,7 @@ def test_the_page_ends_where_the_results_do(poses: Path) -> None:
         (["--figure", "s.jpg"], 2),
         (["--gif", "s.png"], 2),
         (["--html", "s"], 2),
-        (["--figure", "nowhere/s.png"], 3),
+        (["--figure", "nowhere/s.png"], 2),
         (["--gif", "."], 2),
     ],
 )

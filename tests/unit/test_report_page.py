@@ -162,7 +162,7 @@ def test_all_failed_parts_are_listed_before_others(monkeypatch):
 def test_wrong_input_is_one_line(tmp_path, capsys):
     cases = [
         (3, [str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "p.html")]),
-        (3, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
+        (2, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
         (3, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--journal", str(tmp_path / "none.jsonl")]),
         (2, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--trials", "99999999"]),
     ]

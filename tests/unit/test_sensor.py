@@ -87,7 +87,7 @@ def test_equal_turns_are_one_place(model, rectangle):
 
 
 def test_release_noise_asks_for_larger_leaves():
-    shaken = rolled(problems.rectangle(), 8000, 3, release=(0.5, 0.5, math.radians(2.0)))
+    shaken = rolled(problems.rectangle(), 8000, 3, release=(1.0, 1.0, math.radians(4.0)))
     noisy = SensorModel.fit(shaken.poses, shaken.width_mm, order=2)
     assert noisy.leaf_size > 1
     assert noisy.error.median_mm < 0.5
