@@ -20,8 +20,8 @@ from types import TracebackType
 from typing import Self
 
 from runtime.errors import UsageError
-from runtime.geometry import Pose2
 from runtime.ports import Auditor, Clock
+from runtime.table import Pose2
 
 VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"

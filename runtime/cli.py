@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import crash, dry_run, fitness, options, session
+from runtime import crash, dry_run, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects, say
-from runtime.errors import CellError, StoppedError, exit_code_of
+from runtime.errors import CalibrationError, CellError, StoppedError, exit_code_of
 from runtime.executor import Cell, Plan
 from runtime.incidents import Incidents, Report
 from runtime.interrupts import StopRequests
@@ -30,7 +30,7 @@ from runtime.options import SIMULATED, parser
 from runtime.ports import Arm, Gripper, Scene
 from runtime.safe_state import DECLARED
 from runtime.safety import check_table
-from runtime.table import PPM, Calibration, Table, dumps, load
+from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
 
 REHEARSAL = "runtime.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
@@ -107,7 +107,8 @@ def run(arguments: argparse.Namespace) -> int:
         Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     options.check_usage(arguments)
-    table = load(arguments.tree)
+    loaded = load(arguments.tree)
+    table = loaded.table
     check_table(table)
     measured = options.gripper_calibration(arguments)
     plan = options.plan_of(arguments, table, measured)
@@ -119,14 +120,17 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         if arguments.dry_run:
             return _dry_run(arguments, table, plan, console, stack)
-        return _run(arguments, table, plan, console, stack)
+        return _run(arguments, loaded, plan, console, stack)
 
 
-def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack) -> int:
+def _run(
+    arguments: argparse.Namespace, loaded: TableFile, plan: Plan, console: Console, stack: ExitStack
+) -> int:
     clock = SystemClock(arguments.time_scale)
-    data, header, policy = dumps(table), _header(arguments, plan), arguments.after_crash
+    table, data, _ = loaded
+    header, policy = _header(arguments, plan), arguments.after_crash
     # First of all, since it may be refused; what runs below closes before it, and is watched until then.
-    monitor = stack.enter_context(Monitor(console, table, arguments.tree, options.views(arguments)))
+    monitor = stack.enter_context(Monitor(console, loaded, arguments.tree, options.views(arguments)))
     journal = begun = None
     if _is_begun(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
@@ -166,7 +170,9 @@ def _is_begun(path: Path) -> bool:
 
 def _check_fit(table: Table, plan: Plan) -> None:
     calibration = plan.handling.calibration or Calibration.linear(table.gripper)
-    fitness.check(table, calibration)
+    problems = misfits(table, calibration)
+    if problems:
+        raise CalibrationError(problems[0])
 
 
 def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console) -> int:

@@ -8,9 +8,9 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from runtime.geometry import Pose2, placement, predicted_pose
+from runtime.geometry import placement
 from runtime.results import Outcome, PartResult, Step
-from runtime.table import PPM, GoalSpec, Table
+from runtime.table import PPM, GoalSpec, Pose2, Table, predicted_pose
 
 if TYPE_CHECKING:
     from runtime.tally import Tally

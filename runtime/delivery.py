@@ -22,10 +22,10 @@ from pathlib import Path
 
 from runtime.decision import ARRIVED, CLOSING_CONTACT
 from runtime.errors import GripperStateError, UsageError
-from runtime.geometry import Pose2, compose
+from runtime.geometry import compose
 from runtime.hand import Hand
 from runtime.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Limits, Node, Table
+from runtime.table import PPM, Branch, Limits, Node, Pose2, Table
 
 KEYS = {
     "drop_mm": 2,

@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
 
     def body() -> int:
-        table = load(arguments.tree)
+        table = load(arguments.tree).table
         job = job_of(table, arguments.tree, arguments.job)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
             if arguments.sweep:

@@ -23,14 +23,14 @@ def main(argv: list[str] | None = None) -> int:
 
     def body() -> int:
         shell.writable(arguments.output)
-        table = load(arguments.tree)
+        table, _, digest = load(arguments.tree)
         job = job_of(table, arguments.tree, arguments.job)
         with (
             scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
             shell.progress(arguments.json) as report,
         ):
             worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
-        told = document(table, worlds, arguments.trials, arguments.seed)
+        told = document(digest, worlds, arguments.trials, arguments.seed)
         arguments.output.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
         names = [world.name for world in worlds]
         if arguments.json:

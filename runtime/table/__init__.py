@@ -1,12 +1,12 @@
-"""The decision table, format 2: records, reader, writer, proof and look-up. `TABLE.md` is its specification.
+"""The decision table: records, look-up, goal, bytes, proof, fit. `TABLE.md` is its specification.
 
-The one module of the runtime that a planner needs, and may import.
+The one package of the runtime that planner and camera need, and may import.
 
 ```
-table = canonical(table)      # numbered breadth first, on the file's grid: evaluate this one
 dump(table, path)             # proves it, writes it whole or not at all
-table = load(path)            # decodes it, proves it again
-outcome = count_map(node, Calibration.linear(table.gripper))[count]
+table, data, digest = load(path)
+decided = decision_map(node, Calibration.linear(table.gripper))
+outcome = decide(decided, count, felt)
 ```
 """
 
@@ -15,19 +15,27 @@ import hashlib
 import os
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 from runtime.errors import TableError, TableFileError
-from runtime.table_canonical import canonical
-from runtime.table_check import check
-from runtime.table_codec import FRAME_FIELDS, MAX_BYTES, decode, encode
-from runtime.table_format_2 import PAYLOAD_FIELDS
-from runtime.table_lookup import REJECT, Calibration, count_map, decide, decisions
-from runtime.table_model import (
-    FORMAT,
+from runtime.table.codec import MAX_BYTES, decode, encode
+from runtime.table.fit import misfits
+from runtime.table.goal import (
+    Pose2,
+    distance,
+    error_mm,
+    meets,
+    poses_of,
+    predicted_pose,
+    residual,
+    threshold,
+)
+from runtime.table.lookup import COUNTS, REJECT, Calibration, decide, decision_map
+from runtime.table.model import (
     HELD_UM,
     KINDS,
-    MAX_DEPTH,
     PPM,
+    UNDETECTED_UM,
     Branch,
     GoalSpec,
     GripperSpec,
@@ -38,18 +46,15 @@ from runtime.table_model import (
     Squeeze,
     Table,
 )
-from runtime.table_proof import prove, prove_read, refuted, wilson_upper
+from runtime.table.proof import job_of, prove, refuted
 
 __all__ = [
-    "FORMAT",
-    "FRAME_FIELDS",
+    "COUNTS",
     "HELD_UM",
     "KINDS",
-    "MAX_BYTES",
-    "MAX_DEPTH",
-    "PAYLOAD_FIELDS",
     "PPM",
     "REJECT",
+    "UNDETECTED_UM",
     "Branch",
     "Calibration",
     "GoalSpec",
@@ -57,36 +62,55 @@ __all__ = [
     "Leaf",
     "Limits",
     "Node",
+    "Pose2",
     "Prediction",
     "Squeeze",
     "Table",
     "TableError",
+    "TableFile",
     "TableFileError",
-    "canonical",
-    "check",
-    "count_map",
     "decide",
-    "decisions",
-    "digest",
+    "decision_map",
+    "distance",
     "dump",
     "dumps",
+    "error_mm",
+    "job_of",
     "load",
     "loads",
-    "prove",
+    "meets",
+    "misfits",
+    "poses_of",
+    "predicted_pose",
     "refuted",
-    "wilson_upper",
+    "residual",
+    "threshold",
 ]
 
 
+class TableFile(NamedTuple):
+    """A table with the bytes of its file.
+
+    Attributes:
+        table: decoded and proved.
+        data: the whole file.
+        digest: SHA-256 of it in hexadecimal, one name for one behaviour; `sha256sum` tells the same.
+    """
+
+    table: Table
+    data: bytes
+    digest: str
+
+
 def dumps(table: Table) -> bytes:
-    """The file of a table: its canonical form, proved.
+    """The bytes of a table's file; `loads` gives the same table back.
 
     Raises:
         TableError: it must not be executed, and why.
     """
-    settled = canonical(table)
-    prove(settled)
-    return encode(settled)
+    data = encode(table)
+    prove(table)
+    return data
 
 
 def loads(data: bytes) -> Table:
@@ -96,7 +120,7 @@ def loads(data: bytes) -> Table:
         TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
     """
     table = decode(data)
-    prove_read(table)
+    prove(table)
     return table
 
 
@@ -123,7 +147,7 @@ def dump(table: Table, path: Path | str) -> None:
         raise
 
 
-def load(path: Path | str) -> Table:
+def load(path: Path | str) -> TableFile:
     """Read, decode and prove a table's file.
 
     Raises:
@@ -137,15 +161,6 @@ def load(path: Path | str) -> Table:
     except OSError as error:
         raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
     try:
-        return loads(data)
+        return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
         raise TableError(error.reason, path) from error
-
-
-def digest(table: Table) -> bytes:
-    """SHA-256 of a table's file, 32 bytes: one name for one behaviour.
-
-    Raises:
-        TableError: the table has no file, because it must not be executed.
-    """
-    return hashlib.sha256(dumps(table)).digest()
