@@ -210,17 +210,15 @@ def _reads_near(evaluation: Evaluation, node: int, border: float) -> BoolArray:
 
 def _never_taken(table: Table, evaluation: Evaluation) -> tuple[list[UnusedBranch], int]:
     """Branches without a part, and the number of nodes without any."""
-    calibration = Calibration.linear(table.gripper)
     unused, unvisited = [], 0
     for index, node in enumerate(table.nodes):
-        counts = evaluation.counts[evaluation.path == index]
-        if len(counts) == 0:
+        taken = evaluation.branch[evaluation.path == index]
+        if len(taken) == 0:
             unvisited += 1
             continue
-        taken = np.array(count_map(node, calibration))[counts]
         for number in sorted(set(range(len(node.branches))) - set(taken[taken != REJECT].tolist())):
             branch = node.branches[number]
-            unused.append(UnusedBranch(index, number, branch.expected_um / 1e3, len(counts)))
+            unused.append(UnusedBranch(index, number, branch.expected_um / 1e3, len(taken)))
     return unused, unvisited
 
 

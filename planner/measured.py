@@ -12,7 +12,7 @@ from planner.evaluation.judge import main_poses, metric_of_table
 from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
-from runtime.table import PPM, Calibration, Leaf, Node, Prediction, Table, canonical, count_map, refuted
+from runtime.table import PPM, Leaf, Node, Prediction, Table, canonical, refuted
 
 LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
@@ -70,10 +70,9 @@ def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, 
 
 def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
     """The nodes, the shares of their branches as parts took them."""
-    calibration = Calibration.linear(table.gripper)
     nodes = []
     for index, node in enumerate(table.nodes):
-        taken = np.array(count_map(node, calibration))[evaluation.counts[evaluation.path == index]]
+        taken = evaluation.branch[evaluation.path == index]
         visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
         total = int(visits.sum())
         if total >= LEAST_VISITS:

@@ -10,8 +10,8 @@ from typing import NamedTuple, Self
 
 from runtime.errors import GripperStateError, UsageError
 from runtime.results import Outcome
-from runtime.table import REJECT, Node, Table
-from runtime.table_model import HELD_UM
+from runtime.table import HELD_UM, REJECT, Node, Table
+from runtime.table_lookup import decide as look_up
 
 MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
@@ -36,18 +36,23 @@ class Decision(NamedTuple):
             return None
         if self.empty:
             return "the fingers closed on nothing"
-        widths = ", ".join(f"{b.low_um / 1000:.2f}..{b.high_um / 1000:.2f}" for b in self.refused.branches)
-        return f"no outcome of this squeeze has this width (planned: {widths} mm)"
+        widths = [
+            f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
+            for branch in self.refused.branches
+            if branch.expected_um >= HELD_UM  # an object was felt
+        ]
+        planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
+        return f"no outcome of this squeeze has this width (planned: {planned})"
 
 
-def decide(node: Node, outcomes: tuple[int, ...], count: int, object_flag: int) -> Decision:
+def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -> Decision:
     """What a settled reading means at a node; nothing is inferred.
 
     Args:
         node: the node.
-        outcomes: its 256-entry map from `count_map`.
+        decided: its `decisions`.
         count: settled encoder count, 0..255.
-        object_flag: settled object flag, 2 or 3; whether it agrees with the count is `reading.check_flag`'s.
+        object_flag: settled object flag, 2 or 3.
 
     Returns:
         The branch, or `REJECT` with its reason: nothing between the fingers, or a width nobody planned for.
@@ -59,7 +64,7 @@ def decide(node: Node, outcomes: tuple[int, ...], count: int, object_flag: int) 
         raise GripperStateError(
             f"object flag {object_flag} after a closing motion; the reading is not believed"
         )
-    branch = outcomes[count]
+    branch = look_up(decided, count, object_flag == CLOSING_CONTACT)
     return Decision(branch) if branch != REJECT else Decision(REJECT, node, object_flag == ARRIVED)
 
 

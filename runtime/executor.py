@@ -22,7 +22,7 @@ from runtime.ports import Arm, Auditor, Clock, Gripper, Journal
 from runtime.reading import reading_fields
 from runtime.results import Outcome, PartResult, Step
 from runtime.safe_state import reach_safe_state
-from runtime.table import REJECT, Calibration, Node, Squeeze, Table, count_map
+from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decisions
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
@@ -90,7 +90,7 @@ class Executor:
         self._plan = plan or Plan()
         self._watch = watch
         self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
-        self._maps = [count_map(node, self._calibration) for node in table.nodes]
+        self._maps = [decisions(node, self._calibration) for node in table.nodes]
         self._hand = Hand(
             cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._plan.handling
         )

@@ -6,12 +6,10 @@ from runtime.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 from runtime.errors import GripperStateError
 from runtime.ports import Settled
 from runtime.table import Calibration
+from runtime.table_model import UNDETECTED_UM
 
 CLOSED_COUNTS = 255
 OPENED_COUNTS = 2
-# The object flag may miss what is thinner than a few mm (2F-85 manual, "object detection"): a grip narrower
-# than this is told by its width alone, a wider one must be told by the flag too.
-UNDETECTED_UM = 5_000
 
 
 class CurrentBand(NamedTuple):

@@ -9,7 +9,8 @@ from random import Random
 
 from runtime.errors import UsageError
 from runtime.geometry import Pose2, compose, placement
-from runtime.table import Branch, Calibration, Node, Table, count_map
+from runtime.table import HELD_UM, Branch, Calibration, Node, Table, decisions
+from runtime.table_lookup import COUNTS
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -50,7 +51,7 @@ class Rehearsal:
         # Nodes that may come next, the drawn one first, and where the part lies meanwhile.
         self._next: list[int] = []
         self._lies: Pose2 | None = None
-        self._last, self._width_mm = 0, 0.0
+        self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """One squeeze.
@@ -59,11 +60,12 @@ class Rehearsal:
             pose_hand: the part in the hand frame, mm, mm, rad.
 
         Returns:
-            The same pose, the width in mm without encoder noise, and "grasped".
+            The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
+            branch drawn says that nothing is held.
         """
         index = self._node_of(pose_hand)
         if index is None:
-            return pose_hand, self._width_mm, "grasped"
+            return pose_hand, self._width_mm, self._status
         node = self._table.nodes[index]
         branch = self._random.choices(
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
@@ -74,7 +76,8 @@ class Rehearsal:
             key=lambda target: target != branch.target,
         )
         self._last, self._width_mm = index, self._width_um(node, branch) / 1000
-        return pose_hand, self._width_mm, "grasped"
+        self._status = "grasped" if branch.expected_um >= HELD_UM else "untouched"
+        return pose_hand, self._width_mm, self._status
 
     def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
         """Never: the table proved its placements against a part this world does not have."""
@@ -96,10 +99,12 @@ class Rehearsal:
 
     def _width_um(self, node: Node, branch: Branch) -> float:
         """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
-        outcomes = count_map(node, self._calibration)
+        decided = decisions(node, self._calibration)
         mine = node.branches.index(branch)
         widths = [
-            self._calibration.width_um(count) for count, outcome in enumerate(outcomes) if outcome == mine
+            self._calibration.width_um(reading % COUNTS)
+            for reading, outcome in enumerate(decided)
+            if outcome == mine
         ]
         low, high = min(widths), max(widths)
         room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)

@@ -17,7 +17,7 @@ from planner.scheduler import Threads
 from planner.worlds import DEFAULT_WORLD, supply
 from runtime.geometry import predicted_pose
 from runtime.quality.history import Part, Squeezed
-from runtime.table import REJECT, Calibration, Table, count_map
+from runtime.table import REJECT, Calibration, Table
 
 SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad
 
@@ -53,14 +53,13 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
 def parts(table: Table, found: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
     """Parts as journals tell of them, each audited."""
     calibration = Calibration.linear(table.gripper)
-    maps = [count_map(node, calibration) for node in table.nodes]
     noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, found.poses.shape)
     seen = found.poses + noise + drift.seen_off
     for number, leaf in enumerate(found.leaf):
         taken = []
-        for node, count in zip(found.path[number], found.counts[number], strict=True):
+        rows = found.path[number], found.counts[number], found.branch[number]
+        for node, count, branch in zip(*rows, strict=True):
             if node >= 0:
-                branch = maps[node][count]
                 width_um = calibration.width_um(int(count))
                 taken.append(Squeezed(int(node), None if branch == REJECT else int(branch), width_um))
         yield _part(table, number, tuple(taken), int(leaf), seen[number])

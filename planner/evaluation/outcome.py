@@ -31,6 +31,7 @@ class Evaluation:
         initial: (n, 3) true poses before the first squeeze.
         path: (n, d) the nodes passed, in order, then `NOWHERE`.
         counts: (n, d) the encoder's reading at each of them, then `NOWHERE`.
+        branch: (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`.
     """
 
     leaf: IntArray
@@ -44,6 +45,7 @@ class Evaluation:
     initial: Array
     path: IntArray
     counts: IntArray
+    branch: IntArray
 
     @property
     def success(self) -> BoolArray:

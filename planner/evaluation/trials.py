@@ -21,7 +21,7 @@ from planner.frames import to_hand, to_world
 from planner.job import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.world import World
-from runtime.table import HELD_UM, REJECT, Calibration, Squeeze, Table, count_map
+from runtime.table import HELD_UM, Calibration, Squeeze, Table, decisions
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)
@@ -43,15 +43,17 @@ class Program:
         placement: (N, 3) the hand frame in the world [mm, mm, rad].
         opening_mm: (N,) before the squeeze.
         speed_mm_s: (N,) of closing.
-        target: (N, 256) of every count: a node, ~leaf, or `DISMISSED`.
+        branch: (N, 512) what every reading means, as `runtime.table.decisions` has it: a branch or `REJECT`.
+        target: (N, 512) where it leads: a node, ~leaf, or `DISMISSED`.
         drag: (N, 2) how far the hand carries a held part before the jaws open [mm].
-        carries: (N, 256) counts at which it does so.
+        carries: (N, 512) readings at which it does so.
     """
 
     table: Table
     placement: Array
     opening_mm: Array
     speed_mm_s: Array
+    branch: IntArray
     target: IntArray
     drag: Array
     carries: BoolArray
@@ -61,21 +63,21 @@ class Program:
         """Lays out a table; the encoder's calibration is the one it was compiled with."""
         calibration = Calibration.linear(table.gripper)
         size = len(table.nodes)
-        target = np.full((size, COUNTS), DISMISSED, np.int64)
-        drag, carries = np.zeros((size, 2)), np.zeros((size, COUNTS), np.bool_)
+        branch = np.array([decisions(node, calibration) for node in table.nodes], np.int64)
+        target = np.full(branch.shape, DISMISSED, np.int64)
+        drag, carries = np.zeros((size, 2)), np.zeros(branch.shape, np.bool_)
         for index, node in enumerate(table.nodes):
             if node.release is not None:
                 drag[index] = np.array(node.release) / 1e3 - placement_of(node.squeeze)[:2]
-            for count, number in enumerate(count_map(node, calibration)):
-                if number == REJECT:
-                    continue
-                target[index, count] = node.branches[number].target
-                carries[index, count] = node.branches[number].expected_um >= HELD_UM
+            for number, meant in enumerate(node.branches):
+                target[index, branch[index] == number] = meant.target
+                carries[index, branch[index] == number] = meant.expected_um >= HELD_UM
         return cls(
             table=table,
             placement=np.array([placement_of(node.squeeze) for node in table.nodes]),
             opening_mm=np.array([node.squeeze.opening_um / 1e3 for node in table.nodes]),
             speed_mm_s=np.array([node.squeeze.speed_um_s / 1e3 for node in table.nodes]),
+            branch=branch,
             target=target,
             drag=drag,
             carries=carries,
@@ -94,6 +96,61 @@ class Squeezed(NamedTuple):
     poses: Array
     width_mm: Array
     held: BoolArray
+
+
+class Step(NamedTuple):
+    """One squeeze of n parts, each at a node of its own, and what the table makes of it.
+
+    Attributes:
+        after: (n, 3) poses in the world with the jaws closed [mm, mm, rad].
+        released: (n, 3) and where the jaws let go, after the drag of what is held.
+        drag: (n, 2) how far the hand went with its jaws closed [mm].
+        width_mm: (n,) true openings.
+        counts: (n,) what the encoder reads.
+        branch: (n,) which branch that means, or `REJECT`.
+        target: (n,) where it leads: a node, ~leaf, or `DISMISSED`.
+    """
+
+    after: Array
+    released: Array
+    drag: Array
+    width_mm: Array
+    counts: IntArray
+    branch: IntArray
+    target: IntArray
+
+
+def step(
+    program: Program,
+    node: IntArray,
+    poses: Array,
+    placement: Array,
+    world: World,
+    encoder: Encoder,
+    rng: np.random.Generator,
+    encoder_offset_mm: float = 0.0,
+) -> Step:
+    """Squeezes parts once, reads, looks up and lets go, as the runtime would.
+
+    Args:
+        program: the table.
+        node: (n,) the node that each part is at.
+        poses: (n, 3) where the parts lie in the world [mm, mm, rad].
+        placement: (n, 3) where the hand stands; the node's placement, but for the arm's errors.
+        world: squeezes them.
+        encoder: reads the width.
+        rng: of the encoder's noise.
+        encoder_offset_mm: added to every width before it is read.
+    """
+    squeezed = _squeeze_all(world, to_hand(poses, placement.T))
+    counts = encoder.read(squeezed.width_mm + encoder_offset_mm, rng)
+    reading = counts + COUNTS * (squeezed.width_mm > 0.0)  # jaws that something keeps apart feel it
+    drag = np.where(program.carries[node, reading][:, None], program.drag[node], 0.0)
+    after = to_world(squeezed.poses, placement.T)
+    released = after.copy()
+    released[:, :2] += np.where(squeezed.held[:, None], drag, 0.0)
+    branch, target = program.branch[node, reading], program.target[node, reading]
+    return Step(after, released, drag, squeezed.width_mm, counts, branch, target)
 
 
 def run(
@@ -132,24 +189,22 @@ class _Trials:
         self.seconds, self.hand = np.zeros(n), np.zeros((n, 2))
         self.path: IntArray = np.full((n, depth), NOWHERE, np.int64)
         self.counts: IntArray = np.full((n, depth), NOWHERE, np.int64)
+        self.branch: IntArray = np.full((n, depth), NOWHERE, np.int64)
         self.crashes = 0
 
     def squeeze(self, members: IntArray, world: World, rng: np.random.Generator) -> None:
         """Squeezes the running trials once and looks up where each goes."""
         node, program = self.node[members], self.program
         placement = self.disturbance.placed(program.placement[node], rng)
-        hand = to_hand(self.poses[members], placement.T)
-        self._count_crashes(world, hand, program.opening_mm[node])
-        squeezed = _squeeze_all(world, hand)
-        counts = self.encoder.read(squeezed.width_mm + self.disturbance.encoder_offset_mm, rng)
-        drag = np.where(program.carries[node, counts][:, None], program.drag[node], 0.0)
-        self.poses[members] = to_world(squeezed.poses, placement.T)
-        self.poses[members, :2] += np.where(squeezed.held[:, None], drag, 0.0)
-        self._spend(members, squeezed.width_mm, drag)
-        self.path[members, self.squeezes[members]] = node
-        self.counts[members, self.squeezes[members]] = counts
+        poses, offset_mm = self.poses[members], self.disturbance.encoder_offset_mm
+        self._count_crashes(world, to_hand(poses, placement.T), program.opening_mm[node])
+        made = step(program, node, poses, placement, world, self.encoder, rng, offset_mm)
+        self.poses[members] = made.released
+        self._spend(members, made.width_mm, made.drag)
+        at = members, self.squeezes[members]
+        self.path[at], self.counts[at], self.branch[at] = node, made.counts, made.branch
         self.squeezes[members] += 1
-        self._descend(members, program.target[node, counts])
+        self._descend(members, made.target)
 
     def evaluation(self) -> Evaluation:
         """The outcomes."""
@@ -168,6 +223,7 @@ class _Trials:
             initial=self.initial,
             path=self.path,
             counts=self.counts,
+            branch=self.branch,
         )
 
     def _descend(self, members: IntArray, target: IntArray) -> None:

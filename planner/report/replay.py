@@ -13,12 +13,11 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief import initial
-from planner.encoder import Encoder, encoder_of
-from planner.evaluate import placement_of
-from planner.frames import to_hand, to_world
+from planner.encoder import encoder_of
+from planner.evaluation.trials import Program, step
 from planner.job import Job
 from planner.world import ContactWorld
-from runtime.table import REJECT, Calibration, Node, Table, count_map
+from runtime.table import REJECT, Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +26,8 @@ class Visit:
 
     Attributes:
         before: (n, 3) their poses in the world before the squeeze [mm, mm, rad].
-        after: (n, 3) and after it.
+        after: (n, 3) and after it, the jaws still closed.
+        released: (n, 3) where the jaws let go of them.
         width_mm: (n,) true opening at which the fingers stopped.
         counts: (n,) what the encoder reads of it.
         branch: (n,) where the encoder's reading sends each, `REJECT` where it fits no branch.
@@ -35,13 +35,14 @@ class Visit:
 
     before: Array
     after: Array
+    released: Array
     width_mm: Array
     counts: IntArray
     branch: IntArray
 
     def through(self, branch: int) -> Array:
         """Poses (m, 3) of the parts that leave through one branch, or through `REJECT`."""
-        return np.asarray(self.after[self.branch == branch])
+        return np.asarray(self.released[self.branch == branch])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,14 +69,17 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     """
     rng = np.random.default_rng([seed, 0x5245504C])
     world, encoder = ContactWorld(job, seed), encoder_of(job)
-    calibration = Calibration.linear(table.gripper)
+    program = Program.of(table)
     nobody = np.empty((0, 3))
     arrivals = [nobody] * len(table.nodes)
     leaves = [nobody] * len(table.leaves)
     arrivals[0] = initial(job, trials, rng)
     visits = []
     for index, node in enumerate(table.nodes):
-        visit = _visit(node, arrivals[index], world, encoder, calibration, rng)
+        before = arrivals[index]
+        at = np.full(len(before), index)
+        made = step(program, at, before, program.placement[at], world, encoder, rng)
+        visit = Visit(before, made.after, made.released, made.width_mm, made.counts, made.branch)
         visits.append(visit)
         for number, branch in enumerate(node.branches):
             if branch.target >= 0:
@@ -83,25 +87,6 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
             else:
                 leaves[~branch.target] = visit.through(number)
     return Replay(tuple(visits), tuple(leaves))
-
-
-def _visit(
-    node: Node,
-    before: Array,
-    world: ContactWorld,
-    encoder: Encoder,
-    calibration: Calibration,
-    rng: np.random.Generator,
-) -> Visit:
-    """One squeeze of all that came to a node."""
-    if len(before) == 0:
-        nothing = np.empty(0, np.int64)
-        return Visit(before, before, np.empty(0), nothing, nothing)
-    placement = placement_of(node.squeeze)
-    rolled = world.squeeze_many(to_hand(before, placement))
-    outcome = np.array(count_map(node, calibration), dtype=np.int64)
-    counts = encoder.read(rolled.width_mm, rng)
-    return Visit(before, to_world(rolled.poses, placement), rolled.width_mm, counts, outcome[counts])
 
 
 __all__ = ["REJECT", "Replay", "Visit", "replay"]

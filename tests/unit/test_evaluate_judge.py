@@ -82,7 +82,7 @@ def evaluation_of(table, leaf, poses):
     return Evaluation(
         leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
         resolved=np.where(leaf >= 0, known[leaf], False), crashes=0, poses=poses,
-        initial=poses + 1.0, path=path, counts=path + 100 * (path >= 0),
+        initial=poses + 1.0, path=path, counts=path + 100 * (path >= 0), branch=path,
     )  # fmt: skip
 
 

@@ -6,11 +6,10 @@ import pytest
 from fake_cell import FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
 from sample_tables import GRIPPER, random_table, small_table, with_node
 
-from runtime.decision import decide
-from runtime.errors import GripperStateError, JournalError, TableError
+from runtime.errors import JournalError, TableError
 from runtime.executor import Executor
 from runtime.results import Outcome, PartResult, Step
-from runtime.table import REJECT, Calibration, Table, count_map
+from runtime.table import Calibration, Table
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3
@@ -113,19 +112,6 @@ def _first_path(table: Table) -> list:
         branches.append(table.nodes[target].branches[0])
         target = branches[-1].target
     return branches
-
-
-def test_decision_is_the_map_and_a_contradicting_flag_is_refused() -> None:
-    for node in random_table(2, 10).nodes:
-        outcomes = count_map(node, CALIBRATION)
-        for count in range(256):
-            assert decide(node, outcomes, count, CONTACT).branch == outcomes[count]
-            assert (decide(node, outcomes, count, CONTACT).reason is None) == (outcomes[count] != REJECT)
-            # What is too thin for the flag is told by its width; `check_closed` has refused the rest.
-            assert decide(node, outcomes, count, ARRIVED).branch == outcomes[count]
-            for flag in (0, 1):
-                with pytest.raises(GripperStateError, match="not believed"):
-                    decide(node, outcomes, count, flag)
 
 
 def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:

@@ -10,7 +10,7 @@ from sample_tables import GRIPPER, random_table, small_table
 from runtime.errors import UsageError
 from runtime.geometry import compose, goal_distance_mm, placement, relative
 from runtime.rehearsal import Rehearsal, make
-from runtime.table import REJECT, Calibration, Table, count_map
+from runtime.table import REJECT, Calibration, Table, decide, decisions
 
 CALIBRATION = Calibration.linear(GRIPPER)
 
@@ -25,9 +25,9 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
         frame = placement(node.squeeze)
         final, width_mm, status = world.squeeze(relative(frame, pose))
         pose = compose(frame, final)
-        branch = count_map(node, CALIBRATION)[CALIBRATION.count(round(width_mm * 1000))]
+        count = CALIBRATION.count(round(width_mm * 1000))
+        branch = decide(decisions(node, CALIBRATION), count, status == "grasped")
         assert branch != REJECT
-        assert status == "grasped"
         target = node.branches[branch].target
     return (*path, target)
 
