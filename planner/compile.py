@@ -35,7 +35,7 @@ from planner.search.outcomes import MotionModel, Simulation
 from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
 from planner.world import ContactWorld
-from runtime.table import Table, canonical, refuted
+from runtime.table import Table, refuted
 
 EVALUATION_TRIALS = 20_000
 MARGIN = 0.7
@@ -59,7 +59,7 @@ class Plan:
     """A compiled job.
 
     Attributes:
-        table: the decision table, canonical, with the evaluation's figures.
+        table: the decision table, with the evaluation's figures.
         root: the tree with its beliefs, for reports.
         evaluation: what the table was judged by.
     """
@@ -130,12 +130,12 @@ class _Planning:
     deadline: float
 
     def run(self, trials: int) -> tuple[Table, Evaluation]:
-        """Plans the whole tree; the table, canonical, and what it was judged by."""
+        """Plans the whole tree; the table and what it was judged by."""
         doubts: list[Doubt] = []
         for attempt in range(REFINEMENTS + 1):
             self._grow(attempt)
             settle(doubts, self.growth.look_ahead.confidence)
-            table = canonical(lower(self.root, self.job))
+            table = lower(self.root, self.job)
             self.say("evaluate", attempt, REFINEMENTS + 1)
             world = ContactWorld(self.job, self.job.seed + SEED_WORLD + attempt, self.workers)
             evaluation = evaluate(table, self.job, world, trials, self.job.seed + SEED_EVALUATION + attempt)
@@ -191,7 +191,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
-    table = canonical(lower(root, job))
+    table = lower(root, job)
     world = ContactWorld(job, job.seed + SEED_WORLD, workers)
     evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION)
     table, evaluation = with_evaluation(table, evaluation, job)

@@ -6,7 +6,6 @@ shows in a few dozen parts, often before any part is lost by it, and is called b
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

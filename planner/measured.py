@@ -12,7 +12,7 @@ from planner.evaluation.judge import main_poses, metric_of_table
 from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
-from runtime.table import PPM, Leaf, Node, Prediction, Table, canonical, refuted
+from runtime.table import PPM, Leaf, Node, Prediction, Table, refuted
 
 LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
@@ -26,7 +26,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
     are the further poses that parts had there.
 
     Returns:
-        The table, canonical, and the evaluation, whose `resolved` follows the leaves.
+        The table and the evaluation, whose `resolved` follows the leaves.
     """
     metric = metric_of_table(table)
     leaves = tuple(_leaf(leaf, index, evaluation, job, metric) for index, leaf in enumerate(table.leaves))
@@ -43,7 +43,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
         reject_ppm=round(PPM * figures["reject_rate"]),
     )
     nodes = _measured(table, evaluation)
-    return canonical(replace(table, nodes=nodes, leaves=leaves, predicted=predicted)), evaluation
+    return replace(table, nodes=nodes, leaves=leaves, predicted=predicted), evaluation
 
 
 def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:

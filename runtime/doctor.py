@@ -13,7 +13,6 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple, Protocol
 
-from runtime.errors import CalibrationError
 from runtime.ports import Arm, Clock, Gripper
 from runtime.safety import NO_COMMUNICATION
 from runtime.table import Calibration, Pose2, Table, misfits

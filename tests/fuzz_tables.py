@@ -20,10 +20,10 @@ from typing import Any
 
 import msgpack
 from grown_tables import grown_table
+from runtime.table_columns import MAX_VALUE, packed, unpacked
 from sample_tables import every_field_table, random_table, small_table
 
 from runtime.table import TableError, dumps, loads
-from runtime.table_columns import MAX_VALUE, packed, unpacked
 
 LONGEST_S = 2.0  # a mutant that takes longer counts as a hang
 GOLDEN_1 = Path(__file__).parent / "golden" / "table-format-1.msgpack"

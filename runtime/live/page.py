@@ -12,7 +12,7 @@ from typing import Any
 
 from runtime.live.answers import Page
 from runtime.status import Status
-from runtime.table import Table
+from runtime.table import Table, job_of
 
 TEMPLATES = Path(__file__).parent / "templates"
 JSON = "application/json"

@@ -30,7 +30,7 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
-from runtime.table.lookup import COUNTS, REJECT, Calibration, decide, decision_map
+from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map
 from runtime.table.model import (
     HELD_UM,
     KINDS,
@@ -69,6 +69,7 @@ __all__ = [
     "TableError",
     "TableFile",
     "TableFileError",
+    "by_count",
     "decide",
     "decision_map",
     "distance",

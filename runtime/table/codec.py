@@ -91,10 +91,19 @@ def decode(data: bytes) -> Table:
 def rows_of(table: Table) -> dict[str, Sequence[Row]]:
     """The records of a table as rows of integers, in the order of `COLUMNS`."""
     return {
-        "node": [(*node.squeeze, *(node.release or node.squeeze[:2]), len(node.branches)) for node in table.nodes],
+        "node": [
+            (*node.squeeze, *(node.release or node.squeeze[:2]), len(node.branches)) for node in table.nodes
+        ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (*leaf[:3], *leaf.covariance, leaf.success_ppm, leaf.trials, int(leaf.resolved), len(leaf.alternatives))
+            (
+                *leaf[:3],
+                *leaf.covariance,
+                leaf.success_ppm,
+                leaf.trials,
+                int(leaf.resolved),
+                len(leaf.alternatives),
+            )
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -191,7 +200,7 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
         raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
     alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "alternative")
     return tuple(
-        Leaf(*row[:3], row[3:9], row[9], row[10], bool(row[11]), others)
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others))
         for row, others in zip(rows, alternatives, strict=True)
     )
 

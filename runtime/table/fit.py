@@ -28,9 +28,10 @@ def misfits(table: Table, calibration: Calibration) -> list[str]:
         for number, branch in enumerate(node.branches):
             nearest = calibration.count(branch.expected_um)
             if number not in decided:
+                width = f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f} mm"
                 problems.append(
-                    f"node {index}, branch {number}: no count of this gripper means {branch.low_um / 1000:.2f}.."
-                    f"{branch.high_um / 1000:.2f} mm; calibrate it again, or recompile the table for its encoder"
+                    f"node {index}, branch {number}: no count of this gripper means {width}; "
+                    "calibrate it again, or recompile the table for its encoder"
                 )
             elif decide(decided, nearest, branch.expected_um >= HELD_UM) not in (number, REJECT):
                 problems.append(

@@ -91,6 +91,14 @@ def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
     return (*unfelt, *felt)
 
 
+def by_count(decided: tuple[int, ...]) -> tuple[int, ...]:
+    """A `decision_map` as drawings show it: what each of the 256 counts means, with the flag that it needs.
+
+    The two halves of a map never name two branches, since the width alone says which.
+    """
+    return tuple(map(max, decided[:COUNTS], decided[COUNTS:]))
+
+
 def decide(decided: tuple[int, ...], count: int, felt: bool) -> int:
     """What one settled reading means: an index into the node's branches, or `REJECT`; one look-up.
 

@@ -11,7 +11,7 @@ PPM = 1_000_000
 HELD_UM = 2000
 """From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
 UNDETECTED_UM = 5000
-"""Up to this width the object flag may miss a grip (2F-85 manual, "object detection"), and the width tells."""
+"""Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation")
 MAX_NODES = 1 << 12

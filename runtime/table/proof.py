@@ -181,8 +181,8 @@ def _prove_values(table: Table) -> None:
     """Check the range of every column; which value is wrong is looked for only once one is."""
     bounds = _bounds(table)
     for kind, rows in rows_of(table).items():
-        names = COLUMNS[kind] if rows else ()
-        for name, column, (least, most) in zip(names, zip(*rows, strict=True), bounds[kind], strict=True):
+        columns = zip(*rows, strict=True)
+        for name, column, (least, most) in zip(COLUMNS[kind], columns, bounds[kind], strict=bool(rows)):
             if min(column) < least or max(column) > most:
                 index = next(at for at, value in enumerate(column) if not least <= value <= most)
                 _within(f"{_place(table, kind, index)}: {name}", column[index], least, most)
@@ -197,7 +197,9 @@ def _place(table: Table, kind: str, index: int) -> str:
     if kind not in owners:
         return f"{kind} {index}"
     owner, sizes = owners[kind]
-    of_each = chain.from_iterable((f"{owner} {at}, {kind} {k}" for k in range(n)) for at, n in enumerate(sizes))
+    of_each = chain.from_iterable(
+        (f"{owner} {at}, {kind} {k}" for k in range(n)) for at, n in enumerate(sizes)
+    )
     return list(of_each)[index]
 
 
@@ -212,9 +214,8 @@ def _prove_tree(table: Table) -> None:
         for number, branch in enumerate(node.branches):
             following = len(depths) if branch.target >= 0 else ~leaves
             if branch.target != following:
-                raise TableError(
-                    f"node {index}, branch {number}: target is {branch.target}, breadth first it is {following}"
-                )
+                told = f"target is {branch.target}, where breadth first it is {following}"
+                raise TableError(f"node {index}, branch {number}: {told}")
             if branch.target >= 0:
                 depths.append(depths[index] + 1)
             else:
@@ -230,7 +231,9 @@ def _prove_resolved(index: int, leaf: Leaf, goal: GoalSpec, limits: Limits) -> N
         _within(f"leaf {index}: y_um", y, y_min, y_max)
     poses = 1 + len(leaf.alternatives)
     if poses > (goal.modes if goal.kind == "modes" else 1):
-        raise TableError(f"leaf {index}: {poses} poses are more than the goal leaves open; mark it unresolved")
+        raise TableError(
+            f"leaf {index}: {poses} poses are more than the goal leaves open; mark it unresolved"
+        )
     hits = round(leaf.success_ppm / PPM * leaf.trials)
     if leaf.success_ppm < goal.confidence_ppm and refuted(hits, leaf.trials, goal.confidence_ppm / PPM):
         raise TableError(

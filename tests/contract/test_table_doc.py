@@ -4,14 +4,14 @@ import re
 from pathlib import Path
 
 import pytest
+from runtime.table_codec import READERS
+from runtime.table_columns import MAX_ARRAY_LENGTH
+from runtime.table_deflate import DYNAMIC_FROM
 from sample_tables import GRIPPER
 
 from runtime import table_grid as grid
 from runtime import table_model as model
 from runtime.table import FORMAT, FRAME_FIELDS, MAX_BYTES, MAX_DEPTH, PAYLOAD_FIELDS
-from runtime.table_codec import READERS
-from runtime.table_columns import MAX_ARRAY_LENGTH
-from runtime.table_deflate import DYNAMIC_FROM
 
 TEXT = (Path(__file__).parents[2] / "runtime" / "TABLE.md").read_text()
 

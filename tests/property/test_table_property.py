@@ -3,10 +3,10 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from runtime.table_columns import column, unzigzag, values, zigzag
 from sample_tables import random_table, renumbered
 
 from runtime.table import REJECT, Calibration, TableError, canonical, count_map, dumps, loads
-from runtime.table_columns import column, unzigzag, values, zigzag
 
 CASES = settings(max_examples=60, deadline=None, derandomize=True)
 tables = st.builds(random_table, st.integers(0, 10**6), st.integers(1, 25))

@@ -7,13 +7,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from runtime.fitness import check
 from sample_tables import GRIPPER, small_table, with_node
 
 from runtime import calibrate_command, calibration
 from runtime.calibrate_command import parser, report, run
 from runtime.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.errors import CalibrationError, GripperStateError, UsageError
-from runtime.fitness import check
 from runtime.table import Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)

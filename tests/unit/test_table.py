@@ -9,6 +9,7 @@ from random import Random
 import msgpack
 import pytest
 from grown_tables import grown_table
+from runtime.table_deflate import deflate, inflate
 from sample_tables import (
     GRIPPER,
     every_field_table,
@@ -37,7 +38,6 @@ from runtime.table import (
     prove,
     wilson_upper,
 )
-from runtime.table_deflate import deflate, inflate
 
 SMALL = dumps(small_table())
 EVERY = dumps(every_field_table())

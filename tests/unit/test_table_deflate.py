@@ -6,8 +6,6 @@ from heapq import heapify, heappop, heappush
 from random import Random
 
 import pytest
-
-from runtime.table import TableError
 from runtime.table_deflate import (
     DYNAMIC_FROM,
     END,
@@ -18,6 +16,8 @@ from runtime.table_deflate import (
     deflate,
     inflate,
 )
+
+from runtime.table import TableError
 
 
 def samples() -> list[bytes]:

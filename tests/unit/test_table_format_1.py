@@ -5,9 +5,9 @@ from pathlib import Path
 
 import msgpack
 import pytest
+from runtime.table_format_1 import PAYLOAD_FIELDS
 
 from runtime.table import TableError, loads
-from runtime.table_format_1 import PAYLOAD_FIELDS
 
 GOLDEN = (Path(__file__).parents[1] / "golden" / "table-format-1.msgpack").read_bytes()
 

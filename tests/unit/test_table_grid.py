@@ -4,9 +4,6 @@ from math import isqrt, pi
 from random import Random
 
 import pytest
-from sample_tables import GRIPPER
-
-from runtime.table import GripperSpec, TableError
 from runtime.table_grid import (
     EIGHTHS,
     MAX_SPREAD_NUMBER,
@@ -22,6 +19,9 @@ from runtime.table_grid import (
     spread_number_below,
     success_ppm,
 )
+from sample_tables import GRIPPER
+
+from runtime.table import GripperSpec, TableError
 
 GRID = WidthGrid.of(GRIPPER)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import msgpack
 import pytest
+from runtime.table_deflate import deflate
 from sample_tables import small_table
 
 from runtime.table import MAX_BYTES, PAYLOAD_FIELDS, dumps
-from runtime.table_deflate import deflate
 
 # Reads a file with an address space that leaves the reader 64 MiB, then says what it said.
 READ = """

@@ -4,6 +4,8 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 from grown_tables import grown_table
+from runtime.table_lookup import won
+from runtime.table_proof import unreadable
 from sample_tables import GRIPPER, every_field_table, random_table, small_table
 
 from runtime.table import (
@@ -20,8 +22,6 @@ from runtime.table import (
     decisions,
     prove,
 )
-from runtime.table_lookup import won
-from runtime.table_proof import unreadable
 
 LINE = Calibration.linear(GRIPPER)
 WORN = Calibration(tuple(max(0, width - 260 - width // 300) for width in LINE.widths_um))

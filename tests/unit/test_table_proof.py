@@ -3,11 +3,6 @@
 from dataclasses import replace
 
 import pytest
-from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf, with_node
-from scipy.stats import binom
-
-from runtime import table_proof
-from runtime.table import PPM, Branch, Calibration, Leaf, Node, Table, TableError, prove
 from runtime.table_model import HELD_UM
 from runtime.table_proof import (
     LEVEL,
@@ -20,6 +15,11 @@ from runtime.table_proof import (
     unreadable,
     wilson_upper,
 )
+from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf, with_node
+from scipy.stats import binom
+
+from runtime import table_proof
+from runtime.table import PPM, Branch, Calibration, Leaf, Node, Table, TableError, prove
 
 TABLE = small_table()
 MILLIMETRES = Calibration(tuple(range(255_000, -1, -1_000)))
