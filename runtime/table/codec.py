@@ -28,7 +28,7 @@ FORMAT = 3
 MAGIC = "squeezetree"
 MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
-HEADER_FIELDS = ("tool", "job_digest", "model", "gripper", "goal", "limits", "predicted")
+HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
 POSE = ("x_um", "y_um", "theta_urad")
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
@@ -175,7 +175,7 @@ def _table(fields: dict[str, object]) -> Table:
     return Table(
         tool=_typed(fields, "tool", str),
         job_digest=_typed(fields, "job_digest", bytes),
-        gripper=GripperSpec(_typed(fields, "model", str), *_integers(fields, "gripper", 6)),
+        gripper=GripperSpec(_typed(fields, "gripper_model", str), *_integers(fields, "gripper", 6)),
         goal=GoalSpec(distance, confidence, rho, symmetry, KINDS[kind], (x, y, theta), modes),
         limits=Limits(max_depth, force, speed, (x0, y0, x1, y1), retreat, height, arm_speed),
         nodes=_nodes(fields),

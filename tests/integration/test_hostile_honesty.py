@@ -14,7 +14,7 @@ from planner.evaluate import REJECTED, evaluate
 from runtime.executor import Executor
 from runtime.replay import Replay
 from runtime.results import Outcome
-from runtime.table import REJECT, Branch, Calibration, Leaf, Node, Table, decide, decisions, dumps
+from runtime.table import REJECT, Branch, Calibration, Leaf, Node, Table, decide, decision_map, dumps
 
 TREES = Path(__file__).parents[2] / "trees"
 LINE = Calibration.linear(GRIPPER)
@@ -35,7 +35,7 @@ TABLES = [thin_table(), every_field_table(), random_table(3, 1), random_table(8,
 @pytest.mark.parametrize("table", TABLES, ids=["thin", "every field", "random", "another"])
 def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table: Table) -> None:
     root = table.nodes[0]
-    decided = decisions(root, LINE)
+    decided = decision_map(root, LINE)
     header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
     for count in range(256):
         for flag in (2, 3):
@@ -65,7 +65,7 @@ class EveryWidth:
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
     found = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
-    decided = decisions(table.nodes[0], LINE)
+    decided = decision_map(table.nodes[0], LINE)
     for count, width_mm, branch, leaf in zip(
         found.counts[:, 0], world.width_mm, found.branch[:, 0], found.leaf, strict=True
     ):

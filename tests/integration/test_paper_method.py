@@ -9,7 +9,7 @@ from planner.compile import compile_job
 from planner.overrides import job_with
 from planner.search.expand import breadth_first
 from planner.search.paper import METHODS, SINGLETON_SHARE
-from runtime.table import REJECT, Calibration, count_map, dumps
+from runtime.table import REJECT, Calibration, by_count, decision_map, dumps
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TRIALS = 2000
@@ -48,7 +48,7 @@ def test_no_open_loop_plan_exceeds_seventy_percent(plans):
 def test_nothing_is_rejected_and_hardly_anything_hit(plans, method):
     plan = plans[method]
     calibration = Calibration.linear(plan.table.gripper)
-    assert all(REJECT not in count_map(node, calibration) for node in plan.table.nodes)
+    assert all(REJECT not in by_count(decision_map(node, calibration)) for node in plan.table.nodes)
     assert plan.evaluation.summary()["reject_rate"] == 0.0
     assert plan.evaluation.crashes <= 0.01 * TRIALS
 
