@@ -18,7 +18,7 @@ from planner.job import Job
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler
 from planner.sensitivity import EVERYTHING, Gain, sensitivity
-from runtime.table import REJECT, Calibration, Table, by_count, decision_map
+from runtime.table import Calibration, Table, by_count, decision_map
 
 CLOSE_COUNTS = 4.0
 """Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
@@ -56,22 +56,6 @@ class ClosePair(NamedTuple):
     excess: float
 
 
-class UnusedBranch(NamedTuple):
-    """A branch that no part took, of a node that parts came to.
-
-    Attributes:
-        node: index of the node.
-        branch: its number there.
-        width_mm: expected width.
-        visits: how many parts came to the node.
-    """
-
-    node: int
-    branch: int
-    width_mm: float
-    visits: int
-
-
 @dataclass(frozen=True, slots=True)
 class Advice:
     """What limits a plan.
@@ -81,8 +65,6 @@ class Advice:
         unresolved: share that ends in leaves from which no squeeze gained anything.
         at_depth_limit: share that ends in unresolved leaves as deep as `search.max_depth` allows.
         pairs: branches that the encoder may confuse, those that cost most first.
-        unused: branches never taken.
-        unvisited: number of nodes that no part came to.
         open_poses: the unresolved leaves that hold most parts, and what would resolve them.
         gains: what each source of noise costs; empty if not asked for.
         proposing: whether placements were proposed besides the stated ones.
@@ -93,8 +75,6 @@ class Advice:
     unresolved: float
     at_depth_limit: float
     pairs: tuple[ClosePair, ...]
-    unused: tuple[UnusedBranch, ...]
-    unvisited: int
     open_poses: tuple[Ambiguity, ...]
     gains: tuple[Gain, ...]
     proposing: bool
@@ -106,9 +86,7 @@ class Advice:
             "failing": self.failing,
             "unresolved": self.unresolved,
             "at_depth_limit": self.at_depth_limit,
-            "unvisited": self.unvisited,
             "pairs": [pair._asdict() for pair in self.pairs],
-            "unused": [branch._asdict() for branch in self.unused],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain.figures() for gain in self.gains],
             "delays": [delay.figures() for delay in self.delays],
@@ -121,7 +99,6 @@ class Advice:
             *(leaf.line() for leaf in self.open_poses),
             *(delay.line() for delay in self.delays),
             *_confusions(self.pairs),
-            *_unused(self.unused, self.unvisited),
         ]
 
 
@@ -135,14 +112,11 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
         gains: what `planner.sensitivity.sensitivity` measured.
     """
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
-    unused, unvisited = _never_taken(table, evaluation)
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=tuple(sorted(_close_pairs(table, evaluation, job), key=lambda pair: -pair.excess)),
-        unused=tuple(sorted(unused, key=lambda branch: -branch.visits)),
-        unvisited=unvisited,
         open_poses=tuple(ambiguities(table, evaluation, job)),
         gains=tuple(gains or ()),
         proposing=job.actions.proposals != "none",
@@ -208,20 +182,6 @@ def _reads_near(evaluation: Evaluation, node: int, border: float) -> BoolArray:
     return np.asarray(((evaluation.path == node) & near).any(axis=1))
 
 
-def _never_taken(table: Table, evaluation: Evaluation) -> tuple[list[UnusedBranch], int]:
-    """Branches without a part, and the number of nodes without any."""
-    unused, unvisited = [], 0
-    for index, node in enumerate(table.nodes):
-        taken = evaluation.branch[evaluation.path == index]
-        if len(taken) == 0:
-            unvisited += 1
-            continue
-        for number in sorted(set(range(len(node.branches))) - set(taken[taken != REJECT].tolist())):
-            branch = node.branches[number]
-            unused.append(UnusedBranch(index, number, branch.expected_um / 1e3, len(taken)))
-    return unused, unvisited
-
-
 def _limits(advice: Advice) -> list[str]:
     """What the missing share is due to."""
     if advice.failing == 0.0:
@@ -264,17 +224,4 @@ def _confusions(pairs: tuple[ClosePair, ...]) -> list[str]:
     ]
     if len(costly) > MOST_LINES:
         lines.append(f"and {len(costly) - MOST_LINES} more such pairs; see --json")
-    return lines
-
-
-def _unused(unused: tuple[UnusedBranch, ...], unvisited: int) -> list[str]:
-    """Branches that no part took."""
-    lines = [
-        f"node {branch.node}: no part of {branch.visits} took the branch at {branch.width_mm:.1f} mm"
-        for branch in unused[:MOST_LINES]
-    ]
-    if len(unused) > MOST_LINES:
-        lines.append(f"and {len(unused) - MOST_LINES} more branches that no part took; see --json")
-    if unvisited:
-        lines.append(f"{unvisited} nodes were never visited")
     return lines

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -34,6 +36,7 @@ from planner.search.improve import improve
 from planner.search.outcomes import MotionModel, Simulation
 from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
+from planner.untried import tried, without_untried
 from planner.world import ContactWorld
 from runtime.table import Table, refuted
 
@@ -53,6 +56,9 @@ LEAST_SHORT = 0.001
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 
+Judge = Callable[[Table, int], Evaluation]
+"""Trials of a table, in an attempt."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
@@ -62,11 +68,13 @@ class Plan:
         table: the decision table, with the evaluation's figures.
         root: the tree with its beliefs, for reports.
         evaluation: what the table was judged by.
+        untried: how many branches no trial took, so that their widths are REJECT.
     """
 
     table: Table
     root: TreeNode
     evaluation: Evaluation
+    untried: int
 
 
 def compile_job(
@@ -110,11 +118,11 @@ def compile_job(
     growth = _growth(job, simulator, ahead, reference)
     root = TreeNode(belief, 1.0, growth.look_ahead.metric.mode(belief))
     planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
-    table, evaluation = planning.run(trials)
-    table, evaluation = with_evaluation(table, evaluation, job)
-    if not evaluation.success.any():
-        raise _no_plan(table, evaluation, job)
-    return Plan(table, root, evaluation)
+    judge = partial(_judge, job, trials, simulator.workers)
+    plan = _plan(job, root, *planning.run(judge), judge)
+    if not plan.evaluation.success.any():
+        raise _no_plan(plan.table, plan.evaluation, job)
+    return plan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,22 +137,21 @@ class _Planning:
     say: Report
     deadline: float
 
-    def run(self, trials: int) -> tuple[Table, Evaluation]:
-        """Plans the whole tree; the table and what it was judged by."""
+    def run(self, judge: Judge) -> tuple[Table, Evaluation, int]:
+        """Plans the whole tree; the table, its trials, and the attempt that they belong to."""
         doubts: list[Doubt] = []
         for attempt in range(REFINEMENTS + 1):
             self._grow(attempt)
             settle(doubts, self.growth.look_ahead.confidence)
             table = lower(self.root, self.job)
             self.say("evaluate", attempt, REFINEMENTS + 1)
-            world = ContactWorld(self.job, self.job.seed + SEED_WORLD + attempt, self.workers)
-            evaluation = evaluate(table, self.job, world, trials, self.job.seed + SEED_EVALUATION + attempt)
+            evaluation = judge(table, attempt)
             if attempt == REFINEMENTS or self._late():
                 break
             short, doubts = self._faults(table, evaluation, attempt)
             if short < LEAST_SHORT and not doubts:
                 break
-        return table, evaluation
+        return table, evaluation, attempt
 
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
@@ -191,11 +198,34 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
-    table = lower(root, job)
-    world = ContactWorld(job, job.seed + SEED_WORLD, workers)
-    evaluation = evaluate(table, job, world, trials, job.seed + SEED_EVALUATION)
-    table, evaluation = with_evaluation(table, evaluation, job)
-    return Plan(table, root, evaluation)
+    table, judge = lower(root, job), partial(_judge, job, trials, workers)
+    return _plan(job, root, table, judge(table, 0), 0, judge)
+
+
+def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
+    """Squeezes parts as a table says: in an attempt always the same parts, with the same scatter."""
+    world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
+    return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
+
+
+def _plan(job: Job, root: TreeNode, table: Table, evaluation: Evaluation, attempt: int, judge: Judge) -> Plan:
+    """Leaves out what no trial took, and puts the figures in.
+
+    The trials that chose what stays say nothing of what else parts may do: others say how good the rest is.
+
+    Raises:
+        NoPlanError: nothing stays.
+    """
+    planned = sum(len(node.branches) for node in table.nodes)
+    while (kept := tried(table, evaluation)) != [list(range(len(node.branches))) for node in table.nodes]:
+        if not kept[0]:
+            raise _no_plan(table, evaluation, job)
+        table = without_untried(table, root, kept)
+        evaluation = judge(table, attempt)
+    untried = planned - sum(len(node.branches) for node in table.nodes)
+    runs = [evaluation, judge(table, REFINEMENTS + 1)] if untried else [evaluation]
+    table, evaluation = with_evaluation(table, runs, job)
+    return Plan(table, root, evaluation, untried)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,18 +19,25 @@ LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
 
 
-def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Table, Evaluation]:
+def with_evaluation(table: Table, runs: Sequence[Evaluation], job: Job) -> tuple[Table, Evaluation]:
     """Puts the measured figures into the leaves, the branches and the table.
 
     A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
     is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
     are the further poses that parts had there.
 
+    Args:
+        table: the table.
+        runs: of this table: all of them for its leaves, each of which had trials, and its branches; the last
+            one for the figures of the whole.
+        job: the job it was planned for.
+
     Returns:
-        The table and the evaluation, whose `resolved` follows the leaves.
+        The table and the last evaluation, whose `resolved` follows the leaves.
     """
+    everything, evaluation = Evaluation.joined(runs), runs[-1]
     metric = metric_of_table(table)
-    leaves = tuple(_leaf(leaf, index, evaluation, job, metric) for index, leaf in enumerate(table.leaves))
+    leaves = tuple(_leaf(leaf, index, everything, job, metric) for index, leaf in enumerate(table.leaves))
     known = np.array([leaf.resolved for leaf in leaves])
     resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
     at_leaf = evaluation.leaf >= 0
@@ -42,7 +50,7 @@ def with_evaluation(table: Table, evaluation: Evaluation, job: Job) -> tuple[Tab
         mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
         reject_ppm=round(PPM * figures["reject_rate"]),
     )
-    nodes = _measured(table, evaluation)
+    nodes = _measured(table, everything)
     return replace(table, nodes=nodes, leaves=leaves, predicted=predicted), evaluation
 
 
@@ -50,8 +58,6 @@ def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metr
     """A leaf with what its parts came to."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:
-        return leaf
     resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
     leaf = leaf._replace(success_ppm=round(PPM * hits / trials), trials=trials, resolved=resolved)
     if trials > 2:

@@ -162,6 +162,7 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
     return {
         "nodes": len(plan.table.nodes),
         "leaves": len(plan.table.leaves),
+        "untried_branches": plan.untried,
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
         "seconds": round(seconds, 3),
         **plan.evaluation.summary(),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 
 from runtime.geometry import placement
 from runtime.results import Outcome, PartResult, Step
-from runtime.table import PPM, GoalSpec, Pose2, Table, predicted_pose
+from runtime.table import GoalSpec, Pose2, Table, predicted_pose
 
 if TYPE_CHECKING:
     from runtime.tally import Tally
@@ -73,9 +73,8 @@ class Lines:
         told = f"part {result.part}: {result.outcome.name}"
         if result.leaf is not None:
             leaf = self._table.leaves[result.leaf]
-            told += (
-                f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {leaf.success_ppm / PPM:.4f}"
-            )
+            success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
+            told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
         if seen is not None and seen.error_mm is not None:
             told += f"; true error {seen.error_mm:.2f} mm"
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
@@ -154,7 +153,8 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "position_counts": [step.position_counts for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
-        "success_probability": None if leaf is None else leaf.success_ppm / PPM,
+        "success_probability": None if leaf is None else leaf.success,
+        "success_trials": None if leaf is None else leaf.trials,
         "audit": result.audit,
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),

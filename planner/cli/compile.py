@@ -162,8 +162,11 @@ def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:
     low, high = figures["success_ci95"]
     unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
     leaves = f"{len(plan.table.leaves)} leaves" + (f", {unresolved} of them unresolved" if unresolved else "")
+    untried = (
+        f"\nbranches that no trial took, and that are REJECT now: {plan.untried}" if plan.untried else ""
+    )
     return f"""\
-{part}: {len(plan.table.nodes)} squeezes planned, {leaves}
+{part}: {len(plan.table.nodes)} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \

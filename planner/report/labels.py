@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.report import canvas
-from runtime.table import PPM, Branch, Leaf
+from runtime.table import Branch, Leaf
 
 DIM = "#6b6b6b"
 
@@ -22,9 +22,10 @@ def leaf_lines(leaf: Leaf, order: int) -> list[tuple[str, str]]:
     lines = [(place, canvas.BLACK), (f"{angle:.1f}°", canvas.BLACK)]
     if not leaf.resolved:
         lines = [("not", canvas.BLACK), ("resolved", canvas.BLACK)]
-    lines.append((f"{100 * leaf.success_ppm / PPM:.1f} %", canvas.GREEN if leaf.resolved else DIM))
-    lines.append((f"of {leaf.trials}" if leaf.trials else "untried", DIM))
-    return lines
+    if leaf.success is None:
+        return [*lines, ("untried", DIM)]
+    lines.append((f"{100 * leaf.success:.1f} %", canvas.GREEN if leaf.resolved else DIM))
+    return [*lines, (f"of {leaf.trials}", DIM)]
 
 
 def degrees(angle: float) -> str:

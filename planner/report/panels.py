@@ -18,7 +18,7 @@ from planner.report.labels import percent, signed
 from planner.report.layout import Layout, Spot, tidy
 from planner.report.replay import Replay
 from planner.report.tree import BUS, DARKNESS, GAP, PANEL, SIZES, in_world, reach
-from runtime.table import PPM, Leaf, Node, Table
+from runtime.table import Leaf, Node, Table
 
 EDGE = 8.0
 MOST = 40
@@ -194,8 +194,10 @@ def leaf_label(index: int, leaf: Leaf) -> str:
     if not leaf.resolved:
         return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
     x, y, turn = leaf.x_um / 1e3, leaf.y_um / 1e3, np.degrees(leaf.theta_urad / 1e6)
-    success = 100 * leaf.success_ppm / PPM
-    return f"Leaf {index}: part at {x:.1f}, {y:.1f} mm, {turn:.0f} degrees; success {success:.2f} percent"
+    place = f"Leaf {index}: part at {x:.1f}, {y:.1f} mm, {turn:.0f} degrees"
+    return (
+        f"{place}; untried" if leaf.success is None else f"{place}; success {100 * leaf.success:.2f} percent"
+    )
 
 
 def leaf_lines(leaf: Leaf) -> list[str]:
@@ -204,9 +206,9 @@ def leaf_lines(leaf: Leaf) -> list[str]:
         return ["unresolved", f"of {leaf.trials}" if leaf.trials else "untried"]
     place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}"
     lines = [place, f"{signed(float(np.degrees(leaf.theta_urad / 1e6)))}°"]
-    if not leaf.trials:
+    if leaf.success is None:
         return [*lines, "untried"]
-    return [*lines, f"{100 * leaf.success_ppm / PPM:.1f} %", f"of {leaf.trials}"]
+    return [*lines, f"{100 * leaf.success:.1f} %", f"of {leaf.trials}"]
 
 
 def _arrows(node: Node) -> list[str]:

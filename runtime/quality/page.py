@@ -111,7 +111,8 @@ def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _leaf(row: LeafRow) -> Iterator[str]:
     passed = f"{row.passed} of {row.judged}" if row.judged else "-"
-    yield from (str(row.leaf), str(row.parts), passed, f"{row.predicted:.4f}")
+    predicted = "untried" if row.predicted is None else f"{row.predicted:.4f}"
+    yield from (str(row.leaf), str(row.parts), passed, predicted)
     for number in range(3):
         if not row.residuals:
             yield "-"

@@ -30,7 +30,7 @@ class LeafRow(NamedTuple):
         parts: that ended there.
         judged: of these, judged to pass or fail.
         passed: of these.
-        predicted: success rate that the table predicts.
+        predicted: success rate that the table predicts, None where no trial ended there.
         residuals: of x [mm], y [mm] and theta [rad]; empty where none was measured.
     """
 
@@ -38,7 +38,7 @@ class LeafRow(NamedTuple):
     parts: int
     judged: int
     passed: int
-    predicted: float
+    predicted: float | None
     residuals: tuple[Moments, ...]
 
 
@@ -159,7 +159,7 @@ def _leaves(history: History) -> Iterable[LeafRow]:
         passed = sum(part.verdict == "pass" for part in parts)
         judged = passed + sum(part.verdict == "fail" for part in parts)
         columns = tuple(moments(column) for column in zip(*residuals, strict=True))
-        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success_ppm / PPM, columns)
+        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, columns)
 
 
 def _nodes(history: History) -> Iterable[NodeRow]:

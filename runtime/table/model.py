@@ -100,6 +100,11 @@ class Leaf(NamedTuple):
     resolved: bool
     alternatives: tuple[tuple[int, int, int], ...] = ()
 
+    @property
+    def success(self) -> float | None:
+        """Share of its trials that met the goal; None where none ended here, which proves nothing."""
+        return self.success_ppm / PPM if self.trials else None
+
 
 @dataclass(frozen=True, slots=True)
 class GripperSpec:

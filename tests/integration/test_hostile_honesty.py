@@ -1,20 +1,44 @@
 """No word without ground: one rule for readings, nothing untried claimed, heights that meet the part."""
 
 import base64
+import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
+from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fake_cell import fake_cell
-from sample_tables import GRIPPER, every_field_table, random_table, small_table
+from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
 
 from planner import job as job_file
 from planner.evaluate import REJECTED, evaluate
+from planner.goal import Mode
+from planner.models.partition import Partition
+from planner.report import labels
+from planner.report.panels import leaf_label, leaf_lines
+from planner.search.expand import TreeNode
+from planner.untried import tried, without_untried
+from planner.world import ContactWorlds
+from runtime.console import Lines, as_object
 from runtime.executor import Executor
 from runtime.replay import Replay
-from runtime.results import Outcome
-from runtime.table import REJECT, Branch, Calibration, Leaf, Node, Table, decide, decision_map, dumps
+from runtime.results import Outcome, PartResult, Step
+from runtime.table import (
+    REJECT,
+    Branch,
+    Calibration,
+    Leaf,
+    Node,
+    Table,
+    decide,
+    decision_map,
+    dumps,
+    load,
+)
 
 TREES = Path(__file__).parents[2] / "trees"
 LINE = Calibration.linear(GRIPPER)
@@ -73,3 +97,89 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(found.leaf) == {REJECTED, 0, 1, 2, 3}
     assert np.all(found.leaf[1:10] == REJECTED)  # something between the fingers, where nothing was planned
+
+
+def tree_of(table: Table, target: int = 0) -> TreeNode:
+    """A tree of the table's shape, without beliefs."""
+    node = TreeNode(np.empty((0, 4)), 1.0, Mode(np.zeros(3), 1.0))
+    if target >= 0:
+        branches = table.nodes[target].branches
+        size = np.ones(len(branches), np.int64)
+        node.clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        node.children = [tree_of(table, branch.target) for branch in branches]
+    return node
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(seed: int) -> None:
+    table, random = random_table(seed, 12), Random(seed)
+    taken = [[n for n in range(len(node.branches)) if random.random() < 0.7] or [0] for node in table.nodes]
+    rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
+    run = SimpleNamespace(
+        path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
+    )
+    kept, root = tried(table, run), tree_of(table)
+    pruned = without_untried(table, root, kept)
+    dumps(pruned)  # proves it
+    waiting = [(0, 0, root)]
+    while waiting:
+        old, new, planned = waiting.pop()
+        before, after = table.nodes[old], pruned.nodes[new]
+        assert after.squeeze == before.squeeze
+        assert len(planned.children) == len(planned.clusters.mean) == len(after.branches) == len(kept[old])
+        read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
+        assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
+        for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
+            target = before.branches[number].target
+            if branch.target >= 0:
+                waiting.append((target, branch.target, child))
+            else:
+                assert pruned.leaves[~branch.target] == table.leaves[~target]
+
+
+def small_job(path: Path, *changes: tuple[str, str]) -> Path:
+    """A job that is planned in seconds."""
+    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = text.replace("stress_trials = 2000", "stress_trials = 0")
+    text += "\n[search]\nparticles = 400\nsearch_particles = 60\ndepth = 1\nmax_depth = 3\n"
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def command(name: str, *words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", name, *map(str, words)], capture_output=True, text=True, timeout=300
+    )
+
+
+def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, record_property) -> None:
+    job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
+    told = command("planner.cli.compile", job, "-o", output, "--trials", 300, "--no-advice", "--json")
+    record_property("exit_code", told.returncode)
+    assert told.returncode == 0, told.stderr
+    figures, table = json.loads(told.stdout), load(output).table
+    assert figures["untried_branches"] > 0
+    assert all(leaf.trials > 0 for leaf in table.leaves)
+    # 300 trials choose what stays, others say how good that is: fresh ones find the same.
+    assert table.job is not None
+    planned = job_file.from_canonical(table.job)
+    fresh = evaluate(table, planned, ContactWorlds.of_job(planned, 1), 4000, seed=5).summary()
+    low, high = figures["success_ci95"]
+    assert low <= fresh["success_rate"] <= high
+    record_property("ends", f"{figures['untried_branches']} branches REJECT, no leaf untried")
+
+
+def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
+    table = small_table()
+    untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
+    result = PartResult.of(1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None)
+    Lines(untried).part(result, None)
+    told = capsys.readouterr().out
+    assert "success never tried" in told
+    assert as_object(untried, result, None, Path("j"))["success_probability"] is None
+    shown = [told, leaf_label(0, untried.leaves[0]), *leaf_lines(untried.leaves[0])]
+    shown += [line for line, _ in labels.leaf_lines(untried.leaves[0], 2)]
+    assert not any("100" in line or "1.0000" in line for line in shown)

@@ -45,11 +45,12 @@ def test_no_open_loop_plan_exceeds_seventy_percent(plans):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_nothing_is_rejected_and_hardly_anything_hit(plans, method):
+def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, method):
     plan = plans[method]
     calibration = Calibration.linear(plan.table.gripper)
-    assert all(REJECT not in by_count(decision_map(node, calibration)) for node in plan.table.nodes)
-    assert plan.evaluation.summary()["reject_rate"] == 0.0
+    rejecting = sum(REJECT in by_count(decision_map(node, calibration)) for node in plan.table.nodes)
+    assert rejecting <= plan.untried
+    assert plan.evaluation.summary()["reject_rate"] <= 10.0 * plan.untried / TRIALS
     assert plan.evaluation.crashes <= 0.01 * TRIALS
 
 

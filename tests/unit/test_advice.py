@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from planner import job as job_file
@@ -67,19 +66,6 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert worst.near <= 1.0
     assert worst.lost <= 1.0 - run.success.mean()
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
-
-
-def test_unused_branches_are_those_without_a_part(table, job, evaluation):
-    root = table.nodes[0]
-    never = root.branches[-1]._replace(low_um=70_000, expected_um=71_000, high_um=72_000, probability_ppm=0)
-    longer = replace(table, nodes=(root._replace(branches=(*root.branches, never)), *table.nodes[1:]))
-    run = evaluate(longer, job, ContactWorlds.of_job(job, 1), 4000, 2)
-    unused = advise(longer, run, job).unused
-    assert [branch.visits for branch in unused if branch.width_mm == 71.0] == [4000]
-    for branch in unused:
-        assert branch.visits == int((run.path == branch.node).any(axis=1).sum()) > 0
-    visited = set(np.unique(run.path).tolist())
-    assert advise(longer, run, job).unvisited == len(longer.nodes) - len(visited - {-1})
 
 
 def test_leaves_that_know_nothing_are_told_from_paths_that_are_too_long(table, job):
