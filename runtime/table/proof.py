@@ -48,8 +48,9 @@ def prove(table: Table) -> None:
     for index, node in enumerate(table.nodes):
         total, below = 0, -1
         for number, branch in enumerate(node.branches):
-            at = f"node {index}, branch {number}"
-            _within(f"{at}: expected_um", branch.expected_um, max(branch.low_um, below + 1), branch.high_um)
+            if not (branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um):
+                at = f"node {index}, branch {number}: expected_um"
+                _within(at, branch.expected_um, max(branch.low_um, below + 1), branch.high_um)
             total, below = total + branch.probability_ppm, branch.expected_um
         if abs(total - PPM) > len(node.branches):
             raise TableError(f"node {index}: the branches' probabilities sum to {total} ppm, not {PPM}")
