@@ -75,7 +75,8 @@ def decode(data: bytes) -> Table:
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
     if type(frame[1]) is not int or frame[1] != FORMAT:
-        raise TableError(f"format {frame[1]} is not readable; this runtime reads {FORMAT}, recompile it")
+        told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
+        raise TableError(f"format {told} is not readable; this runtime reads {FORMAT}, recompile it")
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
         raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
     if hashlib.sha256(frame[3]).digest() != frame[2]:
@@ -187,7 +188,7 @@ def _table(fields: dict[str, object]) -> Table:
 
 def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
     rows = _rows(fields, "node")
-    branches = _parts(map(Branch._make, _rows(fields, "branch")), rows, MAX_BRANCHES, "branch")
+    branches = _parts(map(Branch._make, _rows(fields, "branch")), rows, MAX_BRANCHES, "node_branches")
     return tuple(
         Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
         for row, own in zip(rows, branches, strict=True)
@@ -198,7 +199,7 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
     rows = _rows(fields, "leaf")
     if not all(0 <= row[11] <= 1 for row in rows):
         raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
-    alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "alternative")
+    alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "leaf_alternatives")
     return tuple(
         Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others))
         for row, others in zip(rows, alternatives, strict=True)
@@ -218,10 +219,10 @@ def _parts(records: Iterable[Kind], rows: list[Row], most: int, name: str) -> It
     for row in rows:
         own = tuple(islice(left, row[-1])) if 0 <= row[-1] <= most else None
         if own is None or len(own) != row[-1]:
-            raise TableError(f"a record says it has {row[-1]} of the {name} records; there are not so many")
+            raise TableError(f"{name} holds {row[-1]}, but no more than {most} may be, and as many as follow")
         yield own
     if next(left, None) is not None:
-        raise TableError(f"there are more {name} records than belong to any other record")
+        raise TableError(f"{name} adds up to fewer than there are")
 
 
 def _integers(fields: dict[str, object], name: str, length: int) -> Row:
@@ -230,7 +231,7 @@ def _integers(fields: dict[str, object], name: str, length: int) -> Row:
         raise TableError(f"{name} holds {len(values)} integers where {length} belong")
     strange = {type(value).__name__ for value in values} - {"int"}
     if strange:
-        raise TableError(f"{name} holds {strange.pop()} where int belongs")
+        raise TableError(f"{name} holds {min(strange)} where int belongs")
     return values
 
 
