@@ -11,7 +11,7 @@ from planner.arrays import Array
 from planner.belief import initial
 from planner.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
-from planner.goal import Metric
+from planner.goal import metric_of
 from planner.job import Job
 from planner.overrides import job_with
 from planner.part.outline import convex_hull, radius_of_gyration
@@ -35,7 +35,8 @@ class Achieved(NamedTuple):
     Attributes:
         oriented: share of the parts that end within `ORIENTED_DEG` of the angle the theory says, modulo the
             plan's period.
-        located: share within the goal of the one pose that most are within the goal of.
+        located: share within the job's goal of the pose that most are within it of; of several poses, where
+            the goal allows them.
         located_modulo: the same, modulo the plan's period.
         seconds: a part, estimated.
     """
@@ -140,7 +141,7 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
     run = _Run(job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    metric = Metric(job.goal.distance_mm, radius_of_gyration(job.part.outline_mm), job.part.symmetry)
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     orders = round(2.0 * np.pi / squeezes.period)
     off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
     return Achieved(

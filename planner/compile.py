@@ -16,11 +16,11 @@ from planner.belief import doubting
 from planner.encoder import encoder_of
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
-from planner.evaluation.stress import Doubt, doubt, settle, stressed
+from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
 from planner.goal import metric_of
 from planner.job import Job
 from planner.lower import lower
-from planner.measured import with_evaluation
+from planner.measured import predicting, with_figures
 from planner.mechanics.simulator import Simulator
 from planner.models.learning import learned_model, learns
 from planner.models.store import Store
@@ -119,7 +119,9 @@ def compile_job(
     root = TreeNode(belief, 1.0, growth.look_ahead.metric.mode(belief))
     planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
     judge = partial(_judge, job, trials, simulator.workers)
-    plan = _plan(job, root, *planning.run(judge), judge)
+    table, evaluation, attempt = planning.run(judge)
+    others = beyond(table, job, trials, attempt, scheduler or Threads(simulator.workers))
+    plan = _plan(job, root, table, evaluation, others, judge)
     if not plan.evaluation.success.any():
         raise _no_plan(plan.table, plan.evaluation, job)
     return plan
@@ -199,33 +201,34 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table, judge = lower(root, job), partial(_judge, job, trials, workers)
-    return _plan(job, root, table, judge(table, 0), 0, judge)
+    return _plan(job, root, table, judge(table, 0), [], judge)
 
 
 def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
-    """Squeezes parts as a table says: in an attempt always the same parts, with the same scatter."""
+    """Squeezes fresh parts as a table says."""
     world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
     return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
 
 
-def _plan(job: Job, root: TreeNode, table: Table, evaluation: Evaluation, attempt: int, judge: Judge) -> Plan:
-    """Leaves out what no trial took, and puts the figures in.
+def _plan(
+    job: Job, root: TreeNode, table: Table, evaluation: Evaluation, others: list[Evaluation], judge: Judge
+) -> Plan:
+    """Puts the figures in, and leaves out what no trial took.
 
-    The trials that chose what stays say nothing of what else parts may do: others say how good the rest is.
+    The trials that chose what stays cannot tell what else parts may do: fresh ones judge the rest.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    planned = sum(len(node.branches) for node in table.nodes)
-    while (kept := tried(table, evaluation)) != [list(range(len(node.branches))) for node in table.nodes]:
-        if not kept[0]:
-            raise _no_plan(table, evaluation, job)
+    table, evaluation = with_figures(table, evaluation, others, job)
+    kept = tried(table, [evaluation, *others])
+    if not kept[0]:
+        raise _no_plan(table, evaluation, job)
+    untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
+    if untried:
         table = without_untried(table, root, kept)
-        evaluation = judge(table, attempt)
-    untried = planned - sum(len(node.branches) for node in table.nodes)
-    runs = [evaluation, judge(table, REFINEMENTS + 1)] if untried else [evaluation]
-    table, evaluation = with_evaluation(table, runs, job)
-    return Plan(table, root, evaluation, untried)
+        evaluation = judge(table, REFINEMENTS + 1)
+    return Plan(predicting(table, evaluation), root, evaluation, untried)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:

@@ -9,6 +9,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner import job as job_file
+from planner.job_checks import place_tips
 from planner.part.importers.file import Imported
 from planner.presets import FINGERS, GRIPPERS, GripperPreset
 
@@ -26,6 +27,7 @@ class Answers(NamedTuple):
         gripper: one of `GRIPPERS`.
         fingers: one of `FINGERS`.
         distance_mm: the goal.
+        height_mm: the part's thickness; None where nobody knows it.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Answers(NamedTuple):
     gripper: str
     fingers: str
     distance_mm: float = 3.0
+    height_mm: float | None = None
 
 
 def draft(imported: Imported, source: str, answers: Answers) -> str:
@@ -53,12 +56,17 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
     )  # fmt: skip
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     width, height = imported.size_mm
+    thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
+    cell: dict[str, float | None] = {"squeeze_height_mm": None}
+    place_tips(thickness, cell)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
         notes=[_one_line(note) for note in imported.notes],
         size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
+        height=thickness,
+        tips=cell["squeeze_height_mm"],
         vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],

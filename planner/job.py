@@ -32,11 +32,13 @@ class Part:
         name: for people.
         outline_mm: (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
         symmetry: rotational order n; turns by 2 pi / n look the same, 1 = none.
+        height_mm: its thickness, from the table to its top where the fingers close; None: not stated.
     """
 
     name: str
     outline_mm: Outline
     symmetry: int
+    height_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,6 +302,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         part["symmetry"] = symmetry.order(part["outline_mm"])
     surface_file.resolve(values["pressure"], where, drawn)
     job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
+    job_checks.place_tips(part["height_mm"], values["cell"])
     job_checks.check_conflicts(values, where)
     actions, cell = values["actions"], values["cell"]
     for key in ("angles_deg", "openings_mm", "forces_n"):

@@ -16,6 +16,10 @@ from planner.surface_file import check_ellipsoid
 
 Values = dict[str, dict[str, Any]]
 
+TIP_MARGIN_MM = 1.0
+"""How far below the part's top the finger tips squeeze at least: the arm is off, a rim is rounded."""
+HIGHEST_TIPS_MM = 8.0
+"""Where the tips squeeze a part whose height nobody states, or a high one."""
 ON_PART_MM = 1e-3
 """How far outside the outline a support point may lie, for rounded drawings."""
 
@@ -59,6 +63,13 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     pressure.update(points_mm=points, weights=weights)
 
 
+def place_tips(height_mm: float | None, cell: dict[str, Any]) -> None:
+    """Fill in (in place) a squeeze height that is not stated: half-way up, at most `HIGHEST_TIPS_MM`."""
+    if cell["squeeze_height_mm"] is None:
+        top_mm = math.inf if height_mm is None else height_mm
+        cell["squeeze_height_mm"] = min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
+
+
 def check_conflicts(values: Values, where: str) -> None:
     """Refuse values that are fine alone and wrong together.
 
@@ -71,6 +82,7 @@ def check_conflicts(values: Values, where: str) -> None:
         surface_file.check_dof(values["pressure"]["wishart_dof"], where)
     _check_friction(values["friction"], where)
     _check_gripper(values["gripper"], values["cell"], where)
+    _check_heights(values["part"]["height_mm"], values["cell"], where)
     _check_actions(values["actions"], values["cell"], where)
     _check_choices(values["actions"], values["gripper"], values["cell"], where)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"], where)
@@ -100,6 +112,22 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any], where: str) ->
         if gripper[key] > cell[limit]:
             problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
             raise _conflict(problem, where, "gripper", key, gripper[key])
+
+
+def _check_heights(height_mm: float | None, cell: dict[str, Any], where: str) -> None:
+    """The tips must meet the part where they squeeze, and pass above it where they travel."""
+    if height_mm is None:
+        return
+    squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
+    if squeeze_mm > height_mm - TIP_MARGIN_MM:
+        problem = (
+            f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm = "
+            f"{height_mm:g}; lower it to {height_mm - TIP_MARGIN_MM:g} or less, or leave it out"
+        )
+        raise _conflict(problem, where, "cell", "squeeze_height_mm", squeeze_mm)
+    if retreat_mm <= height_mm:
+        problem = f"is {retreat_mm:g}, not above height_mm = {height_mm:g} of [part]; raise it"
+        raise _conflict(problem, where, "cell", "retreat_height_mm", retreat_mm)
 
 
 def _check_actions(actions: dict[str, Any], cell: dict[str, Any], where: str) -> None:

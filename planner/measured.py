@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.evaluate import Evaluation
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.goal import Metric
@@ -19,30 +19,39 @@ LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
 
 
-def with_evaluation(table: Table, runs: Sequence[Evaluation], job: Job) -> tuple[Table, Evaluation]:
-    """Puts the measured figures into the leaves, the branches and the table.
+def with_figures(
+    table: Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
+) -> tuple[Table, Evaluation]:
+    """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success the evaluation refutes (an exact binomial test speaks against the goal's confidence)
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
     is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
     are the further poses that parts had there.
 
     Args:
         table: the table.
-        runs: of this table: all of them for its leaves, each of which had trials, and its branches; the last
-            one for the figures of the whole.
+        evaluation: of this table, in the world that the job states.
+        others: of this table in other worlds: for leaves that no part came to in the stated one.
         job: the job it was planned for.
 
     Returns:
-        The table and the last evaluation, whose `resolved` follows the leaves.
+        The table and the evaluation, whose `resolved` follows the leaves.
     """
-    everything, evaluation = Evaluation.joined(runs), runs[-1]
     metric = metric_of_table(table)
-    leaves = tuple(_leaf(leaf, index, everything, job, metric) for index, leaf in enumerate(table.leaves))
+    elsewhere = Evaluation.joined(others) if others else evaluation
+    here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
+    leaves = tuple(
+        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
+        for index, leaf in enumerate(table.leaves)
+    )
     known = np.array([leaf.resolved for leaf in leaves])
-    resolved_trials: BoolArray = np.zeros(len(evaluation.leaf), np.bool_)
-    at_leaf = evaluation.leaf >= 0
-    resolved_trials[at_leaf] = known[evaluation.leaf[at_leaf]]
-    evaluation = replace(evaluation, resolved=resolved_trials)
+    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
+    nodes = _measured(table, evaluation)
+    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
+
+
+def predicting(table: Table, evaluation: Evaluation) -> Table:
+    """States the figures of an evaluation in its table."""
     figures = evaluation.summary()
     predicted = Prediction(
         success_ppm=round(PPM * figures["success_rate"]),
@@ -50,14 +59,15 @@ def with_evaluation(table: Table, runs: Sequence[Evaluation], job: Job) -> tuple
         mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
         reject_ppm=round(PPM * figures["reject_rate"]),
     )
-    nodes = _measured(table, everything)
-    return replace(table, nodes=nodes, leaves=leaves, predicted=predicted), evaluation
+    return replace(table, predicted=predicted)
 
 
 def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
     """A leaf with what its parts came to."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
+    if trials == 0:
+        return leaf
     resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
     leaf = leaf._replace(success_ppm=round(PPM * hits / trials), trials=trials, resolved=resolved)
     if trials > 2:

@@ -39,6 +39,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "name": Text(),
         "outline_mm": Numbers(PLACE, columns=2),
         "symmetry": Either("auto", Integer(1, 10_000), default="auto"),
+        "height_mm": Number(1, MM, above=True, default=None),
     },
     "pressure": {
         "kind": Text(("boundary", "uniform", "points", "identified", "stated"), default="boundary"),
@@ -102,7 +103,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
     "cell": {
         "work_area_mm": Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
         "retreat_height_mm": Number(0, MM, above=True, default=60.0),
-        "squeeze_height_mm": Number(0, MM, default=8.0),
+        "squeeze_height_mm": Number(0, MM, default=None),
         "arm_speed_mm_s": Number(0, 10_000, above=True, default=250.0),
         "max_force_n": Number(0, 10_000, above=True, default=235.0),
         "max_speed_mm_s": Number(0, MM, above=True, default=150.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,21 +10,25 @@ import numpy as np
 from planner.evaluate import Evaluation
 from planner.models.partition import Partition
 from planner.search.expand import TreeNode, breadth_first
-from runtime.table import COUNTS, PPM, REJECT, Branch, Calibration, Node, Table, decision_map
+from runtime.table import COUNTS, PPM, Branch, Calibration, Node, Table, decision_map
 
 
-def tried(table: Table, evaluation: Evaluation) -> list[list[int]]:
+def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
     """The branches of each node that trials took, and after which there was an outcome.
 
     Args:
         table: the table.
-        evaluation: of this table.
+        runs: evaluations of this table.
     """
+    took = [set[int]() for _ in table.nodes]
+    for run in runs:
+        passed = run.path >= 0
+        for index, number in set(zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)):
+            took[index].add(number)
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
-        taken = np.unique(evaluation.branch[evaluation.path == index]).tolist()
-        targets = {number: table.nodes[index].branches[number].target for number in taken if number != REJECT}
-        kept[index] = [number for number, target in targets.items() if target < 0 or kept[target]]
+        targets = enumerate(branch.target for branch in table.nodes[index].branches)
+        kept[index] = [n for n, target in targets if n in took[index] and (target < 0 or kept[target])]
     return kept
 
 

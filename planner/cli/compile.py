@@ -16,6 +16,7 @@ from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.errors import UsageError
 from planner.job import Job
+from planner.job_checks import TIP_MARGIN_MM
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.table import dump
@@ -117,7 +118,7 @@ def _single(arguments: argparse.Namespace) -> int:
         figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
         shell.print_json(figures)
         return 0
-    print("\n".join([_text(plan, job.part.name, output, seconds), *(advice.lines() if advice else ())]))
+    print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
     if models:
         print(models.text)
     return 0
@@ -157,7 +158,7 @@ def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:
     return {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
 
 
-def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:
+def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     figures = plan.evaluation.summary()
     low, high = figures["success_ci95"]
     unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
@@ -165,14 +166,21 @@ def _text(plan: Plan, part: str, output: Path, seconds: float) -> str:
     untried = (
         f"\nbranches that no trial took, and that are REJECT now: {plan.untried}" if plan.untried else ""
     )
+    tips_mm = job.cell.squeeze_height_mm
+    thickness = (
+        f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
+        f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+        if job.part.height_mm is None
+        else ""
+    )
     return f"""\
-{part}: {len(plan.table.nodes)} squeezes planned, {leaves}{untried}
+{job.part.name}: {len(plan.table.nodes)} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
 wrong {figures["wrong_rate"]:.2%}
 {figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
-about {figures["mean_seconds"]:.1f} s
+about {figures["mean_seconds"]:.1f} s{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 

@@ -60,6 +60,10 @@ def parser() -> argparse.ArgumentParser:
     answers.add_argument(
         "--turn", type=_number, metavar="DEG", help="it is turned by at most this (default: any angle)"
     )
+    answers.add_argument(
+        "--thickness", type=_number, metavar="MM",
+        help="of the part, from the table to its top (default: the height of an STL solid)",
+    )  # fmt: skip
     answers.add_argument("--gripper", choices=GRIPPERS, help="which one")
     answers.add_argument("--fingers", choices=FINGERS, help="what they are faced with")
     answers.add_argument(
@@ -94,10 +98,13 @@ def _init(arguments: argparse.Namespace) -> int:
         shell.print_json(
             {
                 "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
-                "size_mm": imported.size_mm.tolist(), "notes": list(imported.notes),
+                "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm,
+                "notes": list(imported.notes),
             }
         )  # fmt: skip
     else:
+        if answers.height_mm is None:
+            print("note: the part's thickness is not stated; state --thickness, or height_mm in the file")
         print(f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}")
     return 0
 
@@ -153,7 +160,13 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
             "of the hand; a smaller --radius, a --turn or a wider gripper may be needed",
             file=sys.stderr,
         )
-    return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance)
+    thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
+    if thickness is None and asking:
+        thickness = _ask(
+            "its thickness, table to top [mm; empty: not known]: ",
+            lambda text: _number(text) if text else None,
+        )
+    return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
 
 
 def _choice(question: str, choices: Iterable[str]) -> str:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import trusting
+from planner.belief import ROUGH, SLIPPERY, trusting
+from planner.evaluate import evaluate
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
@@ -75,6 +77,25 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
         job.goal.stress_trials, seed, scheduler,
     )  # fmt: skip
     return [line.evaluation for line in lines]
+
+
+def beyond(table: Table, job: Job, trials: int, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
+    """Runs a table where the plan goes beyond the stated world: with friction it doubts, and as `stressed`.
+
+    Args:
+        table: the table, canonical.
+        job: the job it is compiled from.
+        trials: parts in the stated world; there are as many more with doubted friction as the plan believes.
+        attempt: the random streams are named after it.
+        scheduler: who runs the trials. The result does not depend on it.
+    """
+    runs, seed = [], job.seed + SEED_STRESS + attempt
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    each = math.ceil(0.5 * job.friction.doubt * trials)
+    for least, most in ((SLIPPERY * low, low), (high, ROUGH * high)) if each else ():
+        real = replace(job, friction=replace(job.friction, finger_part_min=least, finger_part_max=most))
+        runs.append(evaluate(table, real, ContactWorlds.of_job(real, seed), each, seed, scheduler))
+    return [*runs, *stressed(table, job, attempt, scheduler)]
 
 
 def doubtful(run: Evaluation, leaves: int) -> list[int]:

@@ -99,9 +99,10 @@ def outlines(outline: Array, poses: Array) -> Array:
 
 
 def jaws_of(job: Job) -> Array:
-    """Opening, finger length, finger thickness [mm], and the upper finger's share of the closing: half."""
+    """Opening, finger length, finger thickness [mm], and the upper finger's share of the closing."""
     gripper = job.gripper
-    return np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, 0.5])
+    sizes = gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm
+    return np.array([*sizes, gripper.upper_finger_share])
 
 
 def finger_boxes(jaws: Array, width_mm: float) -> Array:

@@ -76,6 +76,7 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
         elif match := re.match(r"# (\w+ = .*)", line):
             shown |= {(section, key): value for key, value in tomllib.loads(match[1]).items()}
     assert len(shown) > 20
+    del shown["part", "height_mm"]  # an example: it has no default
     for (name, key), value in shown.items():
         assert FIELDS[name][key].default == value if key != "wishart_dof" else value == 100
 
@@ -134,12 +135,13 @@ def test_at_a_terminal_it_asks(tmp_path):
     drawing = draw(tmp_path / "bracket.dxf", 0)
     output = tmp_path / "job.toml"
     command = [sys.executable, "-m", "planner.cli.init", str(drawing), "-o", str(output)]
-    code, seen = at_a_terminal(command, "parsec\nmm\nmy part\nhand-e\nsteel\n-x\n\n")
+    code, seen = at_a_terminal(command, "parsec\nmm\nmy part\nhand-e\nsteel\n-x\n\nthin\n6\n")
     assert code == 0, seen
     assert "--units" in seen
     job = job_file.load(output)
     assert (job.part.name, job.gripper.model) == ("my part", "hand-e")
     assert 1.0 <= job.uncertainty.radius_mm <= 10.0
+    assert (job.part.height_mm, job.cell.squeeze_height_mm) == (6.0, 3.0)
 
 
 def test_a_part_that_does_not_fit_is_refused_and_nothing_is_written(tmp_path, capsys):

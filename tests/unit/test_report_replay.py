@@ -82,3 +82,19 @@ def test_same_seed_same_parts(table: Table, job: Job) -> None:
     first, second, other = (replay(table, job, 50, seed) for seed in (8, 8, 9))
     assert np.array_equal(first.visits[0].after, second.visits[0].after)
     assert not np.array_equal(first.visits[0].after, other.visits[0].after)
+
+
+def test_what_a_table_drags_is_dragged_in_the_replay(table: Table, job: Job) -> None:
+    root = table.nodes[0]
+    assert root.squeeze[:2] == (0, 0)
+    dragging = replace(table, nodes=(root._replace(release=(9_000, -4_000)), *table.nodes[1:]))
+    replayed = replay(dragging, job, TRIALS, seed=3)
+    first = replayed.visits[0]
+    held = first.width_mm > 5.0
+    assert held.mean() > 0.9
+    shift = (first.released - first.after)[held & (first.branch != REJECT)]
+    assert np.allclose(shift, (9.0, -4.0, 0.0), atol=1e-9)
+    found = evaluate(dragging, job, ContactWorld(job, 6), TRIALS, 7)
+    theirs, ours = found.poses[found.leaf >= 0], np.concatenate(replayed.leaves)
+    off = ours.mean(axis=0) - theirs.mean(axis=0)
+    assert np.all(np.abs(off[:2]) < 5.0 * theirs[:, :2].std(axis=0) * np.sqrt(2 / TRIALS))

@@ -44,12 +44,14 @@ class Imported(NamedTuple):
         symmetry: its rotational order.
         size_mm: (2,) extent of its bounding box, as drawn.
         notes: what a reader should know, one sentence each.
+        height_mm: of the solid; None where the file holds an outline alone.
     """
 
     outline_mm: Array
     symmetry: int
     size_mm: Array
     notes: tuple[str, ...]
+    height_mm: float | None = None
 
 
 def read_outline(path: Path, options: Options) -> Imported:
@@ -74,7 +76,8 @@ def read_outline(path: Path, options: Options) -> Imported:
         pieces = _pieces(data, path.suffix.lower(), where, options)
         found, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(found, options.contour, where)
-        return _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+        imported = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+        return imported._replace(height_mm=pieces.height_mm)
 
 
 def _bytes(path: Path) -> bytes:

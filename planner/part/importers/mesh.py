@@ -55,4 +55,5 @@ def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None
     if len(cuts) == 0:
         raise OutlineError("has no outline at that height; choose another --height", where=where)
     rings, strokes = sorted_out([np.asarray(cut)[:, :2] for cut in cuts], 0.0, where)
-    return Pieces(rings, strokes, [f"cut {height:.4g} mm above its lowest point, of {high - low:.4g} mm"])
+    note = f"cut {height:.4g} mm above its lowest point, of {high - low:.4g} mm"
+    return Pieces(rings, strokes, [note], high - low)

@@ -34,11 +34,13 @@ class Pieces(NamedTuple):
         rings: closed curves, each (n, 2) without its first point repeated [mm].
         strokes: open ones, each (n, 2) [mm].
         notes: what a reader should know, one sentence each.
+        height_mm: of a solid, from its lowest to its highest point.
     """
 
     rings: list[Array]
     strokes: list[Array]
     notes: list[str]
+    height_mm: float | None = None
 
 
 def need_units(where: str, said: str) -> UsageError:
