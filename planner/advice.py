@@ -18,7 +18,7 @@ from planner.job import Job
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler
 from planner.sensitivity import EVERYTHING, Gain, sensitivity
-from runtime.table import Calibration, Table, count_map
+from runtime.table import Calibration, Table, by_count, decision_map
 
 CLOSE_COUNTS = 4.0
 """Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
@@ -147,7 +147,7 @@ def _close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePa
     failed = ~evaluation.success
     pairs = []
     for index, node in enumerate(table.nodes):
-        outcome = count_map(node, calibration)
+        outcome = by_count(decision_map(node, calibration))
         for number, (below, above) in enumerate(pairwise(node.branches)):
             counts = (above.expected_um - below.expected_um) / um_per_count
             overlap = below.high_um >= above.low_um

@@ -38,7 +38,7 @@ from planner.search.paper import METHODS
 from planner.search.paper_plan import plan_paper
 from planner.untried import tried, without_untried
 from planner.world import ContactWorld
-from runtime.table import Table, canonical, refuted
+from runtime.table import Table, refuted
 
 EVALUATION_TRIALS = 20_000
 MARGIN = 0.7
@@ -65,7 +65,7 @@ class Plan:
     """A compiled job.
 
     Attributes:
-        table: the decision table, canonical, with the evaluation's figures.
+        table: the decision table, with the evaluation's figures.
         root: the tree with its beliefs, for reports.
         evaluation: what the table was judged by.
         untried: how many branches no trial took, so that their widths are REJECT.
@@ -140,12 +140,12 @@ class _Planning:
     deadline: float
 
     def run(self, judge: Judge) -> tuple[Table, Evaluation, int]:
-        """Plans the whole tree; the table, canonical, its trials, and the attempt that they belong to."""
+        """Plans the whole tree; the table, its trials, and the attempt that they belong to."""
         doubts: list[Doubt] = []
         for attempt in range(REFINEMENTS + 1):
             self._grow(attempt)
             settle(doubts, self.growth.look_ahead.confidence)
-            table = canonical(lower(self.root, self.job))
+            table = lower(self.root, self.job)
             self.say("evaluate", attempt, REFINEMENTS + 1)
             evaluation = judge(table, attempt)
             if attempt == REFINEMENTS or self._late():
@@ -200,7 +200,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
-    table, judge = canonical(lower(root, job)), partial(_judge, job, trials, workers)
+    table, judge = lower(root, job), partial(_judge, job, trials, workers)
     return _plan(job, root, table, judge(table, 0), [], judge)
 
 

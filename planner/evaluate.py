@@ -79,7 +79,7 @@ def evaluate(
     """Runs a table on many parts, in chunks of 1000.
 
     Args:
-        table: the table, canonical.
+        table: the table.
         job: what parts and gripper are like in truth: the job it was compiled from, or one that differs.
         world: where the parts are squeezed: a supply of worlds, one for each chunk, which are shared among
             the workers; or a single world, in which the chunks run one after another.

@@ -6,7 +6,6 @@ shows in a few dozen parts, often before any part is lost by it, and is called b
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from planner.overrides import job_with
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler
 from planner.worlds import DEFAULT_WORLD, supply
-from runtime.table import Table, dumps
+from runtime.table import Table
 
 KIND, VERSION = "expected readings", 1
 PLANNED = "as planned"
@@ -77,12 +76,19 @@ def readings(found: Evaluation, nodes: int) -> IntArray:
     return np.asarray(totals.reshape(nodes, 256), np.int64)
 
 
-def document(table: Table, worlds: list[World], trials: int, seed: int) -> dict[str, Any]:
-    """What the file holds: for each world and node the counts read and how often, others left out."""
+def document(digest: str, worlds: list[World], trials: int, seed: int) -> dict[str, Any]:
+    """What the file holds: for each world and node the counts read and how often, others left out.
+
+    Args:
+        digest: of the table's file, as `runtime.table.load` tells it.
+        worlds: what was read in each.
+        trials: parts in each.
+        seed: of the trials.
+    """
     return {
         "kind": KIND,
         "version": VERSION,
-        "table_sha256": hashlib.sha256(dumps(table)).hexdigest(),
+        "table_sha256": digest,
         "trials": trials,
         "seed": seed,
         "worlds": [

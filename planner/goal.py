@@ -21,8 +21,6 @@ from planner.kernel import kernel
 CANDIDATES = 48
 REFINEMENTS = 4
 
-KINDS = ("pose", "tolerances", "modes", "orientation")
-
 
 class Mode(NamedTuple):
     """The pose that explains most of a belief; further ones where the goal allows them.
@@ -48,7 +46,7 @@ class Metric(NamedTuple):
         distance_mm: the goal of d.
         rho_mm: what one radian weighs.
         order: rotational order of the part.
-        kind: one of `KINDS`.
+        kind: one of `runtime.table.KINDS`.
         tolerance: bounds on x, y [mm] and theta [rad].
         modes: how many poses a prediction may name.
     """

@@ -87,7 +87,7 @@ def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Jo
         share = round(PPM * float(node.clusters.size[k]) / total)
         branches.append(Branch(low, expected, high, share, target))
     release = None if node.release is None else (round(1e3 * node.release[0]), round(1e3 * node.release[1]))
-    return Node(squeeze, tuple(branches), release)
+    return Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
 
 
 def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from planner.evaluation.judge import main_poses, metric_of_table
 from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
-from runtime.table import PPM, Leaf, Node, Prediction, Table, canonical, refuted
+from runtime.table import PPM, Leaf, Node, Prediction, Table, refuted
 
 LEAST_VISITS = 200
 """A node that fewer parts came to keeps the shares that its branches were planned with."""
@@ -29,13 +29,13 @@ def with_figures(
     are the further poses that parts had there.
 
     Args:
-        table: canonical.
+        table: the table.
         evaluation: of this table, in the world that the job states.
         others: of this table in other worlds: for leaves that no part came to in the stated one.
         job: the job it was planned for.
 
     Returns:
-        The table, canonical, and the evaluation, whose `resolved` follows the leaves.
+        The table and the evaluation, whose `resolved` follows the leaves.
     """
     metric = metric_of_table(table)
     elsewhere = Evaluation.joined(others) if others else evaluation
@@ -47,7 +47,7 @@ def with_figures(
     known = np.array([leaf.resolved for leaf in leaves])
     resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
     nodes = _measured(table, evaluation)
-    return canonical(replace(table, nodes=nodes, leaves=leaves)), replace(evaluation, resolved=resolved)
+    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
 
 
 def predicting(table: Table, evaluation: Evaluation) -> Table:

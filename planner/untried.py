@@ -10,14 +10,14 @@ import numpy as np
 from planner.evaluate import Evaluation
 from planner.models.partition import Partition
 from planner.search.expand import TreeNode, breadth_first
-from runtime.table import COUNTS, PPM, Branch, Calibration, Node, Table, canonical, decisions
+from runtime.table import COUNTS, PPM, Branch, Calibration, Node, Table, decision_map
 
 
 def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
     """The branches of each node that trials took, and after which there was an outcome.
 
     Args:
-        table: canonical.
+        table: the table.
         runs: evaluations of this table.
     """
     took = [set[int]() for _ in table.nodes]
@@ -36,12 +36,12 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
     """Leaves out branches and all that follows them, in the table and in the tree that it was lowered from.
 
     Args:
-        table: canonical.
+        table: the table.
         root: of its tree; changed.
         kept: the numbers of the branches that stay at each node; some at the root.
 
     Returns:
-        The table, canonical. The widths of what was left out are REJECT: the branches beside it get none.
+        The table. The widths of what was left out are REJECT: the branches beside it get none.
     """
     for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
         assert node.clusters is not None
@@ -59,14 +59,14 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
                 leaves.append(table.leaves[~branch.target])
                 branches.append(branch._replace(target=-len(leaves)))
         nodes.append(table.nodes[index]._replace(branches=tuple(branches)))
-    return canonical(replace(table, nodes=tuple(nodes), leaves=tuple(leaves)))
+    return replace(table, nodes=tuple(nodes), leaves=tuple(leaves))
 
 
 def _branches(node: Node, numbers: list[int], calibration: Calibration) -> list[Branch]:
     """The branches that stay; where one goes, the others keep to the widths that they were read at."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
-    decided = np.array(decisions(node, calibration))
+    decided = np.array(decision_map(node, calibration))
     total = sum(node.branches[number].probability_ppm + 1 for number in numbers)
     kept = []
     for number in numbers:

@@ -22,9 +22,9 @@ from types import TracebackType
 from typing import Self
 
 from runtime.errors import UsageError
-from runtime.geometry import Pose2
 from runtime.ports import Auditor, Clock
 from runtime.shell import strict_json
+from runtime.table import Pose2
 
 VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"

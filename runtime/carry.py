@@ -5,7 +5,6 @@ both fingers close alike, with the hand half a turn round. Of those that stay in
 within the wrist's range the one that turns the hand least is gone.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -16,11 +15,11 @@ from runtime import safety
 from runtime.decision import ARRIVED, CLOSING_CONTACT
 from runtime.delivery import Delivery
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.geometry import Pose2, compose, placement, predicted_pose, same_turns
+from runtime.geometry import compose, placement, same_turns
 from runtime.hand import Hand
 from runtime.ports import Arm, Pose
 from runtime.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Limits, Node, Table
+from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
 
 
 class Way(NamedTuple):
@@ -148,10 +147,8 @@ def _same(delivery: Delivery, table: Table, pose: Pose2) -> Iterator[Way]:
 
 def _close_alike(table: Table) -> bool:
     """Whether both fingers make half of the closing, so that a hand half a turn round grasps the same way."""
-    try:
-        return bool(json.loads(table.job or "")["gripper"]["upper_finger_share"] == 0.5)
-    except (ValueError, TypeError, KeyError, RecursionError):
-        return False  # not known
+    gripper = (job_of(table) or {}).get("gripper")
+    return isinstance(gripper, dict) and gripper.get("upper_finger_share") == 0.5
 
 
 def _refusal(

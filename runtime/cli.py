@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import carry, crash, dry_run, fitness, held, interrupts, options, session
+from runtime import carry, crash, dry_run, held, interrupts, options, session
 from runtime.audit import AuditProcess
 from runtime.cell_process import CellProcess
 from runtime.clock import SystemClock
 from runtime.console import Console, Lines, Objects
-from runtime.errors import BrokenRunError, StoppedError
+from runtime.errors import BrokenRunError, CalibrationError, StoppedError
 from runtime.executor import Cell, Plan
 from runtime.hand import check_arc
 from runtime.held import Held
@@ -34,7 +34,7 @@ from runtime.safe_state import DECLARED
 from runtime.safety import check_table, ready_gripper
 from runtime.shell import command
 from runtime.shell.command import Parser, say
-from runtime.table import PPM, Calibration, Table, dumps, load
+from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
 
 REHEARSAL = "runtime.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
@@ -114,7 +114,8 @@ def run(arguments: argparse.Namespace) -> int:
         Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     options.check_usage(arguments)
-    table = load(arguments.tree)
+    loaded = load(arguments.tree)
+    table = loaded.table
     check_table(table)
     measured = options.gripper_calibration(arguments)
     plan = options.plan_of(arguments, table, measured)
@@ -127,14 +128,17 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         if arguments.dry_run:
             return _dry_run(arguments, table, plan, console, stack)
-        return _run(arguments, table, plan, console, stack)
+        return _run(arguments, loaded, plan, console, stack)
 
 
-def _run(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack) -> int:
+def _run(
+    arguments: argparse.Namespace, loaded: TableFile, plan: Plan, console: Console, stack: ExitStack
+) -> int:
     clock = SystemClock(arguments.time_scale)
-    data, header, policy = dumps(table), _header(arguments, plan), arguments.after_crash
+    table, data, _ = loaded
+    header, policy = _header(arguments, plan), arguments.after_crash
     # First of all, since it may be refused; what runs below closes before it, and is watched until then.
-    monitor = stack.enter_context(Monitor(console, table, arguments.tree, options.views(arguments)))
+    monitor = stack.enter_context(Monitor(console, loaded, arguments.tree, options.views(arguments)))
     journal = begun = None
     if os.path.lexists(arguments.journal):
         journal = stack.enter_context(Journal(arguments.journal, clock.stamp))
@@ -217,7 +221,9 @@ def _say_put_down(arguments: argparse.Namespace, console: Console, told: Mapping
 
 def _check_fit(table: Table, plan: Plan) -> None:
     calibration = _calibration(plan, table)
-    fitness.check(table, calibration)
+    problems = misfits(table, calibration)
+    if problems:
+        raise CalibrationError(problems[0])
     check_arc(plan.handling.arc, table.limits, calibration)
 
 

@@ -7,10 +7,10 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from runtime.geometry import Pose2, placement, predicted_pose
+from runtime.geometry import placement
 from runtime.results import Outcome, PartResult, Step
 from runtime.shell.command import say
-from runtime.table import GoalSpec, Table
+from runtime.table import GoalSpec, Pose2, Table, predicted_pose
 
 if TYPE_CHECKING:
     from runtime.tally import Tally

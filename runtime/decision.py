@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 from runtime.errors import GripperStateError, UsageError
 from runtime.results import Outcome
 from runtime.table import HELD_UM, REJECT, Node, Table
-from runtime.table_lookup import decide as look_up
+from runtime.table import decide as look_up
 
 MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
@@ -50,7 +50,7 @@ def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -
 
     Args:
         node: the node.
-        decided: its `decisions`.
+        decided: its `decision_map`.
         count: settled encoder count, 0..255.
         object_flag: settled object flag, 2 or 3.
 

@@ -13,7 +13,6 @@ area_mm = [-60, -60, 90, 60]  x min, y min, x max, y max of the hand while it ca
 ```
 """
 
-import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.errors import UsageError
-from runtime.geometry import Pose2
+from runtime.table import Pose2
 
 KEYS = {
     "drop_mm": 2,
@@ -81,14 +80,13 @@ def from_file(path: Path) -> Delivery:
     return from_keys(document.get("delivery", document), f"--deliver {path}")
 
 
-def from_job(text: str | None) -> Delivery | None:
-    """The delivery of a table's embedded job, None where it has none.
+def from_job(job: Mapping[str, object] | None) -> Delivery | None:
+    """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
 
     Raises:
         UsageError: a key of it is wrong.
     """
-    job = json.loads(text) if text is not None else {}
-    keys = job.get("delivery") if isinstance(job, dict) else None
+    keys = (job or {}).get("delivery")
     return None if keys is None else from_keys(keys, "the job's section delivery")
 
 

@@ -13,12 +13,9 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple, Protocol
 
-from runtime.errors import CalibrationError
-from runtime.fitness import check
-from runtime.geometry import Pose2
 from runtime.ports import Arm, Clock, Gripper
 from runtime.safety import NO_COMMUNICATION
-from runtime.table import Calibration, Table
+from runtime.table import Calibration, Pose2, Table, misfits
 
 READS = 200
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
@@ -195,12 +192,10 @@ def check_arm(arm: Arm, area_mm: tuple[float, float, float, float] | None) -> It
 
 def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
     """Whether the table can be executed with this gripper's counts."""
-    try:
-        check(table, calibration)
-    except CalibrationError as error:
-        yield Finding(
-            Verdict.BAD, f"The table does not fit this gripper: {error}.", "Recompile or recalibrate."
-        )
+    problems = misfits(table, calibration)
+    if problems:
+        told = f"The table does not fit this gripper: {problems[0]}."
+        yield Finding(Verdict.BAD, told, "Recompile or recalibrate.")
         return
     yield Finding(Verdict.GOOD, f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
 

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     Raises:
         CellCheckError: something is.
     """
-    table = None if arguments.tree is None else load(arguments.tree)
+    table = None if arguments.tree is None else load(arguments.tree).table
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
     found: list[Finding] = []
     for finding in findings(arguments.port, arguments.arm, table, measured, drivers, system or System()):

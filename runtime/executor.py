@@ -16,14 +16,14 @@ from runtime.carry import deliver
 from runtime.decision import Course, Policy, advance, decide, release_point
 from runtime.delivery import Delivery
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
-from runtime.geometry import placement, predicted_pose
+from runtime.geometry import placement
 from runtime.hand import Hand, Handling
 from runtime.phases import Phase, Watcher, unwatched
 from runtime.ports import TURN_RADIUS_MM, Arm, Auditor, Clock, Gripper, Journal
 from runtime.reading import reading_fields
 from runtime.results import Outcome, PartResult, Step
 from runtime.safe_state import reach_safe_state
-from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decisions
+from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decision_map, predicted_pose
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
@@ -92,7 +92,7 @@ class Executor:
         self._watch = watch
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
-        self._maps = [decisions(node, self._calibration) for node in table.nodes]
+        self._maps = [decision_map(node, self._calibration) for node in table.nodes]
         self._hand = Hand(
             cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._plan.handling
         )

@@ -1,6 +1,5 @@
 """Who watches a run, told of the same events: console, status socket, live views, service manager."""
 
-import hashlib
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +10,7 @@ from runtime.console import Console, Sighting
 from runtime.phases import Phase
 from runtime.results import PartResult, Step
 from runtime.status import Status, StatusServer
-from runtime.table import Table, dumps
+from runtime.table import TableFile
 from runtime.tally import Tally
 
 if TYPE_CHECKING:
@@ -37,16 +36,14 @@ class Monitor:
 
     Args:
         console: told everything.
-        table: for the status.
+        loaded: the table's file, for the status.
         name: what the table is called.
         views: where else the run is shown. What each needs is loaded only if it is asked for.
     """
 
-    def __init__(self, console: Console, table: Table, name: Path, views: Views | None = None) -> None:
-        self._console, self._table, self._name = console, table, str(name)
-        self._status = Status(
-            self._name, hashlib.sha256(dumps(table)).hexdigest(), table.predicted.success_ppm
-        )
+    def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
+        self._console, self._table, self._name = console, loaded.table, str(name)
+        self._status = Status(self._name, loaded.digest, self._table.predicted.success_ppm)
         self._views = views or Views()
         self._view: View | None = None
         self._stack = ExitStack()

@@ -15,7 +15,7 @@ from runtime.hand import Handling
 from runtime.monitor import Views
 from runtime.reading import CurrentBand
 from runtime.shell.command import Parser, positive, positive_int
-from runtime.table import Table
+from runtime.table import Table, job_of
 from runtime.tips import TipArc
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
@@ -170,7 +170,7 @@ def _delivery(named: str, table: Table) -> delivery.Delivery | None:
     if named == "no":
         return None
     if named == "job":
-        return delivery.from_job(table.job)
+        return delivery.from_job(job_of(table))
     return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
 
 

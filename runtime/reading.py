@@ -5,8 +5,7 @@ from typing import NamedTuple
 from runtime.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 from runtime.errors import GripperStateError
 from runtime.ports import Settled
-from runtime.table import Calibration
-from runtime.table_model import UNDETECTED_UM
+from runtime.table import UNDETECTED_UM, Calibration
 
 CLOSED_COUNTS = 255
 OPENED_COUNTS = 2

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from runtime.clock import age_s
 from runtime.decision import ARRIVED, Course, release_point
 from runtime.errors import BrokenRunError
-from runtime.geometry import Pose2, placement
+from runtime.geometry import placement
 from runtime.hand import LEVEL_MM, Hand
 from runtime.journal import records
 from runtime.ports import Pose
@@ -21,7 +21,7 @@ from runtime.reading import CLOSED_COUNTS, OPENED_COUNTS
 from runtime.replay import Entry, Last, Replay
 from runtime.results import Step
 from runtime.safety import PLACED_MM, PLACED_RAD
-from runtime.table import REJECT, Node, Table
+from runtime.table import REJECT, Node, Pose2, Table
 
 ABORT = "clear the cell, then start with --after-crash abort"
 

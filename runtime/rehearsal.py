@@ -8,8 +8,8 @@ from math import isclose, remainder, tau
 from random import Random
 
 from runtime.errors import UsageError
-from runtime.geometry import Pose2, compose, placement
-from runtime.table import COUNTS, HELD_UM, Branch, Calibration, Node, Table, decisions
+from runtime.geometry import compose, placement
+from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -98,13 +98,9 @@ class Rehearsal:
 
     def _width_um(self, node: Node, branch: Branch) -> float:
         """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
-        decided = decisions(node, self._calibration)
         mine = node.branches.index(branch)
-        widths = [
-            self._calibration.width_um(reading % COUNTS)
-            for reading, outcome in enumerate(decided)
-            if outcome == mine
-        ]
+        meant = by_count(decision_map(node, self._calibration))
+        widths = [self._calibration.width_um(count) for count, number in enumerate(meant) if number == mine]
         low, high = min(widths), max(widths)
         room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
         return self._random.uniform(low + room, high - room)

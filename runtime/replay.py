@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from runtime.decision import Course, Policy, advance, decide
 from runtime.results import EXIT_CODES, Outcome, Step
-from runtime.table import REJECT, Calibration, Table, decisions, loads
+from runtime.table import REJECT, Calibration, Table, decision_map, loads
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
 UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
@@ -108,7 +108,7 @@ class Replay:
             if isinstance(widths, list)
             else Calibration.linear(table.gripper)
         )
-        self._maps = [decisions(node, self.calibration) for node in table.nodes]
+        self._maps = [decision_map(node, self.calibration) for node in table.nodes]
         self.policy = Policy.of(str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next")))
         self.header, self.closed, self.parts, self.over = entry, False, 0, False
         self._begin(None)

@@ -8,7 +8,6 @@ from runtime import held, interrupts
 from runtime.console import Console, Sighting
 from runtime.errors import JournalError, exit_code_of
 from runtime.executor import Cell, Executor, Plan
-from runtime.geometry import error_mm, meets
 from runtime.hand import Hand
 from runtime.phases import Watcher, unwatched
 from runtime.ports import Gripper, Journal, Scene
@@ -16,7 +15,7 @@ from runtime.recovery import BrokenRun
 from runtime.results import Outcome, PartResult
 from runtime.safe_state import fingers_stop, reach_safe_state
 from runtime.safety import ready_gripper
-from runtime.table import Calibration, Table
+from runtime.table import Calibration, Table, error_mm, meets, poses_of
 from runtime.tally import Tally
 
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
@@ -176,8 +175,10 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     # A part that was taken away by the last grasp lies elsewhere now.
     if result.outcome is not Outcome.LEAF or result.leaf is None or result.delivery is not None:
         return Sighting(true, None, None, truth.crashes)
-    leaf = table.leaves[result.leaf]
-    return Sighting(true, error_mm(table.goal, leaf, true), meets(table.goal, leaf, true), truth.crashes)
+    goal, leaf = table.goal, table.leaves[result.leaf]
+    off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
+    shown_mm = None if goal.kind == "orientation" else off_mm
+    return Sighting(true, shown_mm, meets(goal, leaf, true), truth.crashes)
 
 
 def _reason(error: BaseException) -> str:

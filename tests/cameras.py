@@ -3,19 +3,19 @@
 import numpy as np
 
 from drivers.camera.calibration import CameraCalibration, Reference, Trust
-from drivers.camera.judge import Goal
 from drivers.camera.lens import Lens
 from drivers.camera.plane import View
 from drivers.camera.tag_file import PartTag
 from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws
 from drivers.sim.camera.rig import Rig
+from runtime.table import GoalSpec
 
 SIZE = (960, 540)
 SIDE_MM = 22.0
 NUMBER = 7
 REFERENCES = ((580, (-90.0, -60.0, 0.0)), (581, (90.0, -60.0, 0.5)), (582, (90.0, 60.0, -0.9)))
-GOAL = Goal(3.0, 10.0, 1)
+GOAL = GoalSpec(3_000, 990_000, 10_000, 1)
 RECTANGLE = np.array([(-15.0, -10.5), (15.0, -10.5), (15.0, 10.5), (-15.0, 10.5)])
 
 

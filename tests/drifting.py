@@ -15,9 +15,8 @@ from planner.frames import wrap
 from planner.job import Job
 from planner.scheduler import Threads
 from planner.worlds import DEFAULT_WORLD, supply
-from runtime.geometry import predicted_pose
 from runtime.quality.history import Part, Squeezed
-from runtime.table import REJECT, Calibration, Table
+from runtime.table import REJECT, Calibration, Table, predicted_pose
 
 SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad
 

@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 from math import pi
 from random import Random
 
-from sample_tables import GOAL, GRIPPER, NO_JOB
+from sample_tables import GOAL, GRIPPER, NO_JOB, breadth_first
 
 from runtime.table import Branch, Leaf, Limits, Node, Prediction, Squeeze, Table
 
@@ -61,9 +61,10 @@ def _numbered(random: Random, drafts: list[Draft], ends: dict[tuple[int, int], f
             links.append(Branch(low, expected, high, part, target))
         records.append(Node(squeeze, tuple(links)))
     predicted = Prediction(997_400, TRIALS, 5_284_450, 400)
-    return Table(
+    table = Table(
         "squeezetree 0.1.0", NO_JOB, GRIPPER, GOAL, LIMITS, tuple(records), tuple(leaves), predicted, None
     )
+    return breadth_first(table)
 
 
 def _squeeze(random: Random, proposals: float) -> Squeeze:

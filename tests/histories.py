@@ -9,7 +9,7 @@ import numpy as np
 from runtime.quality.expectation import bin_of
 from runtime.quality.history import History, Part, Squeezed
 from runtime.quality.monitor import branch_shares, sigmas
-from runtime.table import PPM, Calibration, Table, count_map, load
+from runtime.table import PPM, Calibration, Table, by_count, decision_map, load
 
 TREE = Path(__file__).parents[1] / "trees" / "rectangle" / "rectangle.msgpack"
 COUNT_UM = 374.0
@@ -18,7 +18,7 @@ LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches wher
 
 def table() -> Table:
     """The rectangle's."""
-    return load(TREE)
+    return load(TREE).table
 
 
 def drawn(
@@ -44,7 +44,7 @@ def drawn(
         fail_rate: share of failures, None: as predicted.
         first: number of the first part.
     """
-    maps = [count_map(node, Calibration.linear(tree.gripper)) for node in tree.nodes]
+    maps = [by_count(decision_map(node, Calibration.linear(tree.gripper))) for node in tree.nodes]
     predicted = branch_shares(tree)
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
     return [

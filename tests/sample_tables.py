@@ -109,21 +109,22 @@ def random_table(seed: int, nodes: int) -> Table:
     )
 
 
-def renumbered(table: Table, seed: int) -> Table:
-    """The same tree with its nodes (but the root) and leaves numbered at random."""
-    random = Random(seed)
-    nodes = [0, *random.sample(range(1, len(table.nodes)), len(table.nodes) - 1)]  # new number of each
-    leaves = random.sample(range(len(table.leaves)), len(table.leaves))
+def breadth_first(table: Table) -> Table:
+    """The same tree, its nodes and leaves numbered as a table's are."""
+    nodes, leaves = [0], list[int]()
+    for index in nodes:  # grows while it is walked
+        for branch in table.nodes[index].branches:
+            (nodes if branch.target >= 0 else leaves).append(branch.target)
+    numbers = {old: new for new, old in enumerate(nodes)} | {old: ~new for new, old in enumerate(leaves)}
 
-    def moved(branch: Branch) -> Branch:
-        target = nodes[branch.target] if branch.target >= 0 else ~leaves[~branch.target]
-        return branch._replace(target=target)
+    def moved(node: Node) -> Node:
+        branches = (branch._replace(target=numbers[branch.target]) for branch in node.branches)
+        return node._replace(branches=tuple(branches))
 
-    moved_nodes = [node._replace(branches=tuple(map(moved, node.branches))) for node in table.nodes]
     return replace(
         table,
-        nodes=tuple(node for _, node in sorted(zip(nodes, moved_nodes, strict=True))),
-        leaves=tuple(leaf for _, leaf in sorted(zip(leaves, table.leaves, strict=True))),
+        nodes=tuple(moved(table.nodes[old]) for old in nodes),
+        leaves=tuple(table.leaves[~old] for old in leaves),
     )
 
 

@@ -9,11 +9,12 @@ from drivers.camera import drift, explain, overlay
 from drivers.camera.arrays import Array, Picture
 from drivers.camera.calibration import CameraCalibration
 from drivers.camera.errors import CameraError
-from drivers.camera.judge import FAIL, PASS, UNKNOWN, Goal, Judgement, judge
+from drivers.camera.judge import FAIL, PASS, UNKNOWN, Judgement, judge
 from drivers.camera.measure import Measured, measure
 from drivers.camera.sources import Source
 from drivers.camera.tag_file import PartTag, Pose
 from drivers.camera.tags import Finder
+from runtime.table import GoalSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ class Subject:
         poses_of: further poses that the leaf of a predicted pose allows.
     """
 
-    goal: Goal
+    goal: GoalSpec
     tag: PartTag
     outline_mm: Array | None = None
     poses_of: Callable[[Pose], Sequence[Pose]] = field(default=lambda pose: (pose,))
@@ -157,7 +158,7 @@ class Auditor:
         return answer if path is None else replace(answer, picture=str(path))
 
 
-def sentence(judged: Judgement, goal: Goal) -> str:
+def sentence(judged: Judgement, goal: GoalSpec) -> str:
     """What a judgement says, in words."""
     x, y, theta = judged.residual
     off = f"x {x:+.2f} mm, y {y:+.2f} mm, angle {math.degrees(theta):+.2f} deg off"

@@ -2,33 +2,14 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from drivers.camera.tag_file import Pose
+from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
 COVERAGE = 3.0
 """How many standard deviations a measurement has to be clear of the threshold."""
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """When a part counts as located; the goal of a table, in mm and rad.
-
-    Attributes:
-        distance_mm: threshold of d = sqrt(dx^2 + dy^2) + rho dtheta (paper eq. 9).
-        rho_mm: what one radian weighs.
-        symmetry: rotational order of the part.
-        kind: "pose", "modes" (of any of the leaf's poses), "tolerances" or "orientation".
-        tolerance: bounds on x, y [mm] and theta [rad], for the last two.
-    """
-
-    distance_mm: float
-    rho_mm: float
-    symmetry: int
-    kind: str = "pose"
-    tolerance: Pose = (0.0, 0.0, 0.0)
 
 
 class Judgement(NamedTuple):
@@ -49,13 +30,8 @@ class Judgement(NamedTuple):
     residual: Pose
 
 
-def turn(angle_rad: float, symmetry: int) -> float:
-    """An angle reduced by the part's symmetry, within half a period of zero."""
-    return math.remainder(angle_rad, math.tau / symmetry)
-
-
 def judge(
-    goal: Goal, predicted: Iterable[Pose], measured: Pose, sigma_mm: float, sigma_rad: float
+    goal: GoalSpec, predicted: Iterable[Pose], measured: Pose, sigma_mm: float, sigma_rad: float
 ) -> Judgement:
     """Compare a measured pose with the predicted ones; the nearest counts.
 
@@ -72,24 +48,17 @@ def judge(
     )
 
 
-def _compare(goal: Goal, pose: Pose, measured: Pose, sigma_mm: float, sigma_rad: float) -> Judgement:
-    residual = (measured[0] - pose[0], measured[1] - pose[1], turn(measured[2] - pose[2], goal.symmetry))
-    x, y, theta = map(abs, residual)
+def _compare(goal: GoalSpec, pose: Pose, measured: Pose, sigma_mm: float, sigma_rad: float) -> Judgement:
+    off, bound = distance(goal, pose, measured), threshold(goal)
     if goal.kind in ("pose", "modes"):
-        threshold = goal.distance_mm
-        distance = math.hypot(x, y) + goal.rho_mm * theta
-        error = COVERAGE * math.hypot(sigma_mm, goal.rho_mm * sigma_rad)
+        sigma = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad)
     else:
-        lengths, angle = goal.tolerance[:2], goal.tolerance[2]
-        shares = [(theta / angle, sigma_rad / angle)]
-        if goal.kind == "tolerances":
-            shares += [(d / length, sigma_mm / length) for d, length in zip((x, y), lengths, strict=True)]
-        threshold = 1.0
-        distance = max(share for share, _ in shares)
-        error = COVERAGE * max(sigma for _, sigma in shares)
-    verdict = UNKNOWN
-    if distance + error < threshold:
+        x_um, y_um, theta_urad = goal.tolerance
+        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
+        sigma = max(shift, sigma_rad / (theta_urad / 1e6))
+    error, verdict = COVERAGE * sigma, UNKNOWN
+    if off + error < bound:
         verdict = PASS
-    elif distance - error >= threshold:
+    elif off - error >= bound:
         verdict = FAIL
-    return Judgement(verdict, distance, error, threshold, residual)
+    return Judgement(verdict, off, error, bound, residual(goal, pose, measured))

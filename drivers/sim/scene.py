@@ -103,7 +103,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     if tree is None:
         subject = _module("planner.job").load(path)
         return Setting(subject, job_geometry(subject), world, factory)
-    table = _module("runtime.table").load(tree)
+    table = _module("runtime.table").load(tree).table
     if world == REHEARSAL:
         return Setting(table, table_geometry(table), world, factory)
     if table.job is None:

@@ -32,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
-        table = load(arguments.tree)
+        table = load(arguments.tree).table
         job = job_of(table, arguments.tree, arguments.job)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
             if arguments.sweep:

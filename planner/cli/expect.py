@@ -26,14 +26,14 @@ def main(argv: list[str] | None = None) -> int:
     def body(arguments: argparse.Namespace) -> int:
         read = () if arguments.job is None else job_file.files(arguments.job)
         usable(arguments.output, arguments.tree, *read)
-        table = load(arguments.tree)
+        table, _, digest = load(arguments.tree)
         job = job_of(table, arguments.tree, arguments.job)
         with (
             scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
             shell.progress(arguments.json) as report,
         ):
             worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
-        told = document(table, worlds, arguments.trials, arguments.seed)
+        told = document(digest, worlds, arguments.trials, arguments.seed)
         with writing(arguments.output) as draft:
             draft.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
         names = [world.name for world in worlds]

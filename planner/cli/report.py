@@ -13,7 +13,7 @@ from planner.errors import UsageError
 from planner.report import dossier, models, run_log
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
-from runtime.table import digest, load
+from runtime.table import load
 
 NAME = "plan-report"
 MAX_TRIALS = 1_000_000
@@ -27,10 +27,9 @@ def main(argv: list[str] | None = None) -> int:
         output = usable(arguments.output, arguments.tree, arguments.journal, arguments.models, *read)
         if arguments.trials > MAX_TRIALS:
             raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
-        table = load(arguments.tree)
+        table, data, digest = load(arguments.tree)
         job = job_of(table, arguments.tree, arguments.job)
-        data = arguments.tree.read_bytes()
-        log = run_log.read(arguments.journal, digest(table).hex()) if arguments.journal else None
+        log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
         source = dossier.Source(arguments.tree.name, data, log, judged)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.goal import Metric, Mode
-from runtime.table import GoalSpec, Leaf, Table
+from runtime.table import Table, poses_of
 
 MOST_POSES = 4
 LEAST_SHARE = 0.1
@@ -41,14 +41,6 @@ def metric_of_table(table: Table) -> Metric:
     )
 
 
-def poses_of(leaf: Leaf, goal: GoalSpec) -> Array:
-    """The poses (m, 3) any of which makes a leaf right: several only where the goal asks for modes."""
-    rows = [(leaf.x_um, leaf.y_um, leaf.theta_urad)]
-    if goal.kind == "modes":
-        rows += leaf.alternatives
-    return np.asarray(np.array(rows) / np.array([1e3, 1e3, 1e6]))
-
-
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
     """The poses that parts have in one leaf, the commonest first, each with its share of them.
 
@@ -74,7 +66,7 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
     within = np.zeros(len(leaf), np.bool_)
     for index in np.unique(leaf[leaf >= 0]):
         here = leaf == index
-        said = poses_of(table.leaves[index], table.goal)[None]
+        said = np.array([poses_of(table.goal, table.leaves[index])])
         error[here] = audit.between(poses[here][:, None], said).min(axis=1)
         within[here] = metric.reached(poses[here][:, None], said).any(axis=1)
     return Verdict(error, within)

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.evaluation.judge import metric_of_table, poses_of
+from planner.evaluation.judge import metric_of_table
 from planner.evaluation.outcome import NOWHERE, Evaluation
-from runtime.table import Table
+from runtime.table import Table, poses_of
 
 NO_LEAF = -1
 
@@ -80,7 +80,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
     for number, leaf in enumerate(table.leaves):
-        distance = metric.between(poses[:, None], poses_of(leaf, table.goal)[None]).min(axis=1)
+        distance = metric.between(poses[:, None], np.array([poses_of(table.goal, leaf)])).min(axis=1)
         nearer = (distance < best) & (distance < metric.goal)
         best[nearer], index[nearer] = distance[nearer], number
     return index
@@ -112,7 +112,7 @@ def _mistake(table: Table, evaluation: Evaluation, trial: int) -> Mistake:
     return Mistake(
         initial=evaluation.initial[trial],
         final=evaluation.poses[trial],
-        predicted=poses_of(table.leaves[leaf], table.goal)[0],
+        predicted=np.array(poses_of(table.goal, table.leaves[leaf])[0]),
         error_mm=float(evaluation.error_mm[trial]),
         leaf=leaf,
         path=tuple(evaluation.path[trial][passed].tolist()),

@@ -64,7 +64,7 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
     """Runs a table in worlds that are a little off.
 
     Args:
-        table: the table, canonical.
+        table: the table.
         job: the job it is compiled from; `goal.stress_trials` says how many parts each world gets.
         attempt: the random streams are named after it.
         scheduler: who runs the trials. The result does not depend on it.

@@ -21,7 +21,7 @@ from planner.frames import to_hand, to_world
 from planner.job import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.world import World
-from runtime.table import HELD_UM, Calibration, Squeeze, Table, decisions
+from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)
@@ -43,7 +43,7 @@ class Program:
         placement: (N, 3) the hand frame in the world [mm, mm, rad].
         opening_mm: (N,) before the squeeze.
         speed_mm_s: (N,) of closing.
-        branch: (N, 512) what every reading means, as `runtime.table.decisions` has it: a branch or `REJECT`.
+        branch: (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`.
         target: (N, 512) where it leads: a node, ~leaf, or `DISMISSED`.
         drag: (N, 2) how far the hand carries a held part before the jaws open [mm].
         carries: (N, 512) readings at which it does so.
@@ -63,7 +63,7 @@ class Program:
         """Lays out a table; the encoder's calibration is the one it was compiled with."""
         calibration = Calibration.linear(table.gripper)
         size = len(table.nodes)
-        branch = np.array([decisions(node, calibration) for node in table.nodes], np.int64)
+        branch = np.array([decision_map(node, calibration) for node in table.nodes], np.int64)
         target = np.full(branch.shape, DISMISSED, np.int64)
         drag, carries = np.zeros((size, 2)), np.zeros(branch.shape, np.bool_)
         for index, node in enumerate(table.nodes):

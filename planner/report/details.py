@@ -14,7 +14,7 @@ from planner.arrays import Array, IntArray
 from planner.belief import subsample
 from planner.report.replay import Replay, Visit
 from planner.statistics import wilson_interval
-from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, count_map
+from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
 
 MOST = 60
 """Most outlines of one belief."""
@@ -35,7 +35,7 @@ def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
     most = _most(table)
     calibration = Calibration.linear(table.gripper)
     return [
-        _node(node, visit, count_map(node, calibration), most)
+        _node(node, visit, by_count(decision_map(node, calibration)), most)
         for node, visit in zip(table.nodes, beliefs.visits, strict=True)
     ]
 

@@ -27,7 +27,7 @@ from planner.report.run_log import PartLog, RunLog
 from planner.report.sensitivity import sensitivity
 from planner.statistics import wilson_interval
 from planner.world import make
-from runtime.table import PPM, REJECT, Calibration, Table, count_map
+from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
@@ -51,7 +51,7 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     """The page's text.
 
     Args:
-        table: as loaded, thus canonical.
+        table: as loaded.
         job: the job it was compiled from.
         source: the file it came from.
         trials: parts sent through the table, to find the beliefs and the times.
@@ -132,7 +132,7 @@ def _strips(table: Table) -> list[Any]:
     """For each node, its counts of one meaning."""
     calibration = Calibration.linear(table.gripper)
     return [
-        [run for run in runs(count_map(node, calibration)) if run.branch != REJECT]
+        [run for run in runs(by_count(decision_map(node, calibration))) if run.branch != REJECT]
         for node in table.nodes[:STRIPS]
     ]
 

@@ -83,7 +83,7 @@ def drawing(table: Table, job: Job, beliefs: Replay) -> Drawing:
     """Arranges a table's panels.
 
     Args:
-        table: canonical.
+        table: any.
         job: the job it was compiled from.
         beliefs: of the same table.
     """

@@ -85,7 +85,7 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
     """Fig. 1: how widths shrink a belief to one pose, and one part that takes this path.
 
     Args:
-        table: canonical.
+        table: any.
         job: the job it was compiled from.
         beliefs: parts sent through the table.
         squeezes: length of the path shown.

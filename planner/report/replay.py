@@ -62,7 +62,7 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     """Sends parts through a table.
 
     Args:
-        table: canonical, so that every node comes after the one that leads to it.
+        table: any; every node comes after the one that leads to it.
         job: the job it was compiled from.
         trials: number of parts.
         seed: of their poses, the mechanics and the encoder's noise.

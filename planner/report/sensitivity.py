@@ -73,7 +73,7 @@ def sensitivity(table: Table, job: Job, trials: int, seed: int) -> list[Finding]
     """Runs a table in each of these worlds.
 
     Args:
-        table: canonical.
+        table: any.
         job: the job it was compiled from.
         trials: number of parts in each world.
         seed: of all of them.

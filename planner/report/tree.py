@@ -65,7 +65,7 @@ def draw(table: Table, job: Job, path: Path, trials: int = TRIALS, seed: int = 0
     """Draws a table.
 
     Args:
-        table: canonical.
+        table: any.
         job: the job it was compiled from.
         path: the picture; ends in .png, .svg or .pdf.
         trials: parts sent through the table, to find the beliefs.

@@ -12,7 +12,7 @@ from typing import Any
 
 from runtime.live.answers import Page
 from runtime.status import Status
-from runtime.table import Table
+from runtime.table import Table, job_of
 
 TEMPLATES = Path(__file__).parent / "templates"
 JSON = "application/json"
@@ -79,7 +79,7 @@ def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
 def _part(table: Table) -> tuple[str, list[list[float]]]:
     """The part's name and outline from the job within the table; a job of another make shows without them."""
     try:
-        part = json.loads(table.job or "null")["part"]
+        part = (job_of(table) or {})["part"]
         outline = [[float(x), float(y)] for x, y in part["outline_mm"]]
         return str(part["name"]), outline
     except (ValueError, TypeError, KeyError):

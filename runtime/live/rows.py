@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from math import degrees
 from typing import Any, NamedTuple
 
-from runtime.geometry import placement, predicted_pose
-from runtime.table import PPM, Branch, Table
+from runtime.geometry import placement
+from runtime.table import PPM, Branch, Table, predicted_pose
 
 
 class Row(NamedTuple):

@@ -49,7 +49,7 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         made = calibrated(folder)
-        dump(audit_loops.mixed(load(TREE)), folder / "mixed.msgpack")
+        dump(audit_loops.mixed(load(TREE).table), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
         found = audit_loops.loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
     # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
@@ -77,7 +77,7 @@ def calibrated(folder: Path) -> dict[str, float]:
 
 def drift(options: argparse.Namespace) -> Iterator[tuple[str, Any]]:
     """False alarms of a healthy cell, and how soon each drift is flagged."""
-    table = load(TREE)
+    table = load(TREE).table
     job = job_file.from_canonical(str(table.job))
     with tempfile.TemporaryDirectory() as name:
         path = options.expected or Path(name) / "expected.json"

@@ -35,7 +35,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from tapped_devices import TappedArm, TappedGripper  # noqa: E402
 
 from runtime.decision import Course, Policy, advance, decide  # noqa: E402
-from runtime.table import REJECT, Calibration, decisions, load  # noqa: E402
+from runtime.table import REJECT, Calibration, decision_map, load  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "runtime.json"
 LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}
@@ -123,9 +123,9 @@ def memory_of(pid: int) -> dict[str, float]:
 
 def decision_us(tree: Path) -> dict[str, float]:
     """Width in, child out: a count's branch, its target, and what follows, for all nodes and counts."""
-    table = load(tree)
+    table = load(tree).table
     calibration = Calibration.linear(table.gripper)
-    maps = [decisions(node, calibration) for node in table.nodes]
+    maps = [decision_map(node, calibration) for node in table.nodes]
     policy, inputs = Policy(), 256 * len(maps)
     clock = time.perf_counter_ns
     # An array: the garbage collector would walk through a list of a million numbers, which no run has.

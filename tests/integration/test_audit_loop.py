@@ -31,7 +31,7 @@ def folder(tmp_path):
     known = replace(true_calibration(rig.optics, 0.02), references=places)
     calibration.save(known, tmp_path / "camera.json")
     tag_file.save(part_tag(on_part=rig.on_part), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    dump(mixed(load(TREE)), tmp_path / "mixed.msgpack")
+    dump(mixed(load(TREE).table), tmp_path / "mixed.msgpack")
     return tmp_path
 
 

@@ -17,7 +17,7 @@ from planner.overrides import job_with
 from planner.search.expand import breadth_first
 from planner.statistics import wilson_interval
 from planner.world import ContactWorlds, make
-from runtime.table import Calibration, count_map, dumps, load, loads
+from runtime.table import Calibration, by_count, decision_map, dumps, load, loads
 
 TREES = Path(__file__).parents[2] / "trees"
 
@@ -68,7 +68,7 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
     nodes = [node for node in breadth_first(plan.root) if node.children]
     agree = total = 0
     for node, row in zip(nodes, plan.table.nodes, strict=True):
-        outcome = count_map(row, calibration)
+        outcome = by_count(decision_map(row, calibration))
         for k in range(len(node.children)):
             for count in range(node.clusters.low[k], node.clusters.high[k] + 1):
                 agree += outcome[count] == k
@@ -78,13 +78,13 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
 
 
 def test_committed_table_is_what_its_job_compiles_to_in_kind(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack")
+    table = load(TREES / "rectangle" / "rectangle.msgpack").table
     assert table.job_digest == job.digest()
     assert job_file.from_canonical(table.job) == job
 
 
 def test_committed_table_finds_the_part(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack")
+    table = load(TREES / "rectangle" / "rectangle.msgpack").table
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
     figures = evaluation.summary()
     assert figures["success_rate"] >= 0.985
@@ -189,7 +189,9 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
 
 def test_shares_of_busy_branches_are_those_that_parts_took(plan):
     table, run = plan.table, plan.evaluation
-    at_root = np.array(count_map(table.nodes[0], Calibration.linear(table.gripper)))[run.counts[:, 0]]
+    at_root = np.array(by_count(decision_map(table.nodes[0], Calibration.linear(table.gripper))))[
+        run.counts[:, 0]
+    ]
     for number, branch in enumerate(table.nodes[0].branches):
         share = np.mean(at_root == number)
         of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))

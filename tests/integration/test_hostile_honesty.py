@@ -36,12 +36,10 @@ from runtime.table import (
     Leaf,
     Node,
     Table,
-    canonical,
     decide,
-    decisions,
+    decision_map,
     dumps,
     load,
-    prove,
 )
 
 TREES = Path(__file__).parents[2] / "trees"
@@ -63,7 +61,7 @@ TABLES = [thin_table(), every_field_table(), random_table(3, 1), random_table(8,
 @pytest.mark.parametrize("table", TABLES, ids=["thin", "every field", "random", "another"])
 def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table: Table) -> None:
     root = table.nodes[0]
-    decided = decisions(root, LINE)
+    decided = decision_map(root, LINE)
     header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
     for count in range(256):
         for flag in (2, 3):
@@ -93,7 +91,7 @@ class EveryWidth:
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
     found = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
-    decided = decisions(table.nodes[0], LINE)
+    decided = decision_map(table.nodes[0], LINE)
     for count, width_mm, branch, leaf in zip(
         found.counts[:, 0], world.width_mm, found.branch[:, 0], found.leaf, strict=True
     ):
@@ -116,7 +114,7 @@ def tree_of(table: Table, target: int = 0) -> TreeNode:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(seed: int) -> None:
-    table, random = canonical(random_table(seed, 12)), Random(seed)
+    table, random = random_table(seed, 12), Random(seed)
     taken = [[n for n in range(len(node.branches)) if random.random() < 0.7] or [0] for node in table.nodes]
     rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
     run = SimpleNamespace(
@@ -124,14 +122,14 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
     )
     kept, root = tried(table, [run]), tree_of(table)
     pruned = without_untried(table, root, kept)
-    prove(pruned)
+    dumps(pruned)  # proves it
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()
         before, after = table.nodes[old], pruned.nodes[new]
         assert after.squeeze == before.squeeze
         assert len(planned.children) == len(planned.clusters.mean) == len(after.branches) == len(kept[old])
-        read = zip(decisions(before, LINE), decisions(after, LINE), strict=True)
+        read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
         assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
             target = before.branches[number].target
@@ -158,7 +156,7 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, record_pro
     code = compile_.main([str(job), "-o", str(output), "--trials", "40", "--no-advice", "--json"])
     record_property("exit_code", code)
     assert code == 0
-    figures, table = json.loads(capsys.readouterr().out), load(output)
+    figures, table = json.loads(capsys.readouterr().out), load(output).table
     assert figures["untried_branches"] > 0
     assert all(leaf.trials > 0 for leaf in table.leaves)
     # 40 trials choose what stays, others say how good that is: 4000 more find the same.

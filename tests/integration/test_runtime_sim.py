@@ -12,7 +12,7 @@ import pytest
 from sample_tables import small_table
 
 from runtime.journal import records, verify
-from runtime.table import REJECT, Calibration, count_map, dump, dumps, loads
+from runtime.table import REJECT, Calibration, by_count, decision_map, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -75,7 +75,7 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     seen = verify(journal)
     assert (seen.closed, seen.table) == (True, dumps(small_table()))
     table = loads(seen.table)
-    maps = [count_map(node, Calibration.linear(table.gripper)) for node in table.nodes]
+    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
     squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
     for entry in squeezes:
         branch = maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT

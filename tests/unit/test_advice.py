@@ -24,7 +24,7 @@ def job():
 
 @pytest.fixture(scope="module")
 def table():
-    return load(TREES / "rectangle.msgpack")
+    return load(TREES / "rectangle.msgpack").table
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ def marked():
 
 @pytest.fixture(scope="module")
 def table():
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     leaves = tuple(leaf._replace(resolved=False) for leaf in table.leaves)
     return replace(table, leaves=leaves, goal=replace(table.goal, symmetry=1))
 
@@ -53,7 +53,7 @@ def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(table
 
 def test_leaves_that_know_the_pose_are_not_listed(marked, evaluation):
     resolved = replace(evaluation, resolved=evaluation.leaf >= 0)
-    assert ambiguities(load(TREES / "rectangle.msgpack"), resolved, marked) == []
+    assert ambiguities(load(TREES / "rectangle.msgpack").table, resolved, marked) == []
 
 
 def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):

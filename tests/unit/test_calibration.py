@@ -7,13 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from sample_tables import GRIPPER, small_table, with_node
+from sample_tables import GRIPPER
 
 from runtime import calibrate_command, calibration
 from runtime.calibrate_command import parser, report, run
 from runtime.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.errors import CalibrationError, GripperStateError, UsageError
-from runtime.fitness import check
 from runtime.table import Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
@@ -122,34 +121,6 @@ def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> 
     path.write_text(json.dumps(told))
     with pytest.raises(CalibrationError, match="must not rise with the count"):
         load(path)
-
-
-# -- does a table fit -----------------------------------------------------------------------------
-
-
-def test_a_table_fits_its_own_gripper_and_not_every_other() -> None:
-    table, linear = small_table(), Calibration.linear(GRIPPER)
-    check(table, linear)
-    narrow = Calibration(tuple(min(width, 60_000) for width in linear.widths_um))
-    with pytest.raises(CalibrationError, match=r"node 0 opens to 85.00 mm, this gripper to 60.00 mm"):
-        check(table, narrow)
-    coarse = Calibration(tuple(85_000 if count < 200 else 0 for count in range(256)))
-    with pytest.raises(
-        CalibrationError, match=r"node 0, branch 0: no count of this gripper means 20.00..22.00"
-    ):
-        check(table, coarse)
-
-
-def test_a_gripper_that_reads_an_outcome_as_its_neighbour_is_refused() -> None:
-    """Of the counts near 21 mm, this gripper's nearest one means 22.4 mm, which is the next branch's."""
-    table = small_table()
-    root = table.nodes[0]
-    first = root.branches[0]._replace(low_um=18_000, expected_um=21_000, high_um=30_000)
-    second = root.branches[1]._replace(low_um=18_000, expected_um=22_000, high_um=30_000)
-    table = with_node(table, 0, root._replace(branches=(first, second)))
-    coarse = Calibration((*[85_000] * 100, *[22_400] * 70, *[18_500] * 60, *[0] * 26))
-    with pytest.raises(CalibrationError, match=r"node 0, branch 0: this gripper reads 21\.00 mm as another"):
-        check(table, coarse)
 
 
 # -- grasp-calibrate ------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import math
 import re
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from hypothesis import strategies as st
 
 from drivers.camera.auditor import Auditor, Subject
 from drivers.camera.errors import SourceError
-from drivers.camera.judge import COVERAGE, FAIL, PASS, UNKNOWN, Goal, judge
+from drivers.camera.judge import COVERAGE, FAIL, PASS, UNKNOWN, judge
 from drivers.camera.overlay import MEASURED, PREDICTED, Album
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
@@ -81,7 +82,7 @@ def tag_at(pose, number, family="36h11"):
 def test_part_is_judged_by_where_it_lies(off, verdict):
     answer = audit(shot(), tuple(np.subtract(POSE, off)))
     assert answer.verdict == verdict
-    truth = math.hypot(*off[:2]) + GOAL.rho_mm * off[2]
+    truth = math.hypot(*off[:2]) + GOAL.rho_um / 1e3 * off[2]
     assert abs(answer.distance - truth) < answer.error
     assert np.abs(np.subtract(answer.residual, off)).max() < 0.05
 
@@ -93,14 +94,14 @@ def test_measured_pose_is_the_parts_not_the_tags():
 
 
 def test_part_at_the_threshold_is_too_close_to_call():
-    answer = audit(shot(), (POSE[0] - GOAL.distance_mm, *POSE[1:]))
+    answer = audit(shot(), (POSE[0] - GOAL.distance_um / 1e3, *POSE[1:]))
     assert answer.verdict == UNKNOWN
     assert "too close to call" in answer.reason
 
 
 @given(COORDINATE, COORDINATE, ANGLE, st.integers(1, 6), st.integers(-6, 6))
 def test_turn_by_the_symmetry_changes_nothing(x, y, theta, order, turns):
-    goal = Goal(3.0, 10.0, order)
+    goal = replace(GOAL, symmetry=order)
     there = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta), 0.05, 0.001)
     again = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta + turns * math.tau / order), 0.05, 0.001)
     assert abs(there.distance - again.distance) < 1e-9
@@ -109,7 +110,7 @@ def test_turn_by_the_symmetry_changes_nothing(x, y, theta, order, turns):
 
 @given(COORDINATE, COORDINATE, ANGLE, st.floats(0.0, 0.5), st.floats(0.0, 0.05))
 def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad):
-    judged = judge(Goal(3.0, 10.0, 1), [(0.0, 0.0, 0.0)], (x, y, theta), sigma_mm, sigma_rad)
+    judged = judge(GOAL, [(0.0, 0.0, 0.0)], (x, y, theta), sigma_mm, sigma_rad)
     by_hand = math.hypot(x, y) + 10.0 * min(abs(theta), math.tau - abs(theta))
     assert abs(judged.distance - by_hand) < 1e-9
     assert abs(judged.error - COVERAGE * math.hypot(sigma_mm, 10.0 * sigma_rad)) < 1e-12
@@ -118,7 +119,7 @@ def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad
 
 
 def test_any_of_the_poses_a_leaf_allows_will_do():
-    goal, poses = Goal(3.0, 10.0, 1, "modes"), [(0.0, 0.0, 0.0), (20.0, 0.0, 1.0)]
+    goal, poses = replace(GOAL, kind="modes"), [(0.0, 0.0, 0.0), (20.0, 0.0, 1.0)]
     assert judge(goal, poses, (20.5, 0.0, 1.0), 0.05, 0.001).verdict == PASS
     assert judge(goal, poses[:1], (20.5, 0.0, 1.0), 0.05, 0.001).verdict == FAIL
 
@@ -135,7 +136,7 @@ def test_any_of_the_poses_a_leaf_allows_will_do():
     ],
 )
 def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
-    goal = Goal(3.0, 10.0, 1, kind, (2.5, 2.5, math.radians(5.0)))
+    goal = replace(GOAL, kind=kind, tolerance=(2_500, 2_500, round(1e6 * math.radians(5.0))))
     assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
 
 

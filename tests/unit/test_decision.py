@@ -11,7 +11,7 @@ from runtime import decision
 from runtime.decision import Course, Decision, Policy, Response, advance, decide, release_point
 from runtime.errors import GripperStateError, UsageError
 from runtime.results import Outcome
-from runtime.table import REJECT, Calibration, decisions
+from runtime.table import REJECT, Calibration, decision_map
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3
@@ -142,7 +142,7 @@ def test_a_policy_that_makes_no_sense_is_refused(on_reject: str, on_unresolved: 
 @pytest.mark.parametrize("seed", range(3))
 def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
     for node in random_table(seed, 20).nodes:
-        outcomes = decisions(node, CALIBRATION)
+        outcomes = decision_map(node, CALIBRATION)
         for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
             made = decide(node, outcomes, count, flag)
             assert made.branch == outcomes[count + 256 * (flag == CONTACT)]
@@ -160,11 +160,11 @@ def test_a_reject_names_the_widths_that_were_planned() -> None:
     node = node._replace(
         branches=(node.branches[0]._replace(low_um=20_250, high_um=21_750), *node.branches[1:])
     )
-    refused = decide(node, decisions(node, CALIBRATION), 100, CONTACT)
+    refused = decide(node, decision_map(node, CALIBRATION), 100, CONTACT)
     assert (
         refused.reason == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
     )
-    assert refused == decide(node, decisions(node, CALIBRATION), 101, CONTACT)
+    assert refused == decide(node, decision_map(node, CALIBRATION), 101, CONTACT)
     assert not Decision(REJECT, node).empty
 
 

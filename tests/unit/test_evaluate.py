@@ -23,7 +23,7 @@ from planner.overrides import job_with
 from planner.scheduler import Threads
 from planner.world import ContactWorlds
 from planner.worlds import NamedWorlds
-from runtime.table import HELD_UM, REJECT, Calibration, count_map, load
+from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
 
 TREES = Path(__file__).parents[2] / "trees" / "rectangle"
 
@@ -85,7 +85,7 @@ def walk(table, job, start):
         stroke = 2 * (node.squeeze.opening_um / 1e3 - width)
         seconds += stroke / (node.squeeze.speed_um_s / 1e3)
         hand = place[:2]
-        number = count_map(node, calibration)[count]
+        number = by_count(decision_map(node, calibration))[count]
         if number == REJECT:
             return REJECTED, path, pose, seconds
         branch = node.branches[number]
@@ -130,7 +130,7 @@ def test_the_verdict_is_the_metric_to_the_leaf(job):
 
 
 def test_every_trial_ends_in_exactly_one_way(noisy):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     world = ContactWorlds.of_job(job_with(noisy.canonical(), [("gripper.encoder_noise_mm", "0.5")]), 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)
     ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
@@ -145,7 +145,7 @@ def same(a: Evaluation, b: Evaluation) -> bool:
 
 
 def test_any_number_of_workers_gives_the_same_bytes(noisy):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     runs = [
         evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2300, 2, Threads(workers))
         for workers in (1, 2, 3)
@@ -157,21 +157,21 @@ def test_any_number_of_workers_gives_the_same_bytes(noisy):
 
 
 def test_a_chunk_comes_to_the_same_in_another_process(noisy):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     setting = ChunkRun(Program.of(table), noisy, ContactWorlds.of_job(noisy, 1), 2, Disturbance(0.1, 0.2))
     sent = pickle.loads(pickle.dumps(setting))
     assert same(sent(Chunk(3, 40)), setting(Chunk(3, 40)))
 
 
 def test_chunks_differ_from_one_another(noisy):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     evaluation = evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2000, 2)
     assert not np.any(evaluation.initial[:1000] == evaluation.initial[1000:])
     assert len(np.unique(evaluation.poses, axis=0)) == 2000
 
 
 def test_copies_of_a_named_world_have_seeds_of_their_own(noisy):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     worlds = NamedWorlds("planner.world:make", noisy, 4)
     runs = [evaluate(table, noisy, worlds, 1100, 2, Threads(workers)) for workers in (1, 2)]
     assert same(*runs)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from sample_tables import random_table, small_table, with_leaf
 
-from planner.evaluation.judge import judge, metric_of_table, poses_of
+from planner.evaluation.judge import judge, metric_of_table
 from planner.evaluation.mistakes import NO_LEAF, confusions, nearest_leaf, worst
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
 from planner.evaluation.reliability import reliability
-from runtime.table import PPM
+from runtime.table import PPM, poses_of
 
 LEAF = 1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
 SAID = np.array([-1.2, -2.0, 1.571])
@@ -89,8 +89,8 @@ def evaluation_of(table, leaf, poses):
 def scattered(table, rng, n=400):
     """Trials that mostly end near their leaf, sometimes near another, sometimes nowhere."""
     leaf = rng.integers(0, len(table.leaves), n)
-    said = np.array([poses_of(table.leaves[k], table.goal)[0] for k in leaf])
-    other = np.array([poses_of(row, table.goal)[0] for row in table.leaves])[rng.permutation(leaf)]
+    said = np.array([poses_of(table.goal, table.leaves[k])[0] for k in leaf])
+    other = np.array([poses_of(table.goal, row)[0] for row in table.leaves])[rng.permutation(leaf)]
     kind = rng.random((n, 1))
     poses = np.where(kind < 0.7, said, np.where(kind < 0.85, other, said + 30.0)) + 0.2 * rng.normal(
         size=(n, 3)
@@ -115,7 +115,9 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
     poses = rng.uniform([-14, -14, -3], [14, 14, 3], (200, 3))
     metric = metric_of_table(table)
     for pose, found in zip(poses, nearest_leaf(table, poses), strict=True):
-        distances = [float(metric.between(pose, poses_of(leaf, table.goal)[0])) for leaf in table.leaves]
+        distances = [
+            float(metric.between(pose, np.array(poses_of(table.goal, leaf)[0]))) for leaf in table.leaves
+        ]
         if found == NO_LEAF:
             assert min(distances) >= metric.distance_mm
         else:

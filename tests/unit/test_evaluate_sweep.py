@@ -56,7 +56,7 @@ def test_no_three_corners_span_a_larger_triangle(name):
 
 
 def test_only_the_world_differs_from_case_to_case(job):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
     plain, moved = sweep(table, job, cases, worlds, 1000, 3)
     assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
@@ -77,14 +77,14 @@ def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_tol
 
 
 def test_lower_friction_jams_less(job):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.15 to 0.25")]
     plain, slippery = sweep(table, job, cases, worlds, 2000, 4)
     assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
 
 
 def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
-    table = load(TREES / "rectangle.msgpack")
+    table = load(TREES / "rectangle.msgpack").table
     longest = max(standard_cases(job), key=lambda case: len(case.name))
     (line,) = sweep(table, job, [longest], worlds, 50, 1)
     assert len(sweep_row(line)) == len(SWEEP_HEAD)

@@ -32,7 +32,7 @@ RADII = {row.part: 10.0 for row in table_rows(TREES)}
 @pytest.fixture(scope="module")
 def planned():
     job = job_file.load(TREES / "rectangle" / "job.toml")
-    table = load(TREES / "rectangle" / "rectangle.msgpack")
+    table = load(TREES / "rectangle" / "rectangle.msgpack").table
     return table, job, replay(table, job, 2000, 0)
 
 

@@ -238,8 +238,12 @@ def test_the_runtime_reads_the_delivery_that_a_job_states():
     made = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
     assert job.from_canonical(made.canonical()) == made
     stated = tomllib.loads(DELIVERY)["delivery"]
-    assert delivery.from_job(made.canonical()) == delivery.from_keys(stated | WIDTH_AND_AREA, "here")
-    assert delivery.from_job(job.parse(TEXT + DELIVERY).canonical()) == delivery.from_text("50,0,180")
+    assert delivery.from_job(json.loads(made.canonical())) == delivery.from_keys(
+        stated | WIDTH_AND_AREA, "here"
+    )
+    assert delivery.from_job(json.loads(job.parse(TEXT + DELIVERY).canonical())) == delivery.from_text(
+        "50,0,180"
+    )
 
 
 def test_job_and_runtime_know_the_same_keys_of_a_delivery():

@@ -1,18 +1,25 @@
 """The rehearsal world: branches by their probability, widths that read as their branch, part after part."""
 
 from collections import Counter
-from math import sqrt
+from math import cos, sin, sqrt
 from random import Random
 
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.errors import UsageError
-from runtime.geometry import compose, goal_distance_mm, placement, relative
+from runtime.geometry import compose, placement
 from runtime.rehearsal import Rehearsal, make
-from runtime.table import REJECT, Calibration, Table, decide, decisions
+from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
 
 CALIBRATION = Calibration.linear(GRIPPER)
+
+
+def relative(frame: Pose2, pose: Pose2) -> Pose2:
+    """The inverse of `compose`: a pose seen from `frame`."""
+    dx, dy = pose[0] - frame[0], pose[1] - frame[1]
+    c, s = cos(frame[2]), sin(frame[2])
+    return c * dx + s * dy, -s * dx + c * dy, pose[2] - frame[2]
 
 
 def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
@@ -26,7 +33,7 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
         final, width_mm, status = world.squeeze(relative(frame, pose))
         pose = compose(frame, final)
         count = CALIBRATION.count(round(width_mm * 1000))
-        branch = decide(decisions(node, CALIBRATION), count, status == "grasped")
+        branch = decide(decision_map(node, CALIBRATION), count, status == "grasped")
         assert branch != REJECT
         target = node.branches[branch].target
     return (*path, target)
@@ -67,11 +74,3 @@ def test_compose_and_relative_are_inverses() -> None:
     for _ in range(100):
         frame, pose = (tuple(random.uniform(-3, 3) for _ in range(3)) for _ in range(2))
         assert relative(frame, compose(frame, pose)) == pytest.approx(pose, abs=1e-12)
-
-
-def test_goal_distance_counts_angles_under_the_symmetry() -> None:
-    goal = small_table().goal  # rho 10.571 mm, half turns are equal
-    assert goal_distance_mm(goal, (0, 0, 0.1), (3, 4, 0.1)) == pytest.approx(5.0)
-    assert goal_distance_mm(goal, (0, 0, 0.2), (0, 0, 0.1)) == pytest.approx(1.0571)
-    assert goal_distance_mm(goal, (0, 0, 0.0), (0, 0, 3.14159265359)) == pytest.approx(0.0, abs=1e-9)
-    assert goal_distance_mm(goal, (0, 0, 0.0), (0, 0, 1.5707963268)) == pytest.approx(16.605, abs=1e-3)

@@ -14,7 +14,7 @@ from planner.report import dossier, models
 from runtime.table import dumps, load
 
 TABLE_PATH = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
-TABLE = load(TABLE_PATH)
+TABLE = load(TABLE_PATH).table
 DIGEST = TABLE.job_digest.hex()
 CONFUSION = {"colliding": 4000, "free": 96000, "miss_rate": 0.00025, "false_alarm_rate": 0.0125}
 ACTION = {"x_mm": 0.0, "y_mm": -1.5, "model_mm": 0.0012, "simulator_mm": 0.001, "simulated": 0.04}

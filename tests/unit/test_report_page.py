@@ -1,5 +1,6 @@
 """The page of a table: whole, self-contained, the same each time, and true to the table."""
 
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -16,10 +17,10 @@ from planner.report import details, dossier, run_log
 from planner.report.run_log import RunLog
 from planner.report.sensitivity import changes
 from planner.statistics import wilson_interval
-from runtime.table import PPM, REJECT, Calibration, canonical, count_map, digest, dumps, load
+from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
 
 TABLE_PATH = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
-TABLE = load(TABLE_PATH)
+TABLE = load(TABLE_PATH).table
 JOB = job_file.from_canonical(TABLE.job)
 TRIALS = 300
 
@@ -77,7 +78,7 @@ def test_the_summary_is_the_tables_own(text):
     assert f"{100 * TABLE.predicted.success_ppm / PPM:.2f} %" in text
     assert f"{100 * low:.2f} % to {100 * high:.2f} %" in text
     assert TABLE.job_digest.hex() in text
-    assert digest(TABLE).hex() in text
+    assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
 
 
 def test_parts_are_neither_lost_nor_made(data):
@@ -97,7 +98,7 @@ def test_counts_and_branches_are_those_of_the_look_up(data):
         outcome = np.full(256, REJECT)
         for first, last, branch in shown["map"]:
             outcome[first : last + 1] = branch
-        assert tuple(outcome) == count_map(node, calibration)
+        assert tuple(outcome) == by_count(decision_map(node, calibration))
 
 
 def test_runs_put_a_map_together_again():
@@ -122,7 +123,7 @@ def test_a_name_cannot_break_out_of_the_page(text):
 
 
 def test_a_large_table_stays_under_three_megabytes():
-    table = canonical(grown_table(5, 800))
+    table = grown_table(5, 800)
     text = dossier.page(table, JOB, dossier.Source("large.msgpack", b""), 200)
     assert len(text.encode()) < 3_000_000
 

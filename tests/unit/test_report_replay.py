@@ -19,7 +19,7 @@ TRIALS = 1500
 
 @pytest.fixture(scope="module")
 def table() -> Table:
-    return load(TREE)
+    return load(TREE).table
 
 
 @pytest.fixture(scope="module")

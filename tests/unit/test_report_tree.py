@@ -26,7 +26,7 @@ def job() -> Job:
 
 @pytest.fixture(scope="module")
 def table() -> Table:
-    return load(TREES / "rectangle.msgpack")
+    return load(TREES / "rectangle.msgpack").table
 
 
 def panels(path: Path) -> list[str]:

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import binom
 
 from planner.statistics import wilson_interval
-from runtime.table import refuted, wilson_upper
+from runtime.table import refuted
+from runtime.table.proof import wilson_upper
 
 
 def test_ends_solve_wilsons_equation():

@@ -17,7 +17,7 @@ from runtime.monitor import Monitor, Views
 from runtime.phases import Phase
 from runtime.results import Outcome, PartResult, Step
 from runtime.status import Status, StatusServer
-from runtime.table import digest
+from runtime.table import dump, load
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
 
@@ -119,7 +119,9 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name[1:] if abstract else name)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
-        with Monitor(Quiet(), small_table(), Path("small"), Views(tmp_path / "status")) as monitor:
+        dump(small_table(), tmp_path / "small")
+        loaded = load(tmp_path / "small")
+        with Monitor(Quiet(), loaded, Path("small"), Views(tmp_path / "status")) as monitor:
             monitor.ready()
             monitor.phase(3, Phase.SQUEEZE, 1)
             monitor.phase(3, Phase.DONE, None)
@@ -135,7 +137,7 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
         "WATCHDOG=1\nSTATUS=part 3: done",
         "STOPPING=1",
     ]
-    assert seen["table_sha256"] == digest(small_table()).hex()
+    assert seen["table_sha256"] == loaded.digest
 
 
 def test_without_a_service_manager_nothing_is_told() -> None:

@@ -1,13 +1,13 @@
-"""Whether a leaf meets the goal, as the cell tells it: what the planner planned for, whatever the goal."""
+"""The one goal test, and the planner's arrays against it, whatever the goal."""
 
 import math
 
 import numpy as np
 import pytest
+from sample_tables import small_table
 
-from planner.goal import KINDS, Metric
-from runtime.geometry import error_mm, meets
-from runtime.table import GoalSpec, Leaf
+from planner.goal import Metric
+from runtime.table import KINDS, GoalSpec, Leaf, distance, error_mm, meets, poses_of, threshold
 
 TOLERANCE = (2.0, 1.0, 0.2)  # mm, mm, rad
 
@@ -37,13 +37,26 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
         wanted = bool(metric.reached(poses, true).any())
         assert meets(goal, leaf, tuple(true)) == wanted
         told[int(wanted)] += 1
-        if kind in ("pose", "modes"):
-            distance = error_mm(goal, leaf, tuple(true))
-            assert distance == pytest.approx(metric.between(poses, true).min(), abs=1e-9)
+        nearest = min(distance(goal, pose, tuple(true)) for pose in poses_of(goal, leaf))
+        assert nearest == pytest.approx(metric.between(poses, true).min(), abs=1e-9)
+        assert threshold(goal) == metric.goal
     assert (told > 40).all()
 
 
-def test_an_orientation_alone_has_no_distance() -> None:
+def test_an_orientation_is_met_anywhere() -> None:
     goal = GoalSpec(3000, 950_000, 10_000, 1, "orientation", (0, 0, 200_000), 1)
-    assert error_mm(goal, leaf_at(np.zeros((1, 3))), (50.0, 0.0, 0.1)) is None
     assert meets(goal, leaf_at(np.zeros((1, 3))), (50.0, 0.0, 0.1))
+
+
+def test_alternatives_count_only_where_the_goal_asks_for_modes() -> None:
+    goal, leaf = GoalSpec(3000, 950_000, 10_000, 1), leaf_at(np.array([[0.0, 0, 0], [9, 0, 0]]))
+    assert len(poses_of(goal, leaf)) == 1
+    assert not meets(goal, leaf, (9.0, 0.0, 0.0))
+
+
+def test_the_error_counts_angles_under_the_symmetry() -> None:
+    goal = small_table().goal  # rho 10.571 mm, half turns are equal
+    assert error_mm(goal, (0, 0, 0.1), (3, 4, 0.1)) == pytest.approx(5.0)
+    assert error_mm(goal, (0, 0, 0.2), (0, 0, 0.1)) == pytest.approx(1.0571)
+    assert error_mm(goal, (0, 0, 0.0), (0, 0, 3.14159265359)) == pytest.approx(0.0, abs=1e-9)
+    assert error_mm(goal, (0, 0, 0.0), (0, 0, 1.5707963268)) == pytest.approx(16.605, abs=1e-3)

@@ -1,24 +1,12 @@
-"""The decision table in memory: frozen records of integers (um, urad, mN, ppm).
+"""The decision table in memory: frozen records of the integers that its file holds; see `TABLE.md`.
 
-The records are the same numbers as in the file; `TABLE.md` says on which grid each of them lies there.
+Lengths in um, angles in urad, forces in mN, speeds in um/s, shares in ppm.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-FORMAT = 2
-MAGIC = "squeezetree"
 PPM = 1_000_000
-
-# The grid of the file; for widths see `table_grid.WidthGrid`. Fine against the goal (3 mm).
-CLEARANCE_GRID_UM = 100
-POSE_GRID_UM = 100
-ANGLES_PER_TURN = 1440
-SHARE_GRID_PPM = 5000
-# Covariances count in (0.1 mm)^2, 0.1 mm * 10 mrad and (10 mrad)^2.
-COVARIANCE_LENGTH_UM = 100
-COVARIANCE_ANGLE_URAD = 10_000
-MAX_COVARIANCE = 10**9
 
 HELD_UM = 2000
 """From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
@@ -26,12 +14,11 @@ UNDETECTED_UM = 5000
 """Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation")
-MAX_NODES = 1 << 14
-MAX_LEAVES = 1 << 16
+MAX_NODES = 1 << 12
+MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
 MAX_ALTERNATIVES = 32
 MAX_DEPTH = 64
-MAX_ANGLE_URAD = 3_142_000
 
 
 class Squeeze(NamedTuple):
@@ -81,7 +68,7 @@ class Node(NamedTuple):
         squeeze: where and how the jaws close.
         branches: the outcomes.
         release: x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle
-            before the jaws open; None: they open where they closed.
+            before the jaws open, another place than the squeeze's; None: they open where they closed.
     """
 
     squeeze: Squeeze
@@ -198,7 +185,7 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A decision table. Node 0 is the root.
+    """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root.
 
     Attributes:
         tool: name and version of the compiler.

@@ -1,0 +1,154 @@
+"""The decision table: records, look-up, goal, bytes, proof, fit. `TABLE.md` is its specification.
+
+The one package of the runtime that planner and camera need, and may import.
+
+```
+dump(table, path)             # proves it, writes it whole or not at all
+table, data, digest = load(path)
+decided = decision_map(node, Calibration.linear(table.gripper))
+outcome = decide(decided, count, felt)
+```
+"""
+
+import hashlib
+from pathlib import Path
+from typing import NamedTuple
+
+from runtime.errors import TableError, TableFileError
+from runtime.shell.files import writing
+from runtime.table.codec import MAX_BYTES, decode, encode
+from runtime.table.fit import misfits
+from runtime.table.goal import (
+    Pose2,
+    distance,
+    error_mm,
+    meets,
+    poses_of,
+    predicted_pose,
+    residual,
+    threshold,
+)
+from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map
+from runtime.table.model import (
+    HELD_UM,
+    KINDS,
+    PPM,
+    UNDETECTED_UM,
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Node,
+    Prediction,
+    Squeeze,
+    Table,
+)
+from runtime.table.proof import job_of, prove, refuted
+
+__all__ = [
+    "COUNTS",
+    "HELD_UM",
+    "KINDS",
+    "PPM",
+    "REJECT",
+    "UNDETECTED_UM",
+    "Branch",
+    "Calibration",
+    "GoalSpec",
+    "GripperSpec",
+    "Leaf",
+    "Limits",
+    "Node",
+    "Pose2",
+    "Prediction",
+    "Squeeze",
+    "Table",
+    "TableError",
+    "TableFile",
+    "TableFileError",
+    "by_count",
+    "decide",
+    "decision_map",
+    "distance",
+    "dump",
+    "dumps",
+    "error_mm",
+    "job_of",
+    "load",
+    "loads",
+    "meets",
+    "misfits",
+    "poses_of",
+    "predicted_pose",
+    "refuted",
+    "residual",
+    "threshold",
+]
+
+
+class TableFile(NamedTuple):
+    """A table with the bytes of its file.
+
+    Attributes:
+        table: decoded and proved.
+        data: the whole file.
+        digest: SHA-256 of it in hexadecimal, one name for one behaviour; `sha256sum` tells the same.
+    """
+
+    table: Table
+    data: bytes
+    digest: str
+
+
+def dumps(table: Table) -> bytes:
+    """The bytes of a table's file; `loads` gives the same table back.
+
+    Raises:
+        TableError: it must not be executed, and why.
+    """
+    data = encode(table)
+    prove(table)
+    return data
+
+
+def loads(data: bytes) -> Table:
+    """The table in a file's bytes, decoded and proved.
+
+    Raises:
+        TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
+    """
+    table = decode(data)
+    prove(table)
+    return table
+
+
+def dump(table: Table, path: Path | str) -> None:
+    """Write a table's file, whole or not at all.
+
+    Raises:
+        TableError: it must not be executed, and why.
+        OutputError: the file cannot be written.
+    """
+    data = dumps(table)
+    with writing(Path(path)) as draft:
+        draft.write_bytes(data)
+
+
+def load(path: Path | str) -> TableFile:
+    """Read, decode and prove a table's file.
+
+    Raises:
+        TableFileError: it is missing or unreadable.
+        TableError: its content is refused; the message names the file.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
+    try:
+        return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
+    except TableError as error:
+        raise TableError(error.reason, path) from error

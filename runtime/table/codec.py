@@ -1,0 +1,242 @@
+"""The bytes of a table, format 3: one msgpack array of integers a field. `TABLE.md` is its specification."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from typing import TypeVar
+
+import msgpack  # type: ignore[import-untyped]
+
+from runtime.errors import TableError
+from runtime.table.model import (
+    KINDS,
+    MAX_ALTERNATIVES,
+    MAX_BRANCHES,
+    MAX_LEAVES,
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Node,
+    Prediction,
+    Squeeze,
+    Table,
+)
+
+FORMAT = 3
+MAGIC = "squeezetree"
+MAX_BYTES = 2 << 20
+FRAME_FIELDS = ("magic", "format", "digest", "payload")
+HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
+POSE = ("x_um", "y_um", "theta_urad")
+COLUMNS = {
+    "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
+    "branch": Branch._fields,
+    "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", "success_ppm", "trials", "resolved", "alternatives"),
+    "alternative": POSE,
+}
+"""The columns of integers: one a field of each kind of record."""
+PAYLOAD_FIELDS = (
+    *HEADER_FIELDS,
+    *(f"{kind}_{field}" for kind, fields in COLUMNS.items() for field in fields),
+    "job",
+)
+
+Kind = TypeVar("Kind")
+Row = tuple[int, ...]
+
+
+def encode(table: Table) -> bytes:
+    """The bytes of a table; proves nothing.
+
+    Raises:
+        TableError: a value is not of the kind that its field holds.
+    """
+    try:
+        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job]))
+        frame = bytes(msgpack.packb([MAGIC, FORMAT, hashlib.sha256(payload).digest(), payload]))
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
+        raise TableError(f"a value of the table cannot be written: {error}") from error
+    if decode(frame) != table:
+        raise TableError("the table does not come back from its bytes: a value of it is not as `Table` says")
+    return frame
+
+
+def decode(data: bytes) -> Table:
+    """The table in some bytes, if `encode` gives these very bytes for it; proves nothing.
+
+    Raises:
+        TableError: with the first reason found why these bytes are not a table.
+    """
+    if len(data) > MAX_BYTES:
+        raise TableError(f"{len(data)} bytes, allowed are {MAX_BYTES}; this is not a table")
+    frame = _unpacked(data, "the file")
+    if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
+        raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
+    if type(frame[1]) is not int or frame[1] != FORMAT:
+        told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
+        raise TableError(f"format {told} is not readable; this runtime reads {FORMAT}, recompile it")
+    if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
+        raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
+    if hashlib.sha256(frame[3]).digest() != frame[2]:
+        raise TableError("digest does not match its content; copy the file again or recompile it")
+    payload = _unpacked(frame[3], "the payload")
+    if msgpack.packb(frame) != data or msgpack.packb(payload) != frame[3]:
+        raise TableError("not in the one encoding a table has; recompile it")
+    if not isinstance(payload, tuple) or len(payload) != len(PAYLOAD_FIELDS):
+        raise TableError(f"the payload is not an array of {len(PAYLOAD_FIELDS)}; recompile it")
+    return _table(dict(zip(PAYLOAD_FIELDS, payload, strict=True)))
+
+
+def rows_of(table: Table) -> dict[str, Sequence[Row]]:
+    """The records of a table as rows of integers, in the order of `COLUMNS`."""
+    return {
+        "node": [
+            (*node.squeeze, *(node.release or node.squeeze[:2]), len(node.branches)) for node in table.nodes
+        ],
+        "branch": [branch for node in table.nodes for branch in node.branches],
+        "leaf": [
+            (
+                *leaf[:3],
+                *leaf.covariance,
+                leaf.success_ppm,
+                leaf.trials,
+                int(leaf.resolved),
+                len(leaf.alternatives),
+            )
+            for leaf in table.leaves
+        ],
+        "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
+    }
+
+
+def _unpacked(data: bytes, name: str) -> object:
+    """One msgpack value without maps and extensions; nothing in it is longer than a table's parts may be."""
+    try:
+        value: object = msgpack.unpackb(
+            data, use_list=False, max_array_len=MAX_LEAVES, max_map_len=0, max_ext_len=0
+        )
+    except msgpack.ExtraData:
+        raise TableError(f"bytes follow the end of {name}; copy the file again or recompile it") from None
+    except (MemoryError, ValueError, msgpack.UnpackException) as error:
+        reason = f"{name} is damaged or cut short ({error}); copy the file again or recompile it"
+        raise TableError(reason) from None
+    return value
+
+
+def _header(table: Table) -> list[object]:
+    gripper, goal, limits, predicted = table.gripper, table.goal, table.limits, table.predicted
+    return [
+        table.tool,
+        table.job_digest,
+        gripper.model,
+        [
+            gripper.opening_um,
+            gripper.finger_length_um,
+            gripper.finger_width_um,
+            gripper.count_open,
+            gripper.count_closed,
+            gripper.encoder_noise_um,
+        ],
+        [
+            goal.distance_um,
+            goal.confidence_ppm,
+            goal.rho_um,
+            goal.symmetry,
+            KINDS.index(goal.kind),
+            *goal.tolerance,
+            goal.modes,
+        ],
+        [
+            limits.max_depth,
+            limits.max_force_mn,
+            limits.max_speed_um_s,
+            *limits.work_area_um,
+            limits.retreat_height_um,
+            limits.squeeze_height_um,
+            limits.arm_speed_um_s,
+        ],
+        [predicted.success_ppm, predicted.trials, predicted.mean_squeezes_ppm, predicted.reject_ppm],
+    ]
+
+
+def _columns(table: Table) -> Iterator[list[int]]:
+    for kind, rows in rows_of(table).items():
+        columns = zip(*rows, strict=True) if rows else [()] * len(COLUMNS[kind])
+        yield from map(list, columns)
+
+
+def _table(fields: dict[str, object]) -> Table:
+    distance, confidence, rho, symmetry, kind, x, y, theta, modes = _integers(fields, "goal", 9)
+    if not 0 <= kind < len(KINDS):
+        raise TableError(f"goal has the kind {kind}, allowed are 0..{len(KINDS) - 1}")
+    max_depth, force, speed, x0, y0, x1, y1, retreat, height, arm_speed = _integers(fields, "limits", 10)
+    leaves = _leaves(fields)
+    return Table(
+        tool=_typed(fields, "tool", str),
+        job_digest=_typed(fields, "job_digest", bytes),
+        gripper=GripperSpec(_typed(fields, "gripper_model", str), *_integers(fields, "gripper", 6)),
+        goal=GoalSpec(distance, confidence, rho, symmetry, KINDS[kind], (x, y, theta), modes),
+        limits=Limits(max_depth, force, speed, (x0, y0, x1, y1), retreat, height, arm_speed),
+        nodes=_nodes(fields),
+        leaves=leaves,
+        predicted=Prediction(*_integers(fields, "predicted", 4)),
+        job=None if fields["job"] is None else _typed(fields, "job", str),
+    )
+
+
+def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
+    rows = _rows(fields, "node")
+    branches = _parts(map(Branch._make, _rows(fields, "branch")), rows, MAX_BRANCHES, "node_branches")
+    return tuple(
+        Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
+        for row, own in zip(rows, branches, strict=True)
+    )
+
+
+def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
+    rows = _rows(fields, "leaf")
+    if not all(0 <= row[11] <= 1 for row in rows):
+        raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
+    alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "leaf_alternatives")
+    return tuple(
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others))
+        for row, others in zip(rows, alternatives, strict=True)
+    )
+
+
+def _rows(fields: dict[str, object], kind: str) -> list[Row]:
+    """The records of a kind; all its columns have the length of the first."""
+    names = [f"{kind}_{name}" for name in COLUMNS[kind]]
+    length = len(_typed(fields, names[0], tuple))
+    return list(zip(*(_integers(fields, name, length) for name in names), strict=True))
+
+
+def _parts(records: Iterable[Kind], rows: list[Row], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
+    """The records that belong to each row, whose last number says how many."""
+    left = iter(records)
+    for row in rows:
+        own = tuple(islice(left, row[-1])) if 0 <= row[-1] <= most else None
+        if own is None or len(own) != row[-1]:
+            raise TableError(f"{name} holds {row[-1]}, but no more than {most} may be, and as many as follow")
+        yield own
+    if next(left, None) is not None:
+        raise TableError(f"{name} adds up to fewer than there are")
+
+
+def _integers(fields: dict[str, object], name: str, length: int) -> Row:
+    values: Row = _typed(fields, name, tuple)
+    if len(values) != length:
+        raise TableError(f"{name} holds {len(values)} integers where {length} belong")
+    strange = {type(value).__name__ for value in values} - {"int"}
+    if strange:
+        raise TableError(f"{name} holds {min(strange)} where int belongs")
+    return values
+
+
+def _typed(fields: dict[str, object], name: str, kind: type[Kind]) -> Kind:
+    value = fields[name]
+    if type(value) is not kind:
+        raise TableError(f"{name} holds {type(value).__name__} where {kind.__name__} belongs")
+    return value

@@ -1,0 +1,63 @@
+"""When is a part located: the one test that planner, cell and camera judge a leaf by (paper, VII, eq. 9)."""
+
+from math import hypot, remainder, tau
+
+from runtime.table.model import GoalSpec, Leaf
+
+Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
+
+
+def predicted_pose(leaf: Leaf) -> Pose2:
+    """The part's pose in the world that a leaf predicts, mm and rad."""
+    return _pose((leaf.x_um, leaf.y_um, leaf.theta_urad))
+
+
+def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
+    """The poses any of which makes a leaf right, mm and rad: several only where the goal asks for modes."""
+    others = leaf.alternatives if goal.kind == "modes" else ()
+    return [predicted_pose(leaf), *map(_pose, others)]
+
+
+def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
+    """True less predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
+    turn = remainder(true[2] - predicted[2], tau / goal.symmetry)
+    return true[0] - predicted[0], true[1] - predicted[1], turn
+
+
+def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
+    """sqrt(dx^2 + dy^2) + rho * dtheta (eq. 9), whatever the kind of goal.
+
+    Args:
+        goal: rho in um, and the symmetry.
+        predicted: mm, mm, rad.
+        true: where the part lies, mm, mm, rad.
+    """
+    x, y, turn = residual(goal, predicted, true)
+    return hypot(x, y) + goal.rho_um / 1e3 * abs(turn)
+
+
+def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
+    """How far off a prediction is, to be held against `threshold`; arguments as for `error_mm`.
+
+    Returns:
+        `error_mm` for the kinds "pose" and "modes"; else the largest deviation in units of its tolerance.
+    """
+    if goal.kind in ("pose", "modes"):
+        return error_mm(goal, predicted, true)
+    first = 2 if goal.kind == "orientation" else 0
+    off, tolerance = residual(goal, predicted, true)[first:], _pose(goal.tolerance)[first:]
+    return max(abs(value) / most for value, most in zip(off, tolerance, strict=True))
+
+
+def threshold(goal: GoalSpec) -> float:
+    """What `distance` must stay below: the goal's distance in mm, or 1 where it counts in tolerances."""
+    return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
+
+
+def meets(goal: GoalSpec, leaf: Leaf, true: Pose2) -> bool:
+    """Whether a part at `true` (mm, mm, rad) is where its leaf says, to within the goal."""
+    return any(distance(goal, pose, true) < threshold(goal) for pose in poses_of(goal, leaf))
+
+
+def _pose(pose: tuple[int, int, int]) -> Pose2:
+    return pose[0] / 1e3, pose[1] / 1e3, pose[2] / 1e6

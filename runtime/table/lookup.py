@@ -1,0 +1,110 @@
+"""From a reading to the outcome it means: a gripper's calibration, and the map of a node."""
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass
+from operator import neg
+from typing import Self
+
+from runtime.errors import TableError
+from runtime.table.model import HELD_UM, UNDETECTED_UM, GripperSpec, Node
+
+REJECT = -1
+COUNTS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The width between the finger faces at each encoder count.
+
+    Attributes:
+        widths_um: 256 widths in um, never rising with the count.
+
+    Raises:
+        TableError: there are not 256 of them, or they rise somewhere.
+    """
+
+    widths_um: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.widths_um) != COUNTS:
+            raise TableError(f"a calibration has {COUNTS} widths, this one has {len(self.widths_um)}")
+        for count in range(1, COUNTS):
+            if self.widths_um[count] > self.widths_um[count - 1]:
+                raise TableError(f"a calibration's widths must not rise with the count; they do at {count}")
+
+    @classmethod
+    def linear(cls, gripper: GripperSpec) -> Self:
+        """The straight line between the two end counts, clamped at both ends (Robotiq SDK, units.cpp).
+
+        Args:
+            gripper: opening in um, `count_open` and `count_closed`.
+        """
+        span = gripper.count_closed - gripper.count_open
+        steps = (min(max(gripper.count_closed - count, 0), span) for count in range(COUNTS))
+        return cls(tuple((2 * gripper.opening_um * step + span) // (2 * span) for step in steps))
+
+    def width_um(self, count: int) -> int:
+        """The width at an encoder count, um."""
+        return self.widths_um[count]
+
+    def counts(self, low_um: int, high_um: int) -> range:
+        """The counts whose widths lie in an interval, its ends included."""
+        first = bisect_left(self.widths_um, -high_um, key=neg)
+        return range(first, bisect_right(self.widths_um, -low_um, key=neg))
+
+    def count(self, width_um: int) -> int:
+        """The count whose width is nearest to `width_um`; the more open one of two equally near."""
+        return min(range(COUNTS), key=lambda count: (abs(self.widths_um[count] - width_um), count))
+
+
+def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
+    """What every settled reading of a closing motion means at a node: the whole rule (decision 0020).
+
+    The width says which branch: among those whose interval contains it the one of the nearest expected width,
+    the lower of two equally near. A branch of expected width `HELD_UM` or more is a grip, and never read at
+    width 0; a narrower one means that nothing is held. With an object felt only a grip is believed. With none
+    felt no width above `UNDETECTED_UM` is believed; up to it a grip may have gone unfelt. All else is
+    `REJECT`.
+
+    Args:
+        node: the node, its branches ordered by expected width.
+        calibration: counts to widths.
+
+    Returns:
+        512 entries, each an index into `node.branches` or `REJECT`: at each count with no object felt, then
+        at each count with one felt.
+    """
+    unfelt, felt = [REJECT] * COUNTS, [REJECT] * COUNTS
+    nearest = [0] * COUNTS  # distance to the expected width of the branch that has the count so far
+    taken = [REJECT] * COUNTS
+    for number, branch in enumerate(node.branches):
+        grip = branch.expected_um >= HELD_UM
+        for count in calibration.counts(branch.low_um, branch.high_um):
+            width = calibration.widths_um[count]
+            distance = abs(width - branch.expected_um)
+            if taken[count] != REJECT and nearest[count] <= distance:
+                continue
+            taken[count], nearest[count] = number, distance
+            believed = number if width > 0 or not grip else REJECT
+            unfelt[count] = believed if width <= UNDETECTED_UM else REJECT
+            felt[count] = believed if grip else REJECT
+    return (*unfelt, *felt)
+
+
+def by_count(decided: tuple[int, ...]) -> tuple[int, ...]:
+    """A `decision_map` as drawings show it: what each of the 256 counts means, with the flag that it needs.
+
+    The two halves of a map never name two branches, since the width alone says which.
+    """
+    return tuple(map(max, decided[:COUNTS], decided[COUNTS:]))
+
+
+def decide(decided: tuple[int, ...], count: int, felt: bool) -> int:
+    """What one settled reading means: an index into the node's branches, or `REJECT`; one look-up.
+
+    Args:
+        decided: the node's `decision_map`.
+        count: settled encoder count; outside 0..255 it is no count, and a `REJECT`.
+        felt: whether the closing jaws stopped at an object (flag 2), not at the end of their way.
+    """
+    return decided[count + COUNTS * felt] if 0 <= count < COUNTS else REJECT

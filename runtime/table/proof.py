@@ -1,0 +1,243 @@
+"""The proof of a table: every reason not to execute it, looked for at every write and every read."""
+
+import hashlib
+from itertools import chain
+from math import exp, log, sqrt
+from typing import Any
+
+from runtime.errors import TableError
+from runtime.shell import strict_json
+from runtime.table.codec import COLUMNS, rows_of
+from runtime.table.lookup import Calibration, decision_map
+from runtime.table.model import (
+    MAX_ALTERNATIVES,
+    MAX_BRANCHES,
+    MAX_DEPTH,
+    MAX_LEAVES,
+    MAX_NODES,
+    PPM,
+    GoalSpec,
+    GripperSpec,
+    Leaf,
+    Limits,
+    Table,
+)
+
+FAR = 10**9
+MAX_ANGLE_URAD = 3_142_000
+MAX_TRIALS = 10**10
+MAX_MODES = 64
+WILSON_Z = 1.959964  # two-sided 95 %
+LEVEL = 0.025
+MOST_TERMS = 1000
+LEAST_LOG = -700.0  # exp of less is zero
+
+
+def prove(table: Table) -> None:
+    """Check that a table, made of integers as a decoded one is, may be executed.
+
+    Raises:
+        TableError: naming the first node, branch, leaf or field that is wrong.
+    """
+    _prove_header(table)
+    _within("number of nodes", len(table.nodes), 1, MAX_NODES)
+    _within("number of leaves", len(table.leaves), 1, MAX_LEAVES)
+    _prove_values(table)
+    _prove_tree(table)
+    calibration = Calibration.linear(table.gripper)
+    for index, node in enumerate(table.nodes):
+        total, below = 0, -1
+        for number, branch in enumerate(node.branches):
+            if not (branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um):
+                at = f"node {index}, branch {number}: expected_um"
+                _within(at, branch.expected_um, max(branch.low_um, below + 1), branch.high_um)
+            total, below = total + branch.probability_ppm, branch.expected_um
+        if abs(total - PPM) > len(node.branches):
+            raise TableError(f"node {index}: the branches' probabilities sum to {total} ppm, not {PPM}")
+        unread = set(range(len(node.branches))).difference(decision_map(node, calibration))
+        if unread:
+            number = min(unread)
+            low, high = node.branches[number].low_um / 1000, node.branches[number].high_um / 1000
+            told = f"{low:.2f}..{high:.2f} mm"
+            raise TableError(f"node {index}, branch {number}: no encoder count means {told}; widen it")
+    for index, leaf in enumerate(table.leaves):
+        if leaf.resolved:
+            _prove_resolved(index, leaf, table.goal, table.limits)
+
+
+def job_of(table: Table) -> dict[str, Any] | None:
+    """The job that a table carries, None where it was stripped.
+
+    Raises:
+        TableError: the text is not that of the job's digest, or no JSON object that can be read.
+    """
+    if table.job is None:
+        return None
+    try:
+        if hashlib.sha256(table.job.encode()).digest() != table.job_digest:
+            raise TableError("the embedded job is not the one the table was made from; recompile it")
+        job = strict_json.parse(table.job)
+    except ValueError as error:
+        raise TableError(f"the embedded job is {error}; recompile it") from None
+    if not isinstance(job, dict):
+        raise TableError("the embedded job is no JSON object; recompile it")
+    return job
+
+
+def wilson_upper(successes: float, trials: int) -> float:
+    """Upper end of the 95 % Wilson score interval of a share; 1 without trials."""
+    if trials == 0:
+        return 1.0
+    share, z2 = successes / trials, WILSON_Z**2
+    spread = WILSON_Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    return (share + z2 / (2 * trials) + spread) / (1 + z2 / trials)
+
+
+def refuted(successes: int, trials: int, confidence: float) -> bool:
+    """Whether trials speak against a success probability of at least `confidence`, at the 2.5 % level.
+
+    Exact binomial test (Clopper and Pearson 1934) where its sum is short; Wilson's interval for more misses
+    than that, where the two agree. Leaves of few trials need the exact one: one miss in ten refutes nothing.
+    """
+    misses, log_none = trials - successes, trials * log(confidence)
+    if misses > MOST_TERMS or log_none < LEAST_LOG:
+        return wilson_upper(successes, trials) < confidence
+    term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
+    for k in range(misses):
+        fewer += term
+        term *= (trials - k) / (k + 1) * (1.0 - confidence) / confidence
+    return 1.0 - fewer < LEVEL
+
+
+def _within(name: str, value: int, least: int, most: int = FAR) -> None:
+    if not least <= value <= most:
+        raise TableError(f"{name} is {value}, allowed is {least}..{most}")
+
+
+def _prove_header(table: Table) -> None:
+    _within("bytes of job_digest", len(table.job_digest), 32, 32)
+    job_of(table)
+    _prove_gripper(table.gripper)
+    _prove_goal(table.goal)
+    _prove_limits(table.limits)
+    predicted = table.predicted
+    _within("predicted.success_ppm", predicted.success_ppm, 0, PPM)
+    _within("predicted.trials", predicted.trials, 0, MAX_TRIALS)
+    _within("predicted.mean_squeezes_ppm", predicted.mean_squeezes_ppm, 0, MAX_DEPTH * PPM)
+    _within("predicted.reject_ppm", predicted.reject_ppm, 0, PPM)
+
+
+def _prove_gripper(gripper: GripperSpec) -> None:
+    for name in ("opening_um", "finger_length_um", "finger_width_um"):
+        _within(f"gripper.{name}", getattr(gripper, name), 1, 1_000_000)
+    _within("gripper.count_closed", gripper.count_closed, 1, 255)
+    _within("gripper.count_open", gripper.count_open, 0, gripper.count_closed - 1)
+    _within("gripper.encoder_noise_um", gripper.encoder_noise_um, 0, gripper.opening_um)
+
+
+def _prove_goal(goal: GoalSpec) -> None:
+    measured = goal.kind in ("pose", "modes")
+    _within("goal.distance_um", goal.distance_um, int(measured))
+    _within("goal.confidence_ppm", goal.confidence_ppm, 0, PPM)
+    _within("goal.rho_um", goal.rho_um, 0)
+    _within("goal.symmetry", goal.symmetry, 1, 1000)
+    _within("goal.modes", goal.modes, 1, MAX_MODES)
+    shifts, turns = goal.kind == "tolerances", not measured
+    for name, value, needed in zip("xyt", goal.tolerance, (shifts, shifts, turns), strict=True):
+        _within(f"goal.tolerance {name}", value, int(needed))
+
+
+def _prove_limits(limits: Limits) -> None:
+    _within("limits.max_depth", limits.max_depth, 1, MAX_DEPTH)
+    for name in ("max_force_mn", "max_speed_um_s", "arm_speed_um_s"):
+        _within(f"limits.{name}", getattr(limits, name), 1)
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    _within("limits.work_area_um x min", x_min, -FAR)
+    _within("limits.work_area_um y min", y_min, -FAR)
+    _within("limits.work_area_um x max", x_max, x_min + 1)
+    _within("limits.work_area_um y max", y_max, y_min + 1)
+    _within("limits.squeeze_height_um", limits.squeeze_height_um, -FAR)
+    _within("limits.retreat_height_um", limits.retreat_height_um, limits.squeeze_height_um + 1)
+
+
+def _bounds(table: Table) -> dict[str, tuple[tuple[int, int], ...]]:
+    """The least and the greatest value of each column, in the order of `COLUMNS`."""
+    gripper, limits = table.gripper, table.limits
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    area, turn, share = ((x_min, x_max), (y_min, y_max)), (-MAX_ANGLE_URAD, MAX_ANGLE_URAD), (0, PPM)
+    width, pose = (0, gripper.opening_um), ((-FAR, FAR), (-FAR, FAR), turn)
+    jaws = ((1, gripper.opening_um), (1, limits.max_speed_um_s), (1, limits.max_force_mn), (0, 1_000_000))
+    variance, shared = (0, FAR), (-FAR, FAR)
+    moments = (variance, shared, variance, shared, shared, variance)
+    targets = (-len(table.leaves), len(table.nodes) - 1)
+    return {
+        "node": (*area, turn, *jaws, *area, (1, MAX_BRANCHES)),
+        "branch": (width, width, width, share, targets),
+        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES)),
+        "alternative": pose,
+    }
+
+
+def _prove_values(table: Table) -> None:
+    """Check the range of every column; which value is wrong is looked for only once one is."""
+    bounds = _bounds(table)
+    for kind, rows in rows_of(table).items():
+        columns = zip(*rows, strict=True)
+        for name, column, (least, most) in zip(COLUMNS[kind], columns, bounds[kind], strict=bool(rows)):
+            if min(column) < least or max(column) > most:
+                index = next(at for at, value in enumerate(column) if not least <= value <= most)
+                _within(f"{_place(table, kind, index)}: {name}", column[index], least, most)
+
+
+def _place(table: Table, kind: str, index: int) -> str:
+    """Where the record of a kind is, told by the node or leaf that it belongs to."""
+    owners = {
+        "branch": ("node", [len(node.branches) for node in table.nodes]),
+        "alternative": ("leaf", [len(leaf.alternatives) for leaf in table.leaves]),
+    }
+    if kind not in owners:
+        return f"{kind} {index}"
+    owner, sizes = owners[kind]
+    of_each = chain.from_iterable(
+        (f"{owner} {at}, {kind} {k}" for k in range(n)) for at, n in enumerate(sizes)
+    )
+    return list(of_each)[index]
+
+
+def _prove_tree(table: Table) -> None:
+    """Check that nodes and leaves are numbered breadth first, so that each is reached exactly once."""
+    depths, leaves = [1], 0
+    for index, node in enumerate(table.nodes):
+        if index >= len(depths):
+            raise TableError(f"node {index} is never reached")
+        if depths[index] > table.limits.max_depth:
+            raise TableError(f"node {index} is deeper than limits.max_depth = {table.limits.max_depth}")
+        for number, branch in enumerate(node.branches):
+            following = len(depths) if branch.target >= 0 else ~leaves
+            if branch.target != following:
+                told = f"target is {branch.target}, where breadth first it is {following}"
+                raise TableError(f"node {index}, branch {number}: {told}")
+            if branch.target >= 0:
+                depths.append(depths[index] + 1)
+            else:
+                leaves += 1
+    if leaves < len(table.leaves):
+        raise TableError(f"leaf {leaves} is never reached")
+
+
+def _prove_resolved(index: int, leaf: Leaf, goal: GoalSpec, limits: Limits) -> None:
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    for x, y, _ in (leaf[:3], *leaf.alternatives):
+        _within(f"leaf {index}: x_um", x, x_min, x_max)
+        _within(f"leaf {index}: y_um", y, y_min, y_max)
+    poses = 1 + len(leaf.alternatives)
+    if poses > (goal.modes if goal.kind == "modes" else 1):
+        raise TableError(
+            f"leaf {index}: {poses} poses are more than the goal leaves open; mark it unresolved"
+        )
+    hits = round(leaf.success_ppm / PPM * leaf.trials)
+    if leaf.success_ppm < goal.confidence_ppm and refuted(hits, leaf.trials, goal.confidence_ppm / PPM):
+        raise TableError(
+            f"leaf {index}: {leaf.success_ppm / PPM:.4f} of {leaf.trials} trials met the goal, which refutes "
+            f"the confidence of {goal.confidence_ppm / PPM:.4f}; mark it unresolved or plan deeper"
+        )

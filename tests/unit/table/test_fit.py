@@ -1,0 +1,45 @@
+"""A table against one gripper's calibration: what fits is passed, what does not is told in a sentence."""
+
+import pytest
+from grown_tables import grown_table
+from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_node
+
+from runtime.table import Calibration, Table, misfits
+
+LINE = Calibration.linear(GRIPPER)
+
+
+@pytest.mark.parametrize(
+    "table", [small_table(), every_field_table(), random_table(1, 40), grown_table(1, 100)]
+)
+def test_a_proved_table_fits_the_default_line(table: Table) -> None:
+    assert misfits(table, LINE) == []
+
+
+def test_a_small_error_of_the_line_fits() -> None:
+    assert misfits(small_table(), Calibration(tuple(width + 120 for width in LINE.widths_um))) == []
+
+
+def test_jaws_that_do_not_open_far_enough_are_told() -> None:
+    narrow = Calibration(tuple(min(width, 60_000) for width in LINE.widths_um))
+    problems = misfits(small_table(), narrow)
+    assert problems[0] == "node 0 opens to 85.00 mm, this gripper to 60.00 mm; recompile with its opening"
+    assert len(problems) == 2
+    almost = Calibration(tuple(min(width, 84_850) for width in LINE.widths_um))  # within the encoder's noise
+    assert misfits(small_table(), almost) == []
+
+
+def test_a_branch_that_no_count_means_is_told() -> None:
+    coarse = Calibration(tuple(85_000 if count < 200 else 0 for count in range(256)))
+    told = misfits(small_table(), coarse)[0]
+    assert told.startswith("node 0, branch 0: no count of this gripper means 20.00..22.00 mm; calibrate")
+
+
+def test_an_outcome_that_reads_as_its_neighbour_is_told() -> None:
+    """Of the counts near 21 mm, this gripper's nearest one means 22.4 mm, which is the next branch's."""
+    root = small_table().nodes[0]
+    first = root.branches[0]._replace(low_um=18_000, expected_um=21_000, high_um=30_000)
+    second = root.branches[1]._replace(low_um=18_000, expected_um=22_000, high_um=30_000)
+    table = with_node(small_table(), 0, root._replace(branches=(first, second)))
+    coarse = Calibration((*[85_000] * 100, *[22_400] * 70, *[18_500] * 60, *[0] * 26))
+    assert misfits(table, coarse)[0].startswith("node 0, branch 0: this gripper reads 21.00 mm as another")

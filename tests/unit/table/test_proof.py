@@ -1,0 +1,267 @@
+"""The proof of a table at its edges: the last value that is allowed, the first that is not, and why."""
+
+import hashlib
+from dataclasses import replace
+
+import pytest
+from sample_tables import GRIPPER, every_field_table, small_table, with_job, with_leaf, with_node
+from scipy.stats import binom
+
+from runtime.table import PPM, Branch, Leaf, Node, Table, TableError, dumps, job_of, refuted
+from runtime.table.proof import LEAST_LOG, LEVEL, MOST_TERMS, WILSON_Z, prove, wilson_upper
+
+TABLE = small_table()
+
+
+def one_node(*rows: tuple[int, int, int]) -> Table:
+    """A table of one node with branches of these intervals to leaves 0, 1, ..., in equal shares."""
+    share, rest = divmod(PPM, len(rows))
+    branches = tuple(Branch(*row, share + (number < rest), ~number) for number, row in enumerate(rows))
+    leaves = tuple(TABLE.leaves[0] for _ in rows)
+    return replace(TABLE, nodes=(Node(TABLE.nodes[0].squeeze, branches),), leaves=leaves)
+
+
+def squeeze_with(**changes: int) -> Table:
+    node = TABLE.nodes[1]
+    return with_node(TABLE, 1, node._replace(squeeze=node.squeeze._replace(**changes)))
+
+
+def branch_with(node: int, number: int, **changes: int) -> Table:
+    branches = list(TABLE.nodes[node].branches)
+    branches[number] = branches[number]._replace(**changes)
+    return with_node(TABLE, node, TABLE.nodes[node]._replace(branches=tuple(branches)))
+
+
+def leaf_with(index: int = 0, **changes: object) -> Table:
+    return with_leaf(TABLE, index, TABLE.leaves[index]._replace(**changes))
+
+
+def limits_with(**changes: object) -> Table:
+    return replace(TABLE, limits=replace(TABLE.limits, **changes))
+
+
+def goal_with(**changes: object) -> Table:
+    return replace(TABLE, goal=replace(TABLE.goal, **changes))
+
+
+# -- trials against a confidence ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
+@pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300, 900])
+def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(trials: int, confidence: float) -> None:
+    """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
+    for successes in range(trials + 1):
+        tail = binom.cdf(successes, trials, confidence)
+        if abs(tail - LEVEL) > 1e-9:
+            assert refuted(successes, trials, confidence) == (tail < LEVEL), (successes, trials)
+
+
+def test_where_the_exact_sum_would_be_long_the_interval_speaks() -> None:
+    assert (MOST_TERMS, LEVEL, LEAST_LOG) == (1_000, 0.025, -700.0)
+    assert pytest.approx(1.959964, abs=1e-6) == WILSON_Z  # two-sided 95 %
+    for trials, confidence in ((100_000, 0.99), (20_000, 0.9), (10**9, 0.999)):
+        for misses in range(1_001, 3_000, 97):
+            successes = trials - misses
+            assert refuted(successes, trials, confidence) == (wilson_upper(successes, trials) < confidence)
+
+
+@pytest.mark.parametrize(("trials", "off"), [(69_640, 0), (69_660, 2)])
+def test_both_methods_agree_where_one_follows_the_other(trials: int, off: int) -> None:
+    """0.99 to the 69649th power is about the least number whose terms are summed."""
+    misses = range(600, 900)
+    by_table = next(n for n in misses if refuted(trials - n, trials, 0.99))
+    exact = next(n for n in misses if binom.cdf(trials - n, trials, 0.99) < LEVEL)
+    assert abs(by_table - exact) <= off
+
+
+def test_an_underflow_is_not_taken_for_a_refutation() -> None:
+    """0.5 to the 2000th power is no float: every single success would seem impossible."""
+    assert not refuted(1_000, 2_000, 0.5)
+    assert refuted(900, 2_000, 0.5)
+    assert not refuted(700, 700, 0.37)  # exp(-696) is still one
+    assert not refuted(260, 701, 0.37)
+
+
+def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long() -> None:
+    """At a confidence of 1 nothing else bounds the number of terms."""
+    assert not refuted(10**6, 10**6, 1.0)
+    assert refuted(10**6 - 1, 10**6, 1.0)
+    assert refuted(0, 10**10, 1.0)
+    assert wilson_upper(0, 0) == 1.0
+
+
+# -- edges ----------------------------------------------------------------------------------------
+
+EDGES = [
+    (squeeze_with(x_um=60_000), squeeze_with(x_um=60_001), "node 1: x_um is 60001, allowed is -60000..60000"),
+    (squeeze_with(opening_um=85_000), squeeze_with(opening_um=85_001), "node 1: opening_um is 85001"),
+    (squeeze_with(force_mn=60_000), squeeze_with(force_mn=60_001), "node 1: force_mn is 60001"),
+    (squeeze_with(speed_um_s=1), squeeze_with(speed_um_s=0), "node 1: speed_um_s is 0, allowed is 1..60000"),
+    (squeeze_with(clearance_um=0), squeeze_with(clearance_um=-1), "node 1: clearance_um is -1"),
+    (
+        squeeze_with(angle_urad=-3_142_000),
+        squeeze_with(angle_urad=-3_142_001),
+        "node 1: angle_urad is -3142001",
+    ),
+    (branch_with(1, 1, high_um=85_000), branch_with(1, 1, high_um=85_001), "node 1, branch 1: high_um is"),
+    (
+        branch_with(1, 0, expected_um=22_000),
+        branch_with(1, 0, expected_um=22_001),
+        "node 1, branch 0: expected_um is 22001, allowed is 20000..22000",
+    ),
+    (
+        one_node((20_000, 21_000, 22_000), (20_000, 21_500, 22_000)),
+        one_node((20_000, 21_000, 22_000), (20_000, 21_000, 22_000)),
+        "node 0, branch 1: expected_um is 21000, allowed is 21001..22000",
+    ),
+    (
+        branch_with(0, 0, probability_ppm=600_002),
+        branch_with(0, 0, probability_ppm=600_003),
+        "node 0: the branches' probabilities sum to 1000003 ppm, not 1000000",
+    ),
+    (
+        one_node((20_000, 20_100, 20_300)),
+        one_node((20_100, 20_150, 20_200)),
+        "node 0, branch 0: no encoder count means 20.10..20.20 mm; widen it",
+    ),
+    (one_node((0, 1_999, 1_999)), one_node((0, 2_000, 200)), "node 0, branch 0: expected_um is 2000"),
+    (leaf_with(x_um=60_000), leaf_with(x_um=-60_001), "leaf 0: x_um is -60001, allowed is -60000..60000"),
+    (leaf_with(y_um=60_000, resolved=False), leaf_with(y_um=60_001), "leaf 0: y_um is 60001"),
+    (leaf_with(2, x_um=10**9), leaf_with(2, x_um=10**9 + 1), "leaf 2: x_um is 1000000001"),
+    (leaf_with(covariance=(0,) * 6), leaf_with(covariance=(-1, 0, 0, 0, 0, 0)), "leaf 0: xx is -1"),
+    (
+        leaf_with(success_ppm=990_000),
+        leaf_with(success_ppm=985_000),
+        "0.9850 of 6000 trials met the goal, which",
+    ),
+    (leaf_with(success_ppm=950_000, trials=20), leaf_with(success_ppm=950_000, trials=1_000), "refutes the"),
+    (leaf_with(success_ppm=0, trials=0), leaf_with(success_ppm=0, trials=1), "refutes the confidence"),
+    (
+        leaf_with(alternatives=((0, 0, 1),), resolved=False),
+        leaf_with(alternatives=((0, 0, 1),)),
+        "leaf 0: 2 poses are more than the goal leaves open; mark it unresolved",
+    ),
+    (
+        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_000))),
+        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_001))),
+        "leaf 2, alternative 1: theta_urad is 3142001",
+    ),
+    (limits_with(max_depth=2), limits_with(max_depth=1), "node 1 is deeper than limits.max_depth = 1"),
+    (limits_with(max_depth=64), limits_with(max_depth=65), "limits.max_depth is 65, allowed is 1..64"),
+    (
+        limits_with(retreat_height_um=10_001),
+        limits_with(retreat_height_um=10_000),
+        "limits.retreat_height_um is 10000",
+    ),
+    (goal_with(symmetry=1), goal_with(symmetry=0), "goal.symmetry is 0"),
+    (goal_with(distance_um=1), goal_with(distance_um=0), "goal.distance_um is 0"),
+    (
+        goal_with(kind="orientation", distance_um=0, tolerance=(0, 0, 1)),
+        goal_with(kind="orientation", tolerance=(0, 0, 0)),
+        "goal.tolerance t is 0",
+    ),
+    (
+        goal_with(kind="tolerances", tolerance=(1, 1, 1)),
+        goal_with(kind="tolerances", tolerance=(1, 0, 1)),
+        "goal.tolerance y is 0",
+    ),
+    (
+        replace(TABLE, gripper=replace(GRIPPER, count_open=0)),
+        replace(TABLE, gripper=replace(GRIPPER, count_open=230)),
+        "gripper.count_open is 230, allowed is 0..229",
+    ),
+    (TABLE, replace(TABLE, job_digest=b"short"), "bytes of job_digest is 5"),
+    (TABLE, replace(TABLE, nodes=(), leaves=TABLE.leaves), "number of nodes is 0"),
+    (TABLE, limits_with(work_area_um=(0, 0, 0, 1)), "limits.work_area_um x max is 0, allowed is 1"),
+]
+
+
+@pytest.mark.parametrize(("allowed", "refused", "told"), EDGES, ids=[told for *_, told in EDGES])
+def test_the_last_value_is_proved_and_the_next_refused(allowed: Table, refused: Table, told: str) -> None:
+    dumps(allowed)
+    with pytest.raises(TableError) as found:
+        dumps(refused)
+    assert told in found.value.reason
+
+
+def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
+    two = replace(leaf_with(alternatives=((0, 0, 1),)), goal=replace(TABLE.goal, kind="modes", modes=2))
+    dumps(two)
+    with pytest.raises(TableError, match="leaf 0: y_um is 60001"):
+        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=((0, 60_001, 0),))))
+    with pytest.raises(TableError, match="2 poses are more"):  # modes are for the goal "modes" alone
+        dumps(replace(two, goal=replace(two.goal, kind="pose")))
+
+
+def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
+    """An interval of the closed jaws alone is a branch for nothing held, or none."""
+    dumps(one_node((0, 0, 0)))
+    wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, count_open=228))  # 0, 42.5, 85 mm
+    with pytest.raises(TableError, match=r"no encoder count means 0\.00\.\.2\.00 mm"):
+        dumps(wide)
+
+
+# -- the tree -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        (branch_with(1, 0, target=1), "node 1, branch 0: target is 1, where breadth first it is 2"),
+        (branch_with(1, 0, target=0), "node 1, branch 0: target is 0, where breadth first it is 2"),
+        (branch_with(1, 0, target=~2), "node 1, branch 0: target is -3, where breadth first it is -2"),
+        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, allowed is -3..1"),
+        (branch_with(0, 1, target=~1), "node 1 is never reached"),
+        (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
+    ],
+)
+def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, told: str) -> None:
+    with pytest.raises(TableError) as found:
+        dumps(table)
+    assert told in found.value.reason
+
+
+def test_a_long_chain_is_proved_without_recursion() -> None:
+    first, second = TABLE.nodes[0].branches
+    nodes = [
+        Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
+        for at in range(63)
+    ]
+    nodes.append(TABLE.nodes[0]._replace(branches=(first._replace(target=~63), second._replace(target=~64))))
+    leaves: tuple[Leaf, ...] = (TABLE.leaves[0],) * 65
+    dumps(replace(limits_with(max_depth=64), nodes=tuple(nodes), leaves=leaves))
+    with pytest.raises(TableError, match=r"node 63 is deeper than limits\.max_depth = 63"):
+        dumps(replace(limits_with(max_depth=63), nodes=tuple(nodes), leaves=leaves))
+
+
+# -- the embedded job -----------------------------------------------------------------------------
+
+
+def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
+    assert job_of(every_field_table()) == {"seed": 1}
+    assert job_of(TABLE) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[" * 100_000, "the embedded job cannot be read"),
+        ('{"seed":' + "9" * 10_000 + "}", "the embedded job cannot be read"),
+        ("{", "the embedded job cannot be read"),
+        ("[]", "the embedded job is no JSON object"),
+    ],
+    ids=["nested deep", "long number", "cut short", "no object"],
+)
+def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, told: str) -> None:
+    with pytest.raises(TableError) as found:
+        dumps(with_job(TABLE, text))
+    assert told in found.value.reason
+    assert "\n" not in found.value.reason
+    assert len(found.value.reason) < 250
+
+
+def test_a_job_of_another_digest_is_refused() -> None:
+    with pytest.raises(TableError, match="not the one the table was made from"):
+        prove(replace(TABLE, job="{}"))
+    dumps(replace(TABLE, job="{}", job_digest=hashlib.sha256(b"{}").digest()))
