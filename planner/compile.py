@@ -8,32 +8,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.ambiguity import ambiguities
 from planner.arrays import BoolArray
-from planner.belief import doubting
-from planner.encoder import encoder_of
+from planner.belief.costs import costs_of
+from planner.belief.encoder import encoder_of
+from planner.belief.metric import metric_of
+from planner.belief.particles import doubting
+from planner.belief.transition import MotionModel, Simulation
+from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
 from planner.evaluation.stress import Doubt, doubt, settle, stressed
-from planner.goal import metric_of
 from planner.job import Job
+from planner.learned.learning import learned_model, learns
+from planner.learned.store import Store
 from planner.lower import lower
 from planner.measured import with_evaluation
 from planner.mechanics.simulator import Simulator
-from planner.models.learning import learned_model, learns
-from planner.models.store import Store
+from planner.paper.plan import plan_paper
+from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler, Threads
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
-from planner.search.costs import costs_of
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
-from planner.search.outcomes import MotionModel, Simulation
-from planner.search.paper import METHODS
-from planner.search.paper_plan import plan_paper
 from planner.world import ContactWorld
 from runtime.table import Table, canonical, refuted
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from planner.arrays import Array, BoolArray
+from planner.belief.metric import Metric
 from planner.evaluate import Evaluation
 from planner.evaluation.judge import main_poses, metric_of_table
-from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
 from runtime.table import PPM, Calibration, Leaf, Node, Prediction, Table, canonical, count_map, refuted

@@ -9,13 +9,13 @@ import sys
 import time
 from pathlib import Path
 
-from planner import baseline
 from planner import job as job_file
-from planner.advice import counsel
 from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
+from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
 from planner.job import Job
+from planner.paper import baseline
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.table import dump

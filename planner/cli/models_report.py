@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from planner.cli import shell
+from planner.diagnosis.model_quality import ActionQuality, Quality, quality
 from planner.errors import UsageError
 from planner.job import Job
+from planner.learned.learning import learned_model
+from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.models.collision import Confusion
-from planner.models.learning import learned_model
-from planner.models.quality import ActionQuality, Quality, quality
-from planner.models.store import Store
+from planner.paper.collision import Confusion
 from planner.progress import Report
 from planner.scheduler import Scheduler
 

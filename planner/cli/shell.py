@@ -26,7 +26,7 @@ from rich.progress import (
 
 from planner.errors import InputFileError, PlannerError
 from planner.kernel import CACHE_VARIABLE, cache_folder
-from planner.models.store import Store, StoreWarning
+from planner.learned.store import Store, StoreWarning
 from planner.progress import Report, silent
 from runtime.table import TableError, TableFileError
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.goal import Metric, Mode
+from planner.belief.metric import Metric, Mode
 from runtime.table import GoalSpec, Leaf, Table
 
 MOST_POSES = 4

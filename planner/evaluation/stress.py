@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import trusting
+from planner.belief.metric import Metric, Mode
+from planner.belief.particles import trusting
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
-from planner.goal import Metric, Mode
 from planner.job import Job
 from planner.scheduler import Scheduler
 from planner.search.expand import TreeNode, breadth_first

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import subsample
+from planner.belief.particles import subsample
 from planner.job import Job
 from planner.report import canvas
 from planner.report.labels import percent, signed

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief import initial
-from planner.encoder import Encoder, encoder_of
+from planner.belief.encoder import Encoder, encoder_of
+from planner.belief.particles import initial
 from planner.evaluate import placement_of
 from planner.frames import to_hand, to_world
 from planner.job import Job

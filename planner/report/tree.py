@@ -19,7 +19,7 @@ from matplotlib.path import Path as Curve
 from matplotlib.transforms import Bbox, TransformedBbox
 
 from planner.arrays import Array
-from planner.belief import subsample
+from planner.belief.particles import subsample
 from planner.evaluate import placement_of
 from planner.frames import to_world
 from planner.job import Job

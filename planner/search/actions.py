@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.metric import Metric
 from planner.frames import to_hand
-from planner.goal import Metric
 from planner.job import Job
 from planner.kernel import kernel
 from planner.mechanics.clearance import blocked, clearance

@@ -23,13 +23,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import subsample
-from planner.goal import Metric
+from planner.belief.costs import Costs
+from planner.belief.metric import Metric
+from planner.belief.particles import subsample
+from planner.belief.transition import MotionModel, Outcomes
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import ActionSet, free_placements
-from planner.search.costs import Costs
 from planner.search.options import Choice, Options, joined, luck, squeezes_left, unlike
-from planner.search.outcomes import MotionModel, Outcomes
 from planner.search.proposals import refined
 
 LEAST_CLEARANCE_MM = 0.5

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import replenish, trusting
-from planner.goal import Metric, Mode
-from planner.models.partition import Partition
+from planner.belief.metric import Metric, Mode
+from planner.belief.observation import Partition
+from planner.belief.particles import replenish, trusting
+from planner.belief.transition import MotionModel
 from planner.search.closed_loop import LEAST_PROGRESS, LookAhead
 from planner.search.handling import Handling
 from planner.search.options import luck
-from planner.search.outcomes import MotionModel
 
 ALTERNATIVES = 3
 """Placements kept for a node besides the chosen one."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.encoder import Encoder, encoder_of
+from planner.belief.encoder import Encoder, encoder_of
+from planner.belief.transition import Outcomes
 from planner.frames import to_hand
 from planner.job import Job
-from planner.models.region import stands_on
+from planner.learned.region import stands_on
 from planner.search.actions import least_clearance
-from planner.search.outcomes import Outcomes
 from runtime.table import HELD_UM
 
 SPARE_MM = 3.0

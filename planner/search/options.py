@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.transition import Outcomes
 from planner.frames import wrap
-from planner.search.outcomes import Outcomes
 
 TAU = 0.02
 """What a belief may lack, about, before it counts as one that needs another squeeze."""

@@ -23,7 +23,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import JAWS, OUTLINES  # noqa: E402
 
-from planner.models.collision import CollisionDetector, exact, placements  # noqa: E402
+from planner.paper.collision import CollisionDetector, exact, placements  # noqa: E402
 from planner.part import symmetry  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "collision.json"

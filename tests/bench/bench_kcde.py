@@ -30,14 +30,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.encoder import Encoder  # noqa: E402
+from planner.belief.encoder import Encoder  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.models.energy import energy_distance  # noqa: E402
-from planner.models.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde, Rows, rows_of  # noqa: E402
-from planner.models.learned import LearnedModel  # noqa: E402
-from planner.models.rollouts import roll_outs, slopes  # noqa: E402
-from planner.models.store import Store  # noqa: E402
-from planner.models.touch import TOUCHES, meet  # noqa: E402
+from planner.learned.energy import energy_distance  # noqa: E402
+from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde, Rows, rows_of  # noqa: E402
+from planner.learned.model import LearnedModel  # noqa: E402
+from planner.learned.rollouts import roll_outs, slopes  # noqa: E402
+from planner.learned.store import Store  # noqa: E402
+from planner.mechanics.touch import TOUCHES, meet  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "kcde.json"
 POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75

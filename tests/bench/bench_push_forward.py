@@ -26,15 +26,15 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.encoder import Encoder  # noqa: E402
+from planner.belief.encoder import Encoder  # noqa: E402
+from planner.belief.transition import Simulation  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.models.energy import compare  # noqa: E402
-from planner.models.learned import LearnedModel  # noqa: E402
-from planner.models.rollouts import PAPER_COUNT, roll_outs, slopes  # noqa: E402
-from planner.models.store import Store  # noqa: E402
+from planner.learned.energy import compare  # noqa: E402
+from planner.learned.model import LearnedModel  # noqa: E402
+from planner.learned.rollouts import PAPER_COUNT, roll_outs, slopes  # noqa: E402
+from planner.learned.store import Store  # noqa: E402
 from planner.part import symmetry  # noqa: E402
-from planner.search.outcomes import Simulation  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "push_forward.json"
 RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}

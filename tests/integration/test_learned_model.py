@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from problems import OUTLINES, random_poses, simulator
 
-from planner.encoder import Encoder
+from planner.belief.encoder import Encoder
+from planner.belief.transition import Simulation
+from planner.learned.energy import compare
+from planner.learned.model import LearnedModel
+from planner.learned.rollouts import roll_outs, slopes
 from planner.mechanics.simulator import STATUS_NAMES
-from planner.models.energy import compare
-from planner.models.learned import LearnedModel
-from planner.models.rollouts import roll_outs, slopes
 from planner.part import symmetry
-from planner.search.outcomes import Simulation
 
 ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
 FIXED = np.array([[0.0, 0.0, angle] for angle in np.radians([0.0, 45.0, 90.0])])

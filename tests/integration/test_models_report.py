@@ -12,11 +12,11 @@ from problems import JAWS, rectangle
 from planner.cli import compile as plan_compile
 from planner.cli import models_report
 from planner.compile import compile_job
+from planner.diagnosis.model_quality import quality
+from planner.learned.learning import learned_model, learns
+from planner.learned.rollouts import COLLIDES
+from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.models.learning import learned_model, learns
-from planner.models.quality import quality
-from planner.models.rollouts import COLLIDES
-from planner.models.store import Store
 from planner.overrides import job_with
 from planner.report.subspaces import figure
 from runtime.table import dumps

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import identify, push_log, pushes
+from planner.identification import identify, push_log, pushes
 from planner.mechanics import quartic_form
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "data" / "pushes"

@@ -8,7 +8,7 @@ import pytest
 from planner.cli import shell
 from planner.errors import InputFileError
 from planner.kernel import CACHE_VARIABLE
-from planner.models.store import StoreWarning
+from planner.learned.store import StoreWarning
 
 
 def options(*words):
