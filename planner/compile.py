@@ -9,17 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import BoolArray
-from planner.belief.costs import costs_of
-from planner.belief.encoder import encoder_of
 from planner.belief.metric import metric_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import doubting
-from planner.belief.transition import MotionModel, Simulation
+from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
 from planner.evaluation.stress import Doubt, doubt, settle, stressed
 from planner.job import Job
-from planner.learned.learning import learned_model, learns
+from planner.learned.model import learned_model, learns
 from planner.learned.store import Store
 from planner.lower import lower
 from planner.measured import with_evaluation

@@ -7,8 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.encoder import Encoder, encoder_of
 from planner.belief.metric import Metric, metric_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.frames import wrap
 from planner.job import Job
 from planner.part.outline import radius_of_gyration

@@ -3,10 +3,9 @@
 import numpy as np
 import problems
 
-from planner.belief.costs import Costs
 from planner.belief.metric import Metric
 from planner.belief.observation import partition
-from planner.belief.transition import Outcomes
+from planner.belief.transition import Costs, Outcomes
 from planner.search.actions import ActionSet
 from planner.search.closed_loop import LookAhead
 

@@ -1,6 +1,7 @@
-"""The partition of outcomes by width: k-means on encoder counts (paper V.A).
+"""What a squeeze shows: the encoder's counts, and the clusters of them that a plan branches on (paper V.A).
 
-In one dimension k-means is solved exactly by dynamic programming over the histogram of counts. k is the
+The finger encoder is a linear map of the gripper with noise. Outcomes are partitioned by k-means on
+its counts, solved exactly by dynamic programming over their histogram, as one dimension allows. k is the
 smallest number of clusters within which widths scatter little enough; then
 
 - a cluster that has a hole in it, much wider than what tells two clusters apart, is cut there: a rare outcome
@@ -12,14 +13,16 @@ smallest number of clusters within which widths scatter little enough; then
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.encoder import COUNTS, Encoder
+from planner.job import Job
 from planner.kernel import kernel
 
+COUNTS = 256
 MOST_CLUSTERS = 10
 """Of k-means; holes may cut them further."""
 SIGMAS = 6.0
@@ -31,6 +34,44 @@ HOLE = 2.0
 """Width of a hole that cuts a cluster, in the same unit."""
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """A linear encoder with noise.
+
+    Attributes:
+        opening_mm: width at `count_open`.
+        count_open: reading with the jaws open.
+        count_closed: reading with the jaws closed.
+        noise_mm: standard deviation of a measured width.
+    """
+
+    opening_mm: float
+    count_open: int
+    count_closed: int
+    noise_mm: float
+
+    @property
+    def mm_per_count(self) -> float:
+        """Resolution."""
+        return self.opening_mm / (self.count_closed - self.count_open)
+
+    def read(self, width_mm: Array, rng: np.random.Generator) -> IntArray:
+        """Noisy counts of true widths; both ends of travel are hard stops."""
+        noisy = width_mm + self.noise_mm * rng.standard_normal(np.shape(width_mm))
+        counts = np.rint(self.count_closed - noisy / self.mm_per_count)
+        return np.asarray(np.clip(counts, self.count_open, self.count_closed), dtype=np.int64)
+
+    def width_mm(self, counts: Array | IntArray) -> Array:
+        """Width at a count, the middle of what reads so; fractions of a count allowed."""
+        return np.asarray((self.count_closed - np.asarray(counts, dtype=np.float64)) * self.mm_per_count)
+
+
+def encoder_of(job: Job) -> Encoder:
+    """The encoder of a job's gripper."""
+    gripper = job.gripper
+    return Encoder(gripper.opening_mm, gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm)
 
 
 class Resolution(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a squeeze makes of a belief: one child belief per cluster of widths (paper V.A, V.C).
+"""What a squeeze makes of a belief, and its cost: one child belief per cluster of widths (paper V.A, V.C).
 
 The reference motion model is direct simulation of every particle, each with its own random mechanics and
 encoder noise. Many beliefs and actions are rolled out in one batch.
@@ -12,12 +12,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.encoder import Encoder
-from planner.belief.observation import Partition, partition
+from planner.belief.observation import Encoder, Partition, partition
 from planner.belief.particles import frictions
 from planner.frames import to_hand, to_world
+from planner.job import Job
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
+
+LEAST_SQUEEZE = 0.001
+"""A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
 
 
 class Outcomes(NamedTuple):
@@ -99,3 +102,44 @@ def split(
         unstable = float(np.mean(status[part] == JAMMED))
         outcomes.append(Outcomes(clusters, beliefs, unstable, float(np.mean(width_mm[part]))))
     return outcomes
+
+
+class Costs(NamedTuple):
+    """The price of a squeeze, in units of itself: 1, and something for its time and for its risk.
+
+    Attributes:
+        squeeze: of any, as a probability of success.
+        second: of a second of cell time, likewise.
+        unstable: of an outcome that friction alone holds, likewise.
+        lift_s: time to go up and come down again [s].
+        opening_mm: stroke of the open jaws.
+        speed_mm_s: rate at which the opening closes.
+    """
+
+    squeeze: float
+    second: float
+    unstable: float
+    lift_s: float
+    opening_mm: float
+    speed_mm_s: float
+
+    @property
+    def least(self) -> float:
+        """What a squeeze costs at least, as a probability of success."""
+        return max(self.squeeze, LEAST_SQUEEZE)
+
+    def of(self, outcomes: Outcomes) -> float:
+        """C of an action with these outcomes, in squeezes."""
+        seconds = self.lift_s + 2.0 * (self.opening_mm - outcomes.width_mm) / self.speed_mm_s
+        extra = self.second * seconds + self.unstable * outcomes.unstable
+        return 1.0 + extra / self.least
+
+
+def costs_of(job: Job) -> Costs:
+    """The costs that a job states."""
+    search, cell, gripper = job.search, job.cell, job.gripper
+    lift = 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
+    return Costs(
+        search.squeeze_cost, search.second_cost, search.stability_cost, lift, gripper.opening_mm,
+        gripper.speed_mm_s,
+    )  # fmt: skip

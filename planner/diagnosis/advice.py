@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import BoolArray
-from planner.belief.encoder import encoder_of
+from planner.belief.observation import encoder_of
 from planner.compile import Plan
 from planner.diagnosis.ambiguity import Ambiguity, ambiguities
 from planner.diagnosis.delay import Delay, delays

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.encoder import encoder_of
 from planner.belief.metric import Metric
+from planner.belief.observation import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.frames import to_hand, wrap
 from planner.job import Job
+from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
-from planner.search.actions import least_clearance
 from runtime.table import HELD_UM, Table
 
 SAMPLES = 40

@@ -18,19 +18,36 @@ from planner.frames import to_hand
 from planner.job import Job
 from planner.learned.energy import Comparison, compare
 from planner.learned.model import LearnedModel
-from planner.learned.region import region_radius
-from planner.learned.rollouts import COLLIDES, RollOuts
-from planner.paper.collision import CollisionDetector, Confusion, placements
+from planner.learned.rollouts import COLLIDES, RollOuts, region_radius
+from planner.mechanics.clearance import STANDS_ON, classify_contact, free_placements
+from planner.mechanics.simulator import Simulator
+from planner.paper.models import CollisionTree
 from planner.paper.sensor import SensorError, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.progress import Report, silent
-from planner.search.actions import actions_of, free_placements
+from planner.search.actions import actions_of
 
 PARTICLES = 2000
 RUNS = 4
 """Of the model and of the simulator."""
 PLACEMENTS = 100_000
 SEED = 0x5155
+
+
+class Confusion(NamedTuple):
+    """A detector's verdicts beside the exact ones.
+
+    Attributes:
+        free: placements that are free.
+        colliding: placements that are not.
+        false_alarm_rate: share of the free ones that the detector calls colliding.
+        miss_rate: share of the colliding ones that it calls free.
+    """
+
+    free: int
+    colliding: int
+    false_alarm_rate: float
+    miss_rate: float
 
 
 class ActionQuality(NamedTuple):
@@ -56,11 +73,11 @@ class Quality:
         colliding: share of them in which an open finger would stand on the part.
         spacing_mm: typical distance of neighbours.
         h1_mm: bandwidth of initial poses.
-        h2: bandwidth of final poses, in units of the scatter near by.
+        h2_mm: bandwidth of final poses.
         actions: the fixed actions that are free of collision.
         in_collision: how many are not, and were left out.
         sensor: error on roll-outs held out.
-        collision: fresh placements with the jaws fully open, and opened anywhere.
+        collision: of fresh placements, the jaws fully open.
         subspaces: clusters of the widths.
         label: (n,) the subspace of each roll-out that does not collide.
         final: (n, 3) their final poses in the hand frame [mm, mm, rad].
@@ -70,11 +87,11 @@ class Quality:
     colliding: float
     spacing_mm: float
     h1_mm: float
-    h2: float
+    h2_mm: float
     actions: list[ActionQuality]
     in_collision: int
     sensor: SensorError
-    collision: tuple[Confusion, Confusion]
+    collision: Confusion
     subspaces: Subspaces
     label: IntArray
     final: Array
@@ -105,34 +122,33 @@ def quality(job: Job, model: LearnedModel, rolled: RollOuts, report: Report = si
     standing = rolled.status != COLLIDES
     final, width_mm = rolled.final[standing], rolled.width_mm[standing]
     subspaces = subspaces_of(width_mm, model.encoder)
-    bandwidths = model.bandwidths
     return Quality(
         rollouts=len(rolled.initial),
         colliding=float(np.mean(~standing)),
         spacing_mm=model.motion.grid.spacing_mm,
         h1_mm=model.motion.h1_mm,
-        h2=bandwidths.best.h2 if bandwidths else 1.0,
+        h2_mm=model.motion.h2_mm,
         actions=actions,
         in_collision=int(np.count_nonzero(~free)),
         sensor=SensorModel.fit(final, width_mm, job.part.symmetry).error,
-        collision=collision_quality(simulator.outline, simulator.jaws, job, rng),
+        collision=_confusion(job, rolled, simulator, rng),
         subspaces=subspaces,
         label=subspaces.label(width_mm),
         final=final,
     )
 
 
-def collision_quality(
-    outline: Array, jaws: Array, job: Job, rng: np.random.Generator
-) -> tuple[Confusion, Confusion]:
-    """Learns a collision detector and judges it, with the jaws fully open and opened anywhere."""
-    radius = region_radius(job)
-    detector = CollisionDetector.fit(outline, jaws, job.part.symmetry, radius, rng)
-    opened, anywhere = (
-        detector.judged(outline, *placements(outline, jaws, radius, PLACEMENTS, rng, any_opening))
-        for any_opening in (False, True)
-    )
-    return opened, anywhere
+def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.Generator) -> Confusion:
+    """The paper's collision detector, learned from the roll-outs, on placements all over their region."""
+    detector = CollisionTree.fit(rolled.initial, rolled.status == COLLIDES, job.part.symmetry)
+    poses = rng.uniform([0.0, -np.pi, -np.pi], [1.0, np.pi, np.pi], (PLACEMENTS, 3))
+    radius, bearing = region_radius(job) * np.sqrt(poses[:, 0]), poses[:, 1].copy()
+    poses[:, 0], poses[:, 1] = radius * np.cos(bearing), radius * np.sin(bearing)
+    hits = classify_contact(simulator.outline, simulator.jaws, poses) == STANDS_ON
+    said = detector.collides(poses)
+    free, colliding = int(np.count_nonzero(~hits)), int(np.count_nonzero(hits))
+    alarms, missed = np.count_nonzero(said & ~hits), np.count_nonzero(hits & ~said)
+    return Confusion(free, colliding, float(alarms / max(free, 1)), float(missed / max(colliding, 1)))
 
 
 def _judged(model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator) -> ActionQuality:

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.encoder import COUNTS, Encoder, encoder_of
+from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge

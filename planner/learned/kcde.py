@@ -8,15 +8,10 @@ e^-20 of the largest, however many or few they are, so that rare outcomes keep t
 
 Beyond the paper:
 
-- A touch is a matter of geometry alone (`planner.mechanics.touch`), so the estimate is made of the roll-outs
-  that touch and used for the parts that are touched. All others stay exactly where they are.
+- A touch is a matter of geometry alone (`planner.mechanics.clearance`), so the estimate is made of the
+  roll-outs that touch and used for the parts that are touched. All others stay exactly where they are.
 - Turning the hand by half a turn exchanges the fingers. Where both close alike every roll-out counts twice
   (not in paper mode).
-- A draw can be *carried over*: to qf_j + S_j (qi - qi_j), with S_j the slope of roll-out j
-  (`planner.learned.slopes`; not done unless slopes are given). Without it, h1 blurs what a squeeze leaves as
-  it was, such as a slide along the fingers, and blurs it again with every squeeze.
-- h2 may differ between roll-outs and coordinates (`planner.learned.bandwidth`): where the fingers hold a part
-  the outcome is exact in some directions and scattered in others.
 """
 
 from __future__ import annotations
@@ -31,7 +26,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.learned.neighbours import Grid, grid_of, keep_least, nearest_within
-from planner.mechanics.touch import STANDS_ON, TOUCHES, meet
+from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 
 SPREAD = 40.0
 """In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing."""
@@ -98,34 +93,32 @@ class Kcde:
         grid: their normalised initial poses.
         initial: (M, 3) initial poses in the hand frame [mm, mm, rad].
         end: (M, 4) final poses and widths [mm, mm, rad, mm].
-        slope: (M, 4, 3) change of `end` with `initial`, (0, 4, 3) where draws are not carried over.
-        scatter: (M, 3) h2 of each roll-out and coordinate [mm].
         source: (M,) which of the roll-outs each is.
         outline: (N, 2) the part [mm].
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share.
         rho_mm: what one radian weighs.
         order: rotational order of the part.
         h1_mm: bandwidth of initial poses.
+        h2_mm: bandwidth of final poses.
         most: how many of the nearest roll-outs count; 0 for all.
     """
 
     grid: Grid
     initial: Array
     end: Array
-    slope: Array
-    scatter: Array
     source: IntArray
     outline: Array
     jaws: Array
     rho_mm: float
     order: int
     h1_mm: float
+    h2_mm: float
     most: int
 
     @classmethod
     def fit(
         cls, rolled: Rolled, outline: Array, jaws: Array, rho_mm: float, order: int, h1_mm: float = PAPER_MM,
-        h2_mm: Array | float = PAPER_MM, slope: Array | None = None, paper: bool = False,
+        h2_mm: float = PAPER_MM, paper: bool = False,
     ) -> Self:  # fmt: skip
         """Makes the estimate of n roll-outs.
 
@@ -136,32 +129,25 @@ class Kcde:
             rho_mm: what one radian weighs, above 0.
             order: rotational order of the part, at least 1.
             h1_mm: bandwidth of initial poses, above 0.
-            h2_mm: bandwidth of final poses, one for all or (n, 3) for each roll-out and coordinate.
-            slope: (n, 4, 3) slopes of x, y, theta and width, to carry draws over; not done if None.
+            h2_mm: bandwidth of final poses, not below 0.
             paper: use each roll-out once, and the nearest 400 only.
 
         Raises:
             ValueError: no roll-out touches the part, or a bandwidth is not above 0.
         """
-        scatter = np.broadcast_to(np.asarray(h2_mm, dtype=np.float64), (len(rolled.initial), 3))
-        if not (0.0 < h1_mm < math.inf and bool(np.all(scatter >= 0.0))):
-            raise ValueError(f"h1 = {h1_mm} mm must be above 0, and h2 nowhere below")
-        used = np.flatnonzero(meet(outline, jaws, rolled.initial) == TOUCHES)
+        if not (0.0 < h1_mm < math.inf and 0.0 <= h2_mm < math.inf):
+            raise ValueError(f"h1 = {h1_mm} mm must be above 0, and h2 = {h2_mm} mm not below")
+        used = np.flatnonzero(classify_contact(outline, jaws, rolled.initial) == TOUCHES)
         if not len(used):
             raise ValueError("no roll-out touches the part; roll out a region that the fingers reach")
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
-        slopes = np.zeros((0, 4, 3)) if slope is None else slope[used]
-        scatter = scatter[used]
         if jaws[3] == 0.5 and not paper:
-            initial, end, slopes = _with_half_turns(initial, end, slopes)
-            scatter, used = np.concatenate([scatter, scatter]), np.concatenate([used, used])
+            initial, end = _with_half_turns(initial, end)
+            used = np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
-        row = grid.row
-        return cls(
-            grid, initial[row], end[row], slopes[row] if len(slopes) else slopes, scatter[row], used[row],
-            outline, jaws, rho_mm, order, h1_mm, PAPER_NEIGHBOURS if paper else 0,
-        )  # fmt: skip
+        row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
+        return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm, order, h1_mm, h2_mm, most)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
         """Draws where parts end.
@@ -171,20 +157,21 @@ class Kcde:
             rng: source of all randomness.
             workers: threads; the result does not depend on it.
         """
-        verdict = meet(self.outline, self.jaws, poses)
+        verdict = classify_contact(self.outline, self.jaws, poses)
         touched = np.flatnonzero(verdict == TOUCHES)
         n = len(touched)
         asked = np.ascontiguousarray(poses[touched])
         chance, noise = rng.random(n), rng.standard_normal((n, 3))
         end, source, nearest = np.zeros((n, 4)), np.zeros(n, np.int64), np.zeros(n)
 
+        look = math.sqrt(SPREAD * self.h1_mm**2 + (LOOK * self.grid.spacing_mm) ** 2)
+        data = _Estimate(
+            self.grid, self.initial, self.end, self.rho_mm, self.h1_mm, self.h2_mm, self.most, look
+        )
+
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
-            _draw(
-                self.grid, self.initial, self.end, self.slope, self.scatter, self.rho_mm, self.h1_mm,
-                self.most, self._look(), asked[part], chance[part], noise[part], end[part], source[part],
-                nearest[part],
-            )  # fmt: skip
+            _draw(data, asked[part], chance[part], noise[part], end[part], source[part], nearest[part])
 
         starts = range(0, n, CHUNK)
         if workers == 1 or n <= CHUNK:
@@ -205,21 +192,25 @@ class Kcde:
         result.nearest_mm[touched] = nearest
         return result
 
-    def _look(self) -> float:
-        """Distance to search at first [mm]."""
-        return math.sqrt(SPREAD * self.h1_mm**2 + (LOOK * self.grid.spacing_mm) ** 2)
 
-
-def _with_half_turns(initial: Array, end: Array, slope: Array) -> tuple[Array, Array, Array]:
+def _with_half_turns(initial: Array, end: Array) -> tuple[Array, Array]:
     """Roll-outs and what they come to when the hand is turned by half a turn."""
     turn = np.array([0.0, 0.0, math.pi])
     turned = np.column_stack([end[:, :3] * HALF_TURN + turn, end[:, 3]])
-    signs = np.append(HALF_TURN, 1.0)[:, None] * HALF_TURN
-    return (
-        np.concatenate([initial, initial * HALF_TURN + turn]),
-        np.concatenate([end, turned]),
-        np.concatenate([slope, slope * signs]),
-    )
+    return np.concatenate([initial, initial * HALF_TURN + turn]), np.concatenate([end, turned])
+
+
+class _Estimate(NamedTuple):
+    """What the kernel needs of a `Kcde`; `look` is the distance to search at first [mm]."""
+
+    grid: Grid
+    initial: Array
+    end: Array
+    rho: float
+    h1: float
+    h2: float
+    most: int
+    look: float
 
 
 @kernel
@@ -237,28 +228,21 @@ def _pick(squares: Array, found: int, h1: float, chance: float) -> int:
 
 @kernel
 def _draw(
-    grid: Grid, initial: Array, end: Array, slope: Array, scatter: Array, rho: float, h1: float, most: int,
-    look: float, poses: Array, chance: Array, noise: Array, out: Array, source: IntArray, nearest: Array,
-) -> None:  # fmt: skip
+    model: _Estimate, poses: Array, chance: Array, noise: Array, out: Array, source: IntArray, nearest: Array
+) -> None:
     """Draws one roll-out for each of `poses` (n, 3); `out` (n, 4), `source` (n,), `nearest` (n,) in place."""
+    grid, initial, h1, rho = model.grid, model.initial, model.h1, model.rho
     q, turn = np.empty(3), grid.period / rho
     place, squares = np.empty(len(initial) + 1, np.int64), np.empty(len(initial) + 1)
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
-        found, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
-        if most > 0:
-            found = keep_least(place, squares, found, most)
+        found, least = nearest_within(grid, q, model.look, SPREAD * h1 * h1, place, squares)
+        if model.most > 0:
+            found = keep_least(place, squares, found, model.most)
         j = place[_pick(squares, found, h1, chance[i])]
-        shift = np.round((poses[i, 2] - initial[j, 2]) / turn) * turn
-        for row in range(4):
-            out[i, row] = end[j, row]
-        out[i, 2] += shift
-        if len(slope):
-            dx, dy = poses[i, 0] - initial[j, 0], poses[i, 1] - initial[j, 1]
-            dt = poses[i, 2] - initial[j, 2] - shift
-            for row in range(4):
-                out[i, row] += slope[j, row, 0] * dx + slope[j, row, 1] * dy + slope[j, row, 2] * dt
-        out[i, 0] += scatter[j, 0] * noise[i, 0]
-        out[i, 1] += scatter[j, 1] * noise[i, 1]
-        out[i, 2] += scatter[j, 2] * noise[i, 2] / rho
+        out[i, 0] = model.end[j, 0] + model.h2 * noise[i, 0]
+        out[i, 1] = model.end[j, 1] + model.h2 * noise[i, 1]
+        turns = np.round((poses[i, 2] - initial[j, 2]) / turn)
+        out[i, 2] = model.end[j, 2] + turns * turn + model.h2 * noise[i, 2] / rho
+        out[i, 3] = model.end[j, 3]
         source[i], nearest[i] = j, np.sqrt(least)

@@ -1,4 +1,4 @@
-"""The learned motion model: the density estimate where it is accurate, direct simulation where it is not.
+"""The learned motion model of `model = "kcde"`: a density estimate, and direct simulation where that fails.
 
 Two things make the estimate inaccurate, and both show while drawing from it:
 
@@ -11,30 +11,33 @@ Two things make the estimate inaccurate, and both show while drawing from it:
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.encoder import Encoder
+from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import frictions
 from planner.belief.transition import Outcomes, split
 from planner.frames import to_hand
-from planner.learned.bandwidth import Bandwidths, choose
-from planner.learned.kcde import PAPER_MM, Kcde, rows_of
-from planner.learned.rollouts import RollOuts
+from planner.job import Job
+from planner.learned.kcde import Kcde
+from planner.learned.rollouts import RollOuts, region_radius, roll_outs
+from planner.learned.store import Store
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED, UNTOUCHED
-from planner.mechanics.touch import TOUCHES, meet
+from planner.progress import Report, silent
+from planner.scheduler import Scheduler, Threads
 
 FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
-MOST_DRAWS = 1
-"""Particles of one belief that one roll-out may serve."""
-SET_ASIDE = 2000
-"""Roll-outs that the bandwidths are chosen by, or a tenth of all."""
+H1_SPACINGS = 0.125
+"""h1, in spacings of the roll-outs."""
+H2_MM = 0.05
+"""h2. Both are far below what the held-out likelihood prefers: it judges the density pose by pose, while a
+belief averages over its particles by itself. Its energy distance from the simulator's decides (0022).
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +49,6 @@ class LearnedModel:
         encoder: what reads the widths.
         motion: the estimate.
         status: (n,) status of each of the estimate's roll-outs.
-        bandwidths: how the estimate's were chosen; None in paper mode.
-        most_draws: particles of one belief that one roll-out may serve; 0 for any number.
         farthest_mm: distance of the nearest roll-out up to which the estimate is used.
     """
 
@@ -55,15 +56,10 @@ class LearnedModel:
     encoder: Encoder
     motion: Kcde
     status: IntArray
-    bandwidths: Bandwidths | None
-    most_draws: int
     farthest_mm: float
 
     @classmethod
-    def fit(
-        cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts,
-        slope: Array | None = None, paper: bool = False,
-    ) -> Self:  # fmt: skip
+    def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
         """Learns the model from n roll-outs.
 
         Args:
@@ -71,30 +67,15 @@ class LearnedModel:
             encoder: what reads the widths.
             order: rotational order of the part.
             rolled: the roll-outs.
-            slope: (n, 4, 3) slopes (`planner.learned.rollouts.slopes`), to carry outcomes over; not done
-                if None, and then the estimate alone is far less accurate after the first squeeze.
-            paper: as the paper has it: h1 = h2 = 0.5 mm, the nearest 400, nothing carried over, and no direct
-                simulation.
 
         Raises:
-            ValueError: too few roll-outs touch the part.
+            ValueError: no roll-out touches the part.
         """
         outline, jaws, rho = simulator.outline, simulator.jaws, simulator.surface.rho_mm
-        if paper:
-            motion = Kcde.fit(rolled, outline, jaws, rho, order, paper=True)
-            return cls(simulator, encoder, motion, rolled.status, None, 0, math.inf)
-        touched = np.flatnonzero(meet(outline, jaws, rolled.initial) == TOUCHES)
-        stride = max(10, len(touched) // SET_ASIDE)
-        aside = touched[::stride]
-        kept = np.delete(np.arange(len(rolled.initial)), aside)
-        few = rows_of(rolled, kept)
-        kept_slope = None if slope is None else slope[kept]
-        trial = Kcde.fit(few, outline, jaws, rho, order, PAPER_MM, 0.0, kept_slope)
-        bandwidths = choose(trial, rolled.initial[aside], rolled.final[aside])
-        whole = Kcde.fit(rolled, outline, jaws, rho, order, PAPER_MM, 0.0, slope)
-        motion = bandwidths.applied_to(whole)
-        farthest = FARTHEST * motion.grid.spacing_mm
-        return cls(simulator, encoder, motion, rolled.status, bandwidths, MOST_DRAWS, farthest)
+        motion = Kcde.fit(rolled, outline, jaws, rho, order, h2_mm=H2_MM)
+        spacing = motion.grid.spacing_mm
+        motion = replace(motion, h1_mm=H1_SPACINGS * spacing)
+        return cls(simulator, encoder, motion, rolled.status, FARTHEST * spacing)
 
     def roll_out(
         self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
@@ -111,9 +92,9 @@ class LearnedModel:
             Final poses, widths and statuses; those of the roll-out drawn where the estimate was used.
         """
         drawn = self.motion.sample(poses, rng, self.simulator.workers)
-        idle = np.where(drawn.width_mm > 0.0, JAMMED, UNTOUCHED)
         touched = drawn.source >= 0
-        status = np.where(touched, self.status[drawn.source], idle)
+        missed = np.where(drawn.width_mm > 0.0, JAMMED, UNTOUCHED)
+        status = np.where(touched, self.status[drawn.source], missed)
         given_up = np.zeros(len(poses), np.int64)
         carried = np.full(len(poses), np.nan) if friction is None else friction
         covered = self.covered(drawn.source, drawn.nearest_mm, belief) & np.isnan(carried)
@@ -134,11 +115,9 @@ class LearnedModel:
             nearest_mm: (n,) distance of the nearest one.
             belief: (n,) number of the belief.
         """
-        near = nearest_mm <= self.farthest_mm
-        if self.most_draws == 0:
-            return near
-        key = belief * (len(self.status) + 1) + source
-        return near & (_earlier(key) < self.most_draws)
+        first = np.zeros(len(source), np.bool_)
+        first[np.unique(belief * (len(self.status) + 1) + source, return_index=True)[1]] = True
+        return np.asarray(first & (nearest_mm <= self.farthest_mm))
 
     def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
         """Squeezes beliefs at placements.
@@ -159,12 +138,34 @@ class LearnedModel:
         return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
 
 
-def _earlier(key: IntArray) -> IntArray:
-    """How many equal keys stand before each. (n,)."""
-    order = np.argsort(key, kind="stable")
-    place = np.arange(len(key))
-    new = np.ones(len(key), np.bool_)
-    new[1:] = key[order][1:] != key[order][:-1]
-    earlier = np.empty(len(key), np.int64)
-    earlier[order] = place - np.maximum.accumulate(np.where(new, place, 0))
-    return earlier
+def learns(job: Job) -> bool:
+    """Whether a job's look-ahead uses a learned model: where it says so.
+
+    "auto" is the simulator: learning once costs about as much as it saves, and the plans are no better
+    (decision 0011). Nor may what the cache happens to hold decide: it would change the table's bytes.
+    """
+    return job.search.model == "kcde"
+
+
+def learned_model(
+    job: Job,
+    simulator: Simulator,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> tuple[LearnedModel, RollOuts]:
+    """The model learned from the roll-outs of a job, and the roll-outs.
+
+    Args:
+        job: the checked job.
+        simulator: its squeezes.
+        store: where roll-outs are kept; nowhere if None.
+        scheduler: who rolls them out; as many threads as the simulator has if None.
+        report: told about progress.
+
+    Raises:
+        ClusterError: the cluster was lost.
+    """
+    threads = scheduler or Threads(simulator.workers)
+    rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, threads, report)
+    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled), rolled

@@ -1,10 +1,13 @@
 """Roll-outs: the squeezes that the learned models are made from (paper V, VII).
 
-They start all over the region about the hand (`planner.learned.region`), each with its own limit surface and
-friction. Each ring is rolled out in blocks of `BLOCK` starts. A block depends on nothing but the squeeze
-itself and its place, which name it in the store and seed its random stream; more roll-outs, or a larger
-region, are therefore more blocks beside the ones that are there. Uncertainty, actions, goal and seed of a job
-play no part in it.
+They start all over a disc of part centres about the hand, at any angle, each with its own limit surface and
+friction. The disc is cut into rings, filled one by one with one density, so that a larger disc contains the
+smaller ones. Where no finger can reach the part a squeeze changes nothing, and needs no roll-out.
+
+Each ring is rolled out in blocks of `BLOCK` starts. A block depends on nothing but the squeeze itself and its
+place, which name it in the store and seed its random stream; more roll-outs, or a larger region, are
+therefore more blocks beside the ones that are there. Uncertainty, actions, goal and seed of a job play no
+part in it.
 """
 
 from __future__ import annotations
@@ -12,7 +15,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -21,15 +23,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.errors import ClusterError
-from planner.learned.region import farthest, ring_counts, stands_on, starts, within_reach
-from planner.learned.slopes import few, slopes_of
+from planner.job import Job
 from planner.learned.store import Store
 from planner.mechanics import surface as limit_surface
+from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
 from planner.mechanics.quartic import QuarticSurface
-from planner.mechanics.simulator import Parameters, Simulator
-from planner.mechanics.touch import TOUCHES, meet
+from planner.mechanics.simulator import Simulator
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler, Threads
 
@@ -40,15 +41,16 @@ PAPER_COUNT = 9_000
 BLOCK = 1024
 """Starts that are rolled out, sent and stored together: a few hundredths of a second."""
 FORMAT = b"roll-outs 1"
+RING_MM = 5.0
+"""Width of a ring."""
+FACTOR = 3.0
+"""Radius of the region in radii of the job's uncertainty (paper, VII)."""
 
 Rows: TypeAlias = NDArray[np.void]
 ROW = np.dtype(
     [("index", "<u2"), ("status", "i1"), ("initial", "<f8", 3), ("final", "<f8", 3), ("width_mm", "<f8")]
 )
 """One roll-out of a block, in the store and on the way between machines."""
-SLOPE = np.dtype([("index", "<u2"), ("initial", "<f8", 3), ("slope", "<f4", (4, 3))])
-"""Its slope, kept apart: it costs four more roll-outs."""
-Work: TypeAlias = Callable[[Simulator, bytes, "Block"], bytes]
 
 
 class RollOuts(NamedTuple):
@@ -90,7 +92,7 @@ def roll_outs(
 
     Args:
         simulator: the squeeze; its number of workers does not matter.
-        radius_mm: of the disc; `planner.learned.region.region_radius` has a job's.
+        radius_mm: of the disc; `region_radius` has a job's.
         count: starts spread over the disc, `DEFAULT_COUNT` if None. Those beyond the fingers' reach are left
             out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
         store: where blocks are kept; nowhere if None.
@@ -101,7 +103,19 @@ def roll_outs(
         ValueError: radius or count are not above 0.
         ClusterError: the cluster was lost, or runs another version of this program.
     """
-    table = _table(roll_block, ROW, simulator, radius_mm, count, store, scheduler, report)
+    count = DEFAULT_COUNT if count is None else count
+    if not (0.0 < radius_mm < math.inf and count > 0):
+        raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
+    wanted = ring_counts(radius_mm, count)
+    rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
+    blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
+    rows = _finished(simulator, blocks, store, scheduler or Threads(), report or silent)
+    kept = [
+        part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
+        for (ring, number), part in zip(blocks, rows, strict=True)
+    ]
+    table = np.concatenate([np.empty(0, ROW), *kept])
+    table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
     return RollOuts(
         np.ascontiguousarray(table["initial"]),
         np.ascontiguousarray(table["final"]),
@@ -110,66 +124,24 @@ def roll_outs(
     )
 
 
-def slopes(
-    simulator: Simulator,
-    radius_mm: float,
-    count: int | None = None,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
-    report: Report | None = None,
-) -> Array:
-    """Slopes of the roll-outs that `roll_outs` gives for the same arguments, which see.
-
-    Returns:
-        (n, 4, 3) change of final x, y, theta and of width_mm with initial x, y and theta
-        (`planner.learned.slopes`); zero where no finger touches the part, or an open one stands on it.
-    """
-    table = _table(slope_block, SLOPE, simulator, radius_mm, count, store, scheduler, report)
-    return np.ascontiguousarray(table["slope"], dtype=np.float64)
-
-
-def _table(
-    work: Work, row: np.dtype[np.void], simulator: Simulator, radius_mm: float, count: int | None,
-    store: Store | None, scheduler: Scheduler | None, report: Report | None,
-) -> Rows:  # fmt: skip
-    """The rows of the region, one block's after the other."""
-    count = DEFAULT_COUNT if count is None else count
-    if not (0.0 < radius_mm < math.inf and count > 0):
-        raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
-    wanted = ring_counts(radius_mm, count)
-    rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
-    blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
-    rows = _finished(work, row, simulator, blocks, store, scheduler or Threads(), report or silent)
-    kept = [
-        part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
-        for (ring, number), part in zip(blocks, rows, strict=True)
-    ]
-    table = np.concatenate([np.empty(0, row), *kept])
-    inside = np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm
-    return np.asarray(table[inside])
-
-
 def _finished(
-    work: Work, row: np.dtype[np.void], simulator: Simulator, blocks: list[Block], store: Store | None,
-    scheduler: Scheduler, report: Report,
-) -> list[Rows]:  # fmt: skip
+    simulator: Simulator, blocks: list[Block], store: Store | None, scheduler: Scheduler, report: Report
+) -> list[Rows]:
     """The rows of every block, from the store or rolled out and stored one by one."""
-    stage = "slopes" if work is slope_block else "roll-outs"
-    alone = replace(simulator, workers=1)
     content, version = content_of(simulator), code_version()
-    names = [_name(content, version, block, stage) for block in blocks]
-    found = {block: store.get(name) for block, name in zip(blocks, names, strict=True)} if store else {}
+    names = {block: _name(content, version, block) for block in blocks}
+    found = {block: store.get(name) for block, name in names.items()} if store else {}
     missing = [block for block in blocks if found.get(block) is None]
-    report(stage, len(blocks) - len(missing), len(blocks))
-    task = functools.partial(work, alone, version)
+    report("roll-outs", len(blocks) - len(missing), len(blocks))
+    task = functools.partial(roll_block, replace(simulator, workers=1), version)
     for k, data in enumerate(scheduler.map(task, missing)):
         found[missing[k]] = data
         if store:
-            store.put(_name(content, version, missing[k], stage), data)
-        report(stage, len(blocks) - len(missing) + k + 1, len(blocks))
+            store.put(names[missing[k]], data)
+        report("roll-outs", len(blocks) - len(missing) + k + 1, len(blocks))
     if store and missing:
         store.trim()
-    return [np.frombuffer(found[block] or b"", row) for block in blocks]
+    return [np.frombuffer(found[block] or b"", ROW) for block in blocks]
 
 
 def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
@@ -186,8 +158,16 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     Raises:
         ClusterError: this is another version of the program.
     """
-    reached, initial, parameters = _drawn(simulator, version, block)
-    hits = stands_on(simulator.outline, simulator.jaws, initial)
+    if version != code_version():
+        raise ClusterError(
+            "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
+            "something else; install the same on all machines"
+        )
+    rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
+    drawn = starts(block.ring, BLOCK, rng)
+    reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, drawn))
+    initial, parameters = drawn[reached], simulator.sample(len(reached), rng)
+    hits = classify_contact(simulator.outline, simulator.jaws, initial) == STANDS_ON
     rolled = simulator.roll_out(initial, parameters)
     rows = np.empty(len(initial), ROW)
     rows["index"] = reached
@@ -196,33 +176,6 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     rows["final"] = np.where(hits[:, None], initial, rolled.poses)
     rows["width_mm"] = rolled.width_mm
     return rows.tobytes()
-
-
-def slope_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
-    """Finds the slopes of one block, wherever it runs; arguments and errors as of `roll_block`.
-
-    Returns:
-        An array of `SLOPE` in the same order.
-    """
-    reached, initial, parameters = _drawn(simulator, version, block)
-    touched = np.flatnonzero(meet(simulator.outline, simulator.jaws, initial) == TOUCHES)
-    rows = np.zeros(len(initial), SLOPE)
-    rows["index"], rows["initial"] = reached, initial
-    rows["slope"][touched] = slopes_of(simulator, initial[touched], few(parameters, touched))
-    return rows.tobytes()
-
-
-def _drawn(simulator: Simulator, version: bytes, block: Block) -> tuple[IntArray, Array, Parameters]:
-    """The starts of a block within the fingers' reach: their numbers, poses and mechanics."""
-    if version != code_version():
-        raise ClusterError(
-            "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
-            "something else; install the same on all machines"
-        )
-    rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
-    initial = starts(block.ring, BLOCK, rng)
-    reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, initial))
-    return reached, initial[reached], simulator.sample(len(reached), rng)
 
 
 def content_of(simulator: Simulator) -> bytes:
@@ -247,8 +200,7 @@ def code_version() -> bytes:
     """Digest of the code that squeezes, and of what it runs on: other code makes other entries."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
-    own = [package / "learned" / name for name in ("rollouts.py", "region.py", "slopes.py")]
-    for source in sorted([*(package / "mechanics").glob("*.py"), package / "kernel.py", *own]):
+    for source in sorted([*(package / "mechanics").glob("*.py"), package / "kernel.py", Path(__file__)]):
         digest.update(source.read_bytes())
     return digest.digest()
 
@@ -258,5 +210,76 @@ def _seed(content: bytes, block: Block) -> bytes:
     return hashlib.sha256(content + b"%d %d" % block).digest()
 
 
-def _name(content: bytes, version: bytes, block: Block, stage: str) -> str:
-    return hashlib.sha256(version + _seed(content, block) + stage.encode()).hexdigest()
+def _name(content: bytes, version: bytes, block: Block) -> str:
+    return hashlib.sha256(version + _seed(content, block)).hexdigest()
+
+
+def region_radius(job: Job, factor: float = FACTOR) -> float:
+    """Radius of the disc that a job's roll-outs start from [mm].
+
+    At least one ring, and at most as far as the fingers reach the part.
+    """
+    reach = farthest(job.part.outline_mm, jaws_of(job.gripper))
+    return max(RING_MM, min(factor * job.uncertainty.radius_mm, reach))
+
+
+def farthest(outline: Array, jaws: Array) -> float:
+    """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm].
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: opening, finger length, finger thickness [mm].
+    """
+    half_x, half_y = _swept(jaws)
+    return math.hypot(half_x, half_y) + _extent(outline)
+
+
+def within_reach(outline: Array, jaws: Array, poses: Array) -> BoolArray:
+    """Where closing fingers could touch the part, were it turned the right way.
+
+    Elsewhere a squeeze leaves the part exactly where it is.
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: opening, finger length, finger thickness [mm].
+        poses: (n, 3) in the hand frame.
+
+    Returns:
+        (n,) True where the circle about the part meets the box that the fingers sweep.
+    """
+    half_x, half_y = _swept(jaws)
+    dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)
+    dy = np.maximum(np.abs(poses[:, 1]) - half_y, 0.0)
+    return np.asarray(np.hypot(dx, dy) <= _extent(outline))
+
+
+def ring_counts(radius_mm: float, count: int) -> list[int]:
+    """How many starts each ring gets, from the innermost on, for `count` of them in the disc.
+
+    The last ring is filled as a whole, whether or not the disc ends within it.
+
+    Args:
+        radius_mm: radius of the disc, above 0.
+        count: starts in the disc, at least 1.
+    """
+    density = count / (math.pi * radius_mm**2)
+    rings = math.ceil(radius_mm / RING_MM)
+    return [round(density * math.pi * RING_MM**2 * (2 * ring + 1)) for ring in range(rings)]
+
+
+def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
+    """Draw (n, 3) poses: centres uniform in a ring, angles uniform [mm, mm, rad]."""
+    radius = RING_MM * np.sqrt(rng.uniform(ring**2, (ring + 1) ** 2, n))
+    bearing = rng.uniform(-math.pi, math.pi, n)
+    return np.stack(
+        [radius * np.cos(bearing), radius * np.sin(bearing), rng.uniform(-math.pi, math.pi, n)], axis=1
+    )
+
+
+def _swept(jaws: Array) -> tuple[float, float]:
+    """Half the extents of the box that open fingers lie in, and never leave."""
+    return 0.5 * float(jaws[1]), 0.5 * float(jaws[0]) + float(jaws[2])
+
+
+def _extent(outline: Array) -> float:
+    return float(np.max(np.hypot(outline[:, 0], outline[:, 1])))

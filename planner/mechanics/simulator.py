@@ -17,6 +17,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.job import Job
 from planner.mechanics import surface as limit_surface
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.part.outline import simplified
@@ -89,19 +90,10 @@ class Simulator:
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
         """The simulator of a job, on all cores unless told otherwise."""
-        gripper = job.gripper
-        jaws = np.array(
-            [
-                gripper.opening_mm,
-                gripper.finger_length_mm,
-                gripper.finger_width_mm,
-                gripper.upper_finger_share,
-            ]
-        )
         return cls(
             outline=np.array(simplified(job.part.outline_mm, SIMPLIFY_MM)),
             surface=limit_surface.of_job(job),
-            jaws=jaws,
+            jaws=jaws_of(job.gripper),
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),
             wishart_dof=job.pressure.wishart_dof,
             release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),

@@ -1,8 +1,8 @@
 """A whole squeeze: the fingers close until the part is held, or until they meet.
 
-Free motion is skipped exactly (`clearance.clearance`), contact motion is stepped (`stepping.try_step`). Where
-the LCP has no solution the part is held (paper, section IV: "the no-solution case corresponds to the object
-being jammed or grasped"): *grasped* where no motion of the part at all lets the fingers close further,
+Free motion is skipped exactly (`clearance.free_closing`), contact motion is stepped (`stepping.try_step`).
+Where the LCP has no solution the part is held (paper, section IV: "the no-solution case corresponds to the
+object being jammed or grasped"): *grasped* where no motion of the part at all lets the fingers close further,
 *jammed* where friction alone prevents it.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics import contacts as contact
-from planner.mechanics.clearance import blocked, clearance
+from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
 from planner.mechanics.step import SOLVED, directions, solve
 from planner.mechanics.stepping import (
@@ -51,11 +51,7 @@ def _close_freely(
         placed[i] = i
     contact.place(outline, q, points, placed, n)
     top, bottom = work.fingers[0], work.fingers[1]
-    free = np.inf
-    if top_share > 0.0:
-        free = clearance(points, 1, top, h) / top_share
-    if bottom_share > 0.0:
-        free = min(free, clearance(points, -1, bottom, h) / bottom_share)
+    free = free_closing(points, top, bottom, h, top_share, bottom_share)
     if free > 0.5 * (top - bottom):
         return False
     if free > 0.0:
@@ -72,8 +68,7 @@ def _blocked(
     for i in range(outline.shape[0]):
         placed[i] = i
     contact.place(outline, q, points, placed, outline.shape[0])
-    top, bottom = work.fingers[0], work.fingers[1]
-    return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
+    return stand(points, work.fingers[0], work.fingers[1], h, thickness)
 
 
 @kernel

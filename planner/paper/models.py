@@ -14,7 +14,7 @@ import numpy as np
 from sklearn.tree import DecisionTreeClassifier
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.encoder import Encoder
+from planner.belief.observation import Encoder
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import COLLIDES, RollOuts
 from planner.mechanics.simulator import Simulator
@@ -72,10 +72,7 @@ class KernelMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionTree:
-    """CollisionFree-DecisionTree: what roll-outs found, and nothing to be on the safe side.
-
-    `planner.paper.collision` has the detector that misses hardly anything.
-    """
+    """CollisionFree-DecisionTree: what roll-outs found. The planner itself goes by `mechanics.clearance`."""
 
     tree: DecisionTreeClassifier
     order: int

@@ -16,8 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.encoder import COUNTS, Encoder
-from planner.belief.observation import Partition
+from planner.belief.observation import COUNTS, Encoder, Partition
 from planner.frames import to_hand, to_world
 from planner.paper.open_loop import ALPHA, Collision, Motion, OpenLoop
 from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.tree import DecisionTreeRegressor
 
 from planner.arrays import Array
-from planner.paper.flat_tree import Features, FlatTree, regression
 
 LEAF_SIZES = (1, 3, 10, 30)
 """Least roll-outs in a leaf, to choose from: more average out what the jaws' release adds to a pose."""
@@ -51,7 +51,7 @@ class SensorModel:
         error: on roll-outs that had no part in making the tree.
     """
 
-    tree: FlatTree
+    tree: DecisionTreeRegressor
     order: int
     leaf_size: int
     error: SensorError
@@ -76,18 +76,18 @@ class SensorModel:
         learning = ~(choosing | testing)
         tried = []
         for size in LEAF_SIZES:
-            fitted = DecisionTreeRegressor(min_samples_leaf=size, random_state=0)
-            tree = regression(fitted.fit(X[learning], width_mm[learning]))
+            tree = DecisionTreeRegressor(min_samples_leaf=size, random_state=0)
+            tree.fit(X[learning], width_mm[learning])
             tried.append((float(np.mean(np.abs(tree.predict(X[choosing]) - width_mm[choosing]))), size, tree))
         _, leaf_size, tree = min(tried, key=lambda one: one[:2])
         return cls(tree, order, leaf_size, error_of(tree.predict(X[testing]), width_mm[testing]))
 
     def predict(self, poses: Array) -> Array:
         """Expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
-        return self.tree.predict(features(poses, self.order))
+        return np.asarray(self.tree.predict(features(poses, self.order)))
 
 
-def features(poses: Array, order: int) -> Features:
+def features(poses: Array, order: int) -> NDArray[np.float32]:
     """What the tree splits on: (n, 4) x, y, cos and sin of the angle under the symmetry."""
     turned = order * poses[:, 2]
     columns = [poses[:, 0], poses[:, 1], np.cos(turned), np.sin(turned)]

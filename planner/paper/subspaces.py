@@ -14,8 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.encoder import Encoder
-from planner.belief.observation import HOLE, cut, resolution_of
+from planner.belief.observation import HOLE, Encoder, cut, resolution_of
 
 EXPLAINED = 0.97
 """Share of the variance of held widths that lies between subspaces."""
@@ -61,6 +60,14 @@ class Subspaces:
         label = self.label(width_mm)
         low, high = self.low_mm[label] - margin_mm, self.high_mm[label] + margin_mm
         return np.asarray((width_mm >= low) & (width_mm <= high))
+
+    def figures(self) -> list[dict[str, float]]:
+        """For JSON."""
+        columns = zip(self.low_mm, self.mean_mm, self.high_mm, self.size, strict=True)
+        return [
+            {"low_mm": float(low), "mean_mm": float(mean), "high_mm": float(high), "rollouts": int(size)}
+            for low, mean, high, size in columns
+        ]
 
     def notes(self) -> list[str]:
         """What was merged or overlooked, a sentence each."""

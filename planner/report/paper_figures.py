@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from planner.arrays import Array
-from planner.belief.encoder import encoder_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import subsample
 from planner.job import Job
 from planner.mechanics.simulator import STATUS_NAMES, Simulator

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.encoder import Encoder, encoder_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.evaluate import placement_of
 from planner.frames import to_hand, to_world

@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.costs import Costs
 from planner.belief.metric import Metric
 from planner.belief.particles import subsample
-from planner.belief.transition import MotionModel, Outcomes
+from planner.belief.transition import Costs, MotionModel, Outcomes
+from planner.mechanics.clearance import free_placements
 from planner.mechanics.simulator import Simulator
-from planner.search.actions import ActionSet, free_placements
+from planner.search.actions import ActionSet
 from planner.search.options import Choice, Options, joined, luck, squeezes_left, unlike
 from planner.search.proposals import refined
 

@@ -30,14 +30,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.belief.encoder import Encoder  # noqa: E402
+from planner.belief.observation import Encoder  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
 from planner.learned.energy import energy_distance  # noqa: E402
 from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde, Rows, rows_of  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402
-from planner.learned.rollouts import roll_outs, slopes  # noqa: E402
+from planner.learned.rollouts import roll_outs  # noqa: E402
 from planner.learned.store import Store  # noqa: E402
-from planner.mechanics.touch import TOUCHES, meet  # noqa: E402
+from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "kcde.json"
 POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75
@@ -49,7 +49,7 @@ def estimate(count: int) -> tuple[Kcde, Rows]:
     """The paper's estimate of the first so many roll-outs that touch, all weights counting; and those."""
     part = simulator(OUTLINES["rectangle"]())
     rolled = roll_outs(part, 3 * RADIUS_MM, 2 * count)
-    touching = np.flatnonzero(meet(part.outline, part.jaws, rolled.initial) == TOUCHES)
+    touching = np.flatnonzero(classify_contact(part.outline, part.jaws, rolled.initial) == TOUCHES)
     chosen = rows_of(rolled, np.random.default_rng(0).permutation(touching)[:count])
     model = Kcde.fit(chosen, part.outline, part.jaws, part.surface.rho_mm, 2, paper=True)
     return replace(model, most=0), chosen
@@ -99,8 +99,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 def planners_own() -> Kcde:
     """What the planner draws from at the default number of roll-outs."""
     part, store = simulator(OUTLINES["rectangle"]()), Store(cache_folder() / "rollouts")
-    order = (part, 3 * RADIUS_MM, None, store)
-    return LearnedModel.fit(part, ENCODER, 2, roll_outs(*order), slopes(*order)).motion
+    return LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 3 * RADIUS_MM, None, store)).motion
 
 
 def main() -> None:
@@ -115,7 +114,7 @@ def main() -> None:
     draw = with_scipy(rows, model.rho_mm, model.order)
     rng = np.random.default_rng(1)
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
-    touched = poses[meet(model.outline, model.jaws, poses) == TOUCHES]
+    touched = poses[classify_contact(model.outline, model.jaws, poses) == TOUCHES]
     first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
     calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng), lambda: own.sample(poses, rng)]
     ours_s, scipy_s, own_s = seconds(calls, options.repeat)

@@ -26,13 +26,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.belief.encoder import Encoder  # noqa: E402
+from planner.belief.observation import Encoder  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
 from planner.learned.energy import compare  # noqa: E402
+from planner.learned.kcde import Kcde  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402
-from planner.learned.rollouts import PAPER_COUNT, roll_outs, slopes  # noqa: E402
+from planner.learned.rollouts import PAPER_COUNT, roll_outs  # noqa: E402
 from planner.learned.store import Store  # noqa: E402
 from planner.part import symmetry  # noqa: E402
 
@@ -45,19 +46,16 @@ Row = dict[str, Any]
 
 
 def learned(name: str, count: int) -> tuple[dict[str, LearnedModel], Row]:
-    """The model as the planner has it, its estimate alone, and the paper's; and what there is to say."""
+    """The model as the planner has it and the paper's estimate; and what there is to say."""
     part, radius = simulator(OUTLINES[name](), workers=2), 3 * RADII_MM[name]
     store, order = Store(cache_folder() / "rollouts"), symmetry.order(part.outline)
-    rolled, slope = roll_outs(part, radius, count, store), slopes(part, radius, count, store)
+    rolled = roll_outs(part, radius, count, store)
     start = time.perf_counter()
-    model = LearnedModel.fit(part, ENCODER, order, rolled, slope)
+    model = LearnedModel.fit(part, ENCODER, order, rolled)
     fit_s = round(time.perf_counter() - start, 2)
     few = roll_outs(part, radius, PAPER_COUNT, store)
-    models = {
-        "model": model,
-        "estimate alone": replace(model, most_draws=0),
-        "paper": LearnedModel.fit(part, ENCODER, order, few, paper=True),
-    }
+    printed = Kcde.fit(few, part.outline, part.jaws, part.surface.rho_mm, order, paper=True)
+    models = {"model": model, "paper": replace(model, motion=printed, status=few.status)}
     spacing_mm = model.motion.grid.spacing_mm
     return models, {"roll_outs": len(rolled.initial), "spacing_mm": spacing_mm, "fit_s": fit_s}
 

@@ -11,8 +11,8 @@ import pytest
 from sample_tables import random_table
 
 from planner import job as job_file
-from planner.belief.encoder import encoder_of
 from planner.belief.metric import Metric
+from planner.belief.observation import encoder_of
 from planner.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import NOWHERE, Evaluation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.belief.encoder import Encoder
+from planner.belief.observation import Encoder
 
 
 def encoder(noise=0.0):

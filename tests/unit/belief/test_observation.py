@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from planner.belief.encoder import Encoder
 from planner.belief.observation import (
     HOLE,
     LEAST_CUT,
     MOST_CLUSTERS,
     RESOLUTION,
     SPREAD,
+    Encoder,
     Resolution,
     cut,
     partition,

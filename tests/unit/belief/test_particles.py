@@ -7,7 +7,7 @@ import problems
 import pytest
 
 from planner import job as job_file
-from planner.belief.encoder import encoder_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import (
     ROUGH,
     SLIPPERY,

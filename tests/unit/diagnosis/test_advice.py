@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner import job as job_file
-from planner.belief.encoder import encoder_of
+from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise
 from planner.evaluate import evaluate
 from planner.overrides import job_with

@@ -14,7 +14,7 @@ from scipy import stats
 from planner.learned.energy import energy_distance
 from planner.learned.kcde import Kcde
 from planner.learned.neighbours import grid_of, keep_least, nearest_within, within
-from planner.mechanics.touch import MISSES, STANDS_ON, TOUCHES, meet
+from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
 
 RHO = 10.57
 
@@ -31,10 +31,10 @@ def made_up(n, seed, radius=8.0):
     return Rolled(random_poses(rng, n, radius), random_poses(rng, n, 5.0), rng.uniform(20, 40, n))
 
 
-def fitted(rolled, order=2, h1=0.5, h2=0.5, slope=None, paper=False, share=1.0):
+def fitted(rolled, order=2, h1=0.5, h2=0.5, paper=False, share=1.0):
     """Fingers too long to miss; only one of them moves, unless told otherwise, so that nothing is doubled."""
     jaws = np.append(LONG_JAWS[:3], share)
-    return Kcde.fit(rolled, rectangle(), jaws, RHO, order, h1, h2, slope, paper)
+    return Kcde.fit(rolled, rectangle(), jaws, RHO, order, h1, h2, paper)
 
 
 @pytest.mark.parametrize("n", [1, 2, 37, 1500])
@@ -137,7 +137,7 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     before = poses.copy()
     drawn = model.sample(poses, rng)
     direct = part.roll_out(poses, part.sample(3000, rng))
-    verdict = meet(part.outline, JAWS, poses)
+    verdict = classify_contact(part.outline, JAWS, poses)
     still = verdict != TOUCHES
     assert np.array_equal(poses, before)
     assert np.array_equal(drawn.poses[still], poses[still])
@@ -155,7 +155,7 @@ def test_a_touch_is_what_the_simulator_calls_one(share):
     part = simulator(l_shape(), np.append(JAWS[:3], share))
     poses = random_poses(np.random.default_rng(7), 2000, 40.0)
     direct = part.roll_out(poses, part.nominal(2000, 0.5))
-    assert np.array_equal(meet(part.outline, part.jaws, poses) == MISSES, direct.status == 0)
+    assert np.array_equal(classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0)
 
 
 def test_the_number_of_workers_does_not_matter():
@@ -177,36 +177,18 @@ def test_turns_that_nobody_can_tell_apart_make_no_difference():
 
 def test_half_turns_of_the_hand_double_the_data():
     rolled = made_up(500, 14)
-    slope = np.random.default_rng(15).normal(size=(500, 4, 3))
-    model = fitted(rolled, order=1, slope=slope, share=0.5)
+    model = fitted(rolled, order=1, share=0.5)
     assert len(model.initial) == 1000
     assert sorted(model.source.tolist()) == sorted([*range(500), *range(500)])
     poses = random_poses(np.random.default_rng(16), 300, 8.0)
     half_turn = poses * [-1.0, -1.0, 1.0] + [0.0, 0.0, math.pi]
-    exact = fitted(rolled, order=1, h1=1e-3, h2=0.0, slope=slope, share=0.5)
+    exact = fitted(rolled, order=1, h1=1e-3, h2=0.0, share=0.5)
     ours, theirs = (exact.sample(asked, np.random.default_rng(17)) for asked in (poses, half_turn))
     assert np.array_equal(ours.source, theirs.source)
     assert np.allclose(theirs.width_mm, ours.width_mm)
     back = theirs.poses * [-1.0, -1.0, 1.0] - ours.poses - [0.0, 0.0, math.pi]
     assert np.allclose(np.cos(back[:, 2]), 1.0)
     assert np.allclose(back[:, :2], 0.0, atol=1e-9)
-
-
-def test_draws_carried_over_are_exact_where_outcomes_are_linear():
-    rng = np.random.default_rng(18)
-    slope = rng.normal(size=(4, 3)) * 0.5
-    start = random_poses(rng, 800, 8.0)
-    start[:, 2] *= 0.4  # away from the seam, across which no linear map can be continued
-    end = start @ slope.T + [0.0, 0.0, 0.0, 30.0]
-    model = fitted(
-        Rolled(start, end[:, :3], end[:, 3]), 1, 1.0, 0.0, np.repeat(slope[None], 800, axis=0), share=1.0
-    )
-    poses = random_poses(rng, 300, 8.0) * [1.0, 1.0, 0.3]
-    drawn = model.sample(poses, rng)
-    expected = poses @ slope.T + [0.0, 0.0, 0.0, 30.0]
-    assert np.allclose(drawn.poses, expected[:, :3], atol=1e-9)
-    assert np.allclose(drawn.width_mm, expected[:, 3], atol=1e-9)
-    assert np.all(drawn.nearest_mm > 0.0)
 
 
 def test_what_cannot_be_estimated_is_refused():

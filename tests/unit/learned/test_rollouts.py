@@ -12,10 +12,11 @@ from scipy.stats import chi2_contingency, kstest
 
 from planner import job as job_file
 from planner.errors import ClusterError
-from planner.learned import region, rollouts
+from planner.learned import rollouts
 from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
 from planner.learned.store import Store, StoreWarning
 from planner.mechanics import quartic_fit
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.mechanics.squeeze import UNTOUCHED
 from planner.overrides import job_with
@@ -53,8 +54,8 @@ def rows_of(result, ring):
 class TestRegion:
     def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(self, name):
         part = simulator(OUTLINES[name]())
-        poses = random_poses(np.random.default_rng(1), 4000, 1.1 * region.farthest(part.outline, JAWS))
-        far = poses[~region.within_reach(part.outline, JAWS, poses)]
+        poses = random_poses(np.random.default_rng(1), 4000, 1.1 * rollouts.farthest(part.outline, JAWS))
+        far = poses[~rollouts.within_reach(part.outline, JAWS, poses)]
         rolled = part.roll_out(far, part.sample(len(far), np.random.default_rng(2)))
         assert len(far) > 100
         assert np.all(rolled.status == UNTOUCHED)
@@ -64,7 +65,7 @@ class TestRegion:
         part = simulator(OUTLINES[name]())
         x = 0.5 * JAWS[1] + np.max(np.hypot(*part.outline.T)) - 0.05
         poses = np.column_stack([np.full(2000, x), np.zeros(2000), np.linspace(-math.pi, math.pi, 2000)])
-        assert region.within_reach(part.outline, JAWS, poses).all()
+        assert rollouts.within_reach(part.outline, JAWS, poses).all()
         rolled = part.roll_out(poses, part.nominal(len(poses), 0.5))
         assert (rolled.status != UNTOUCHED).any()
 
@@ -73,18 +74,18 @@ class TestRegion:
         poses = random_poses(np.random.default_rng(3), 500, 50.0)
         fingers = shapely.union_all([finger_box(finger, finger * JAWS[0] / 2) for finger in (1, -1)])
         shared = [shapely.Polygon(place(outline, pose)).intersection(fingers).area for pose in poses]
-        assert np.array_equal(region.stands_on(outline, JAWS, poses), np.array(shared) > 1e-6)
+        assert np.array_equal(classify_contact(outline, JAWS, poses) == STANDS_ON, np.array(shared) > 1e-6)
         assert 0 < np.count_nonzero(shared) < len(poses)
 
 
 def test_a_jobs_region_is_three_times_its_uncertainty_as_far_as_fingers_reach():
     job = job_file.load(JOB)
-    assert region.region_radius(job) == pytest.approx(38.25)
-    assert region.region_radius(job, factor=2.0) == pytest.approx(25.5)
+    assert rollouts.region_radius(job) == pytest.approx(38.25)
+    assert rollouts.region_radius(job, factor=2.0) == pytest.approx(25.5)
     reach = math.hypot(27.5 / 2, 85 / 2 + 9.5) + math.hypot(15, 10.5)
-    for radius, expected in (("900", reach), ("0", region.RING_MM)):
+    for radius, expected in (("900", reach), ("0", rollouts.RING_MM)):
         changed = job_with(job.canonical(), [("uncertainty.radius_mm", radius)])
-        assert region.region_radius(changed) == pytest.approx(expected)
+        assert rollouts.region_radius(changed) == pytest.approx(expected)
 
 
 def test_starts_cover_the_disc_evenly_and_at_any_angle(small):
@@ -102,9 +103,9 @@ def test_there_are_as_many_as_were_asked_for(part, small):
 
 
 def test_the_region_ends_where_no_finger_reaches(part):
-    reach = region.farthest(part.outline, part.jaws)
+    reach = rollouts.farthest(part.outline, part.jaws)
     near, far = roll_outs(part, reach, 3000), roll_outs(part, 2 * reach, 12_000)
-    assert region.within_reach(part.outline, part.jaws, far.initial).all()
+    assert rollouts.within_reach(part.outline, part.jaws, far.initial).all()
     assert len(far.initial) == pytest.approx(len(near.initial), rel=0.15)
 
 
@@ -140,7 +141,7 @@ def test_each_ends_as_a_squeeze_of_its_start_does(part, small):
 def test_under_a_finger_nothing_moves(part):
     result = roll_outs(part, 60.0, 3000)
     hit = result.status == COLLIDES
-    assert np.array_equal(hit, region.stands_on(part.outline, part.jaws, result.initial))
+    assert np.array_equal(hit, classify_contact(part.outline, part.jaws, result.initial) == STANDS_ON)
     assert np.array_equal(result.final[hit], result.initial[hit])
     assert np.all(result.width_mm[hit] == part.jaws[0])
     assert np.isin(result.status[~hit], range(len(STATUS_NAMES))).all()

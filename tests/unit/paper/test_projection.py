@@ -6,9 +6,9 @@ import numpy as np
 import problems
 import pytest
 
-from planner.belief.encoder import Encoder
+from planner.belief.observation import Encoder
 from planner.frames import wrap
-from planner.learned.region import stands_on
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.quartic_fit import fit_pressure
 from planner.paper.projection import Projection
 from planner.paper.subspaces import subspaces_of
@@ -29,7 +29,7 @@ def learned(surface=None, n=9000):
     simulator = problems.simulator(OUTLINE, workers=2, surface=surface)
     rng = np.random.default_rng(5)
     poses = problems.random_poses(rng, n, 38.25)
-    poses = poses[~stands_on(OUTLINE, simulator.jaws, poses)]
+    poses = poses[classify_contact(OUTLINE, simulator.jaws, poses) != STANDS_ON]
     rolled = simulator.roll_out(poses, simulator.sample(len(poses), rng))
     subspaces = subspaces_of(rolled.width_mm, ENCODER)
     label = subspaces.label(rolled.width_mm)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner import job as job_file
-from planner.belief.encoder import COUNTS, encoder_of
+from planner.belief.observation import COUNTS, encoder_of
 from planner.lower import lower
 from planner.paper.search import (
     METHODS,

@@ -1,14 +1,12 @@
-"""The sensor model against scikit-learn, against geometry, and what its error means."""
+"""The sensor model against geometry, and what its error means."""
 
 import math
 
 import numpy as np
 import problems
 import pytest
-from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
-from planner.learned.region import stands_on
-from planner.paper import flat_tree
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.paper.sensor import HELD_OUT, SensorModel, features
 
 
@@ -16,7 +14,7 @@ def rolled(outline, n, seed, release=(0.0, 0.0, 0.0)):
     simulator = problems.simulator(outline, workers=2)
     rng = np.random.default_rng(seed)
     poses = problems.random_poses(rng, n, 30.0)
-    poses = poses[~stands_on(simulator.outline, simulator.jaws, poses)]
+    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
     parameters = simulator.sample(len(poses), rng)
     noise = rng.standard_normal((len(poses), 3)) * np.array(release)
     return simulator.roll_out(poses, parameters._replace(release=noise))
@@ -30,30 +28,6 @@ def rectangle():
 @pytest.fixture(scope="module")
 def model(rectangle):
     return SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
-
-
-def test_flat_trees_say_what_scikit_learn_says_bit_by_bit():
-    rng = np.random.default_rng(0)
-    X = rng.normal(size=(3000, 4)).astype(np.float32)
-    X[:200] = X[200:400]  # rows on thresholds and ties
-    y = X[:, 0] * X[:, 1] + 0.1 * rng.normal(size=len(X))
-    asked = np.concatenate([X, rng.normal(size=(3000, 4)).astype(np.float32)])
-    regressor = DecisionTreeRegressor(min_samples_leaf=3, random_state=0).fit(X, y)
-    assert np.array_equal(flat_tree.regression(regressor).predict(asked), regressor.predict(asked))
-    classifier = DecisionTreeClassifier(min_samples_leaf=7, random_state=0).fit(X, y > 0.2)
-    shares = flat_tree.probability(classifier, True)
-    assert np.array_equal(shares.predict(asked), classifier.predict_proba(asked)[:, 1])
-    assert shares.leaves == classifier.get_n_leaves()
-
-
-def test_rows_on_a_threshold_go_left():
-    X = np.array([[0.0], [1.0], [2.0], [3.0]], dtype=np.float32)
-    fitted = DecisionTreeRegressor(random_state=0).fit(X, [0.0, 0.0, 1.0, 1.0])
-    on = np.array([[fitted.tree_.threshold[0]]], dtype=np.float32)
-    beside = np.nextafter(on, np.float32(9.0))
-    tree = flat_tree.regression(fitted)
-    assert tree.predict(on)[0] == 0.0
-    assert tree.predict(beside)[0] == 1.0
 
 
 def test_the_model_predicts_widths_it_never_saw(model):
@@ -100,5 +74,5 @@ def test_too_few_roll_outs_are_refused():
 
 def test_same_roll_outs_give_the_same_model(model, rectangle):
     again = SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
-    assert all(np.array_equal(a, b) for a, b in zip(again.tree, model.tree, strict=True))
+    assert np.array_equal(again.predict(rectangle.poses), model.predict(rectangle.poses))
     assert again.error == model.error

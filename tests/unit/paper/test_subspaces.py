@@ -6,8 +6,8 @@ import numpy as np
 import problems
 import pytest
 
-from planner.belief.encoder import Encoder
-from planner.learned.region import stands_on
+from planner.belief.observation import Encoder
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.squeeze import GRASPED, JAMMED
 from planner.paper.subspaces import EXPLAINED, subspaces_of
 
@@ -19,7 +19,7 @@ def squeezed():
     simulator = problems.simulator(problems.rectangle(), workers=2)
     rng = np.random.default_rng(2)
     poses = problems.random_poses(rng, 12_000, 38.25)
-    poses = poses[~stands_on(simulator.outline, simulator.jaws, poses)]
+    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
     return simulator.roll_out(poses, simulator.sample(len(poses), rng))
 
 

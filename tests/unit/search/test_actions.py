@@ -8,7 +8,8 @@ import pytest
 
 from planner import job as job_file
 from planner.belief.metric import Metric
-from planner.search.actions import ActionSet, actions_of, free_placements, least_clearance
+from planner.mechanics.clearance import free_placements, least_clearance
+from planner.search.actions import ActionSet, actions_of
 from planner.search.proposals import Proposals
 
 RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from planner import job as job_file
-from planner.belief.encoder import encoder_of
-from planner.belief.observation import partition
+from planner.belief.observation import encoder_of, partition
 from planner.belief.transition import Outcomes
-from planner.search.actions import least_clearance
+from planner.mechanics.clearance import least_clearance
 from planner.search.handling import SPARE_MM, handling_of
 
 RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
