@@ -18,7 +18,17 @@ from planner.arrays import Array, IntArray
 from planner.job import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
+from planner.mechanics.squeeze import (
+    GRASPED,
+    JAMMED,
+    STATUS_NAMES,
+    Body,
+    Scratch,
+    grip_of,
+    squeeze,
+    squeeze_many,
+    squeeze_workspace,
+)
 from planner.mechanics.surface import Surface
 from planner.part.outline import simplified
 
@@ -126,26 +136,13 @@ class Simulator:
             (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
             and the status.
         """
-        rows = np.zeros((TRACE_ROWS, 4))
+        n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
         reach = float(np.max(np.hypot(*self.outline.T)))
-        n, q = len(self.outline), np.array(pose, dtype=np.float64)
-        points, placed, near = np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64)
-        width, status, _, count = squeeze(
-            self.outline,
-            reach,
-            surface,
-            self.surface.rho_mm,
-            mu,
-            mu,
-            self.jaws,
-            self.step_mm,
-            q,
-            points,
-            placed,
-            near,
-            squeeze_workspace(),
-            rows,
-        )
+        body = Body(self.outline, reach, surface, self.surface.rho_mm)
+        grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
+        indices = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        scratch = Scratch(np.zeros((n, 2)), *indices, squeeze_workspace())
+        width, status, _, count = squeeze(body, grip, q, scratch, rows)
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
 
