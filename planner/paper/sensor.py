@@ -16,10 +16,8 @@ from sklearn.tree import DecisionTreeRegressor
 
 from planner.arrays import Array
 
-LEAF_SIZES = (1, 3, 10, 30)
-"""Least roll-outs in a leaf, to choose from: more average out what the jaws' release adds to a pose."""
 HELD_OUT = 10
-"""Every tenth roll-out chooses the size of leaves, and every tenth tells the error."""
+"""Every tenth roll-out tells the error."""
 
 
 class SensorError(NamedTuple):
@@ -47,13 +45,11 @@ class SensorModel:
     Attributes:
         tree: on the columns of `features`.
         order: rotational order of the part.
-        leaf_size: least roll-outs in a leaf, as chosen.
         error: on roll-outs that had no part in making the tree.
     """
 
     tree: DecisionTreeRegressor
     order: int
-    leaf_size: int
     error: SensorError
 
     @classmethod
@@ -70,17 +66,9 @@ class SensorModel:
         """
         if len(final) < HELD_OUT:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
-        X = features(final, order)
-        turn = np.arange(len(final)) % HELD_OUT
-        choosing, testing = turn == 0, turn == 1
-        learning = ~(choosing | testing)
-        tried = []
-        for size in LEAF_SIZES:
-            tree = DecisionTreeRegressor(min_samples_leaf=size, random_state=0)
-            tree.fit(X[learning], width_mm[learning])
-            tried.append((float(np.mean(np.abs(tree.predict(X[choosing]) - width_mm[choosing]))), size, tree))
-        _, leaf_size, tree = min(tried, key=lambda one: one[:2])
-        return cls(tree, order, leaf_size, error_of(tree.predict(X[testing]), width_mm[testing]))
+        X, testing = features(final, order), np.arange(len(final)) % HELD_OUT == 0
+        tree = DecisionTreeRegressor(random_state=0).fit(X[~testing], width_mm[~testing])
+        return cls(tree, order, error_of(tree.predict(X[testing]), width_mm[testing]))
 
     def predict(self, poses: Array) -> Array:
         """Expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
