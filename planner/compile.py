@@ -11,7 +11,7 @@ import numpy as np
 from planner.arrays import BoolArray
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
-from planner.belief.particles import doubting
+from planner.belief.particles import initial_with_friction
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
@@ -99,7 +99,7 @@ def compile_job(
         return _paper_plan(job, workers, trials, say)
     simulator = Simulator.of_job(job, workers)
     reference = Simulation(simulator, encoder_of(job))
-    belief = doubting(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
     deadline = time.monotonic() + budget_s

@@ -31,7 +31,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
     return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), turn], axis=1)
 
 
-def doubting(job: Job, n: int, rng: np.random.Generator) -> Array:
+def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Array:
     """Draws n poses as `initial`, a share of them (`friction.doubt`) with friction outside the bounds.
 
     Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
@@ -49,7 +49,7 @@ def doubting(job: Job, n: int, rng: np.random.Generator) -> Array:
     return np.concatenate([poses, friction[:, None]], axis=1)
 
 
-def trusting(poses: Array) -> Array:
+def without_friction(poses: Array) -> Array:
     """Poses (n, 3) as particles (n, 4) without friction of their own."""
     return np.concatenate([poses, np.full((len(poses), 1), np.nan)], axis=1)
 

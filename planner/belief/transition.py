@@ -73,7 +73,7 @@ class Simulation:
             return []
         hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
         friction = frictions([belief for belief, _ in cases])
-        rolled = self.simulator.roll_out(hand, self.simulator.sample(len(hand), rng).rubbing(friction))
+        rolled = self.simulator.roll_out(hand, self.simulator.sample(len(hand), rng).with_friction(friction))
         counts = self.encoder.read(rolled.width_mm, rng)
         return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
 

@@ -111,7 +111,9 @@ def _single(arguments: argparse.Namespace) -> int:
         with shell.writing(output) as draft:
             dump(table, draft)
         seconds = time.perf_counter() - started
-        advice = None if arguments.no_advice else counsel(plan, job, scheduler, report)
+        advice = None
+        if not arguments.no_advice:
+            advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
         more = {"models": models.figures} if models else {}
         figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}

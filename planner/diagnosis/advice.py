@@ -10,13 +10,13 @@ import numpy as np
 
 from planner.arrays import BoolArray
 from planner.belief.observation import encoder_of
-from planner.compile import Plan
 from planner.diagnosis.ambiguity import Ambiguity, ambiguities
 from planner.diagnosis.delay import Delay, delays
 from planner.evaluation.outcome import Evaluation
 from planner.job import Job
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler
+from planner.search.expand import TreeNode
 from planner.sensitivity import EVERYTHING, Gain, sensitivity
 from runtime.table import REJECT, Calibration, Table, count_map
 
@@ -149,21 +149,26 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
     )
 
 
-def counsel(plan: Plan, job: Job, scheduler: Scheduler | None = None, report: Report = silent) -> Advice:
+def counsel(
+    table: Table, evaluation: Evaluation, root: TreeNode, job: Job, scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> Advice:  # fmt: skip
     """Everything there is to say about a fresh plan.
 
     Args:
-        plan: what `planner.compile.compile_job` returned.
+        table: what `planner.compile.compile_job` returned.
+        evaluation: the same.
+        root: the same.
         job: the job it was compiled from.
         scheduler: who runs the trials without noise; all cores if None.
         report: told about progress.
     """
-    trials = min(len(plan.evaluation.leaf), MOST_TRIALS)
-    gains = sensitivity(plan.table, job, trials, scheduler, report)
-    advice = advise(plan.table, plan.evaluation, job, gains)
-    if plan.evaluation.squeezes.mean() < LONG:
+    trials = min(len(evaluation.leaf), MOST_TRIALS)
+    gains = sensitivity(table, job, trials, scheduler, report)
+    advice = advise(table, evaluation, job, gains)
+    if evaluation.squeezes.mean() < LONG:
         return advice
-    return replace(advice, delays=tuple(delays(plan.root, job, MOST_LATE)))
+    return replace(advice, delays=tuple(delays(root, job, MOST_LATE)))
 
 
 def _close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
-from planner.belief.particles import trusting
+from planner.belief.particles import without_friction
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
@@ -122,4 +122,4 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
 def _amplified(wrong: Array, among: int) -> Array:
     """Poses (n, 3) as particles (m, 4), repeated until they count among so many others."""
     times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return trusting(np.tile(wrong, (times, 1)))
+    return without_friction(np.tile(wrong, (times, 1)))

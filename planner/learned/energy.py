@@ -11,27 +11,13 @@ distances between points of a Euclidean space are what makes E a distance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.transition import MotionModel
 from planner.kernel import kernel
-
-
-class Squeezed(Protocol):
-    """What is used of a squeeze's outcomes."""
-
-    @property
-    def beliefs(self) -> list[Array]:
-        """Particles (n_k, 3) in the world, cluster by cluster."""
-
-
-class Model(Protocol):
-    """A motion model, as `planner.belief.transition.MotionModel`."""
-
-    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> Sequence[Squeezed]:
-        """Outcomes of beliefs (n, 3) at placements (3,)."""
 
 
 class Comparison(NamedTuple):
@@ -76,8 +62,8 @@ def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
 
 
 def compare(
-    model: Model, reference: Model, beliefs: Sequence[Array], placements: Array, rho_mm: float, order: int,
-    rng: np.random.Generator,
+    model: MotionModel, reference: MotionModel, beliefs: Sequence[Array], placements: Array, rho_mm: float,
+    order: int, rng: np.random.Generator,
 ) -> list[Comparison]:  # fmt: skip
     """Compares push-forwards of a belief through a sequence of squeezes.
 
@@ -109,7 +95,7 @@ def compare(
     return comparisons
 
 
-def _push(model: Model, belief: Array, placements: Array, rng: np.random.Generator) -> list[Array]:
+def _push(model: MotionModel, belief: Array, placements: Array, rng: np.random.Generator) -> list[Array]:
     """The belief after each of a sequence of squeezes."""
     beliefs = []
     for placement in placements:

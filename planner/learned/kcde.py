@@ -19,13 +19,14 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.learned.neighbours import Grid, grid_of, keep_least, nearest_within
+from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 
 SPREAD = 40.0
@@ -37,35 +38,6 @@ LOOK = 0.8
 """Guess of the distance to the nearest roll-out, in spacings; it affects speed only."""
 CHUNK = 1024
 HALF_TURN = np.array([-1.0, -1.0, 1.0])
-
-
-class Rolled(Protocol):
-    """The columns of roll-outs that are used here; `planner.learned.rollouts.RollOuts` has them."""
-
-    @property
-    def initial(self) -> Array:
-        """(n, 3) poses before, in the hand frame [mm, mm, rad]."""
-
-    @property
-    def final(self) -> Array:
-        """(n, 3) poses after."""
-
-    @property
-    def width_mm(self) -> Array:
-        """(n,) opening at which the fingers stopped."""
-
-
-class Rows(NamedTuple):
-    """Some of the roll-outs; columns as in `Rolled`."""
-
-    initial: Array
-    final: Array
-    width_mm: Array
-
-
-def rows_of(rolled: Rolled, rows: IntArray) -> Rows:
-    """Those of the roll-outs with the given numbers."""
-    return Rows(rolled.initial[rows], rolled.final[rows], rolled.width_mm[rows])
 
 
 class Sampled(NamedTuple):
@@ -117,8 +89,8 @@ class Kcde:
 
     @classmethod
     def fit(
-        cls, rolled: Rolled, outline: Array, jaws: Array, rho_mm: float, order: int, h1_mm: float = PAPER_MM,
-        h2_mm: float = PAPER_MM, paper: bool = False,
+        cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int,
+        h1_mm: float = PAPER_MM, h2_mm: float = PAPER_MM, paper: bool = False,
     ) -> Self:  # fmt: skip
         """Makes the estimate of n roll-outs.
 

@@ -99,7 +99,7 @@ class LearnedModel:
         carried = np.full(len(poses), np.nan) if friction is None else friction
         covered = self.covered(drawn.source, drawn.nearest_mm, belief) & np.isnan(carried)
         direct = np.flatnonzero(touched & ~covered)
-        parameters = self.simulator.sample(len(direct), rng).rubbing(carried[direct])
+        parameters = self.simulator.sample(len(direct), rng).with_friction(carried[direct])
         rolled = self.simulator.roll_out(poses[direct], parameters)
         drawn.poses[direct] = rolled.poses
         drawn.width_mm[direct] = rolled.width_mm

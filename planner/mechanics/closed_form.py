@@ -8,8 +8,6 @@ right signs. Two contacts that both stick have one condition too many and are co
 
 from __future__ import annotations
 
-import numpy as np
-
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT
@@ -162,8 +160,3 @@ def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
         F2 += fn * C[k, N2] + ft * C[k, T2]
     for p in range(3):
         V[p] = A[p, 0] * F0 + A[p, 1] * F1 + A[p, 2] * F2
-
-
-def gram_workspace() -> Array:
-    """The (4, 4) workspace of `two_contacts`."""
-    return np.zeros((4, 4))

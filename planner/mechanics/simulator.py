@@ -52,7 +52,7 @@ class Parameters(NamedTuple):
     mu: Array
     release: Array | None = None
 
-    def rubbing(self, friction: Array) -> Self:
+    def with_friction(self, friction: Array) -> Self:
         """The same, with these coefficients (n,) at both fingers where they are not NaN."""
         return self._replace(mu=np.where(np.isnan(friction)[:, None], self.mu, friction[:, None]))
 

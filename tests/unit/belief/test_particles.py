@@ -11,12 +11,12 @@ from planner.belief.observation import encoder_of
 from planner.belief.particles import (
     ROUGH,
     SLIPPERY,
-    doubting,
     frictions,
     initial,
+    initial_with_friction,
     replenish,
     subsample,
-    trusting,
+    without_friction,
 )
 from planner.belief.transition import Simulation
 from planner.overrides import job_with
@@ -31,7 +31,7 @@ def job():
 
 
 def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
-    belief = doubting(job, 40_000, np.random.default_rng(1))
+    belief = initial_with_friction(job, 40_000, np.random.default_rng(1))
     carried = belief[~np.isnan(belief[:, 3]), 3]
     assert abs(len(carried) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
     slippery, rough = carried[carried < LOW], carried[carried > HIGH]
@@ -43,13 +43,13 @@ def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_w
 
 def test_poses_are_those_of_a_belief_without_doubt(job):
     poses = initial(job, 100, np.random.default_rng(2))
-    assert np.array_equal(doubting(job, 100, np.random.default_rng(2))[:, :3], poses)
+    assert np.array_equal(initial_with_friction(job, 100, np.random.default_rng(2))[:, :3], poses)
     certain = job_with(job.canonical(), [("friction.doubt", "0")])
-    assert np.isnan(doubting(certain, 100, np.random.default_rng(2))[:, 3]).all()
+    assert np.isnan(initial_with_friction(certain, 100, np.random.default_rng(2))[:, 3]).all()
 
 
 def test_thinned_and_repeated_particles_keep_their_friction(job):
-    belief = doubting(job, 300, np.random.default_rng(3))
+    belief = initial_with_friction(job, 300, np.random.default_rng(3))
     rows = {row.tobytes() for row in belief}
     for other in (subsample(belief, 70), replenish(belief, 500)):
         assert other.shape[1] == 4
@@ -58,7 +58,7 @@ def test_thinned_and_repeated_particles_keep_their_friction(job):
 
 def test_particles_without_a_fourth_column_carry_nothing():
     poses = np.zeros((3, 3))
-    carried = frictions([poses, np.full((2, 4), 0.7), trusting(poses)])
+    carried = frictions([poses, np.full((2, 4), 0.7), without_friction(poses)])
     assert np.array_equal(carried, [*[np.nan] * 3, 0.7, 0.7, *[np.nan] * 3], equal_nan=True)
 
 

@@ -22,7 +22,7 @@ def planned(silent):
     for _ in range(silent):
         squeeze_at(leaf, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
         (leaf,) = leaf.children
-    leaf.idle = 0
+    leaf.squeezes_without_gain = 0
     grow(root, growth, [1])
     return root
 

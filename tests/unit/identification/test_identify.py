@@ -11,7 +11,8 @@ from planner import surface_file
 from planner.cli.identify import main
 from planner.errors import ValueRangeError
 from planner.identification import identify, pushes
-from planner.mechanics import limit_surface, quartic_form
+from planner.mechanics import limit_surface
+from planner.part import quartic_form
 from planner.part.pressure import Pressure, support
 from planner.report import identification
 

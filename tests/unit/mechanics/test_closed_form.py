@@ -16,7 +16,7 @@ from contact_problems import (
 )
 from reference.lcp_twin import motions
 
-from planner.mechanics.closed_form import gram_workspace, motion, one_contact, two_contacts
+from planner.mechanics.closed_form import motion, one_contact, two_contacts
 from planner.mechanics.contacts import FN, FT
 from planner.mechanics.lcp import RAY, SOLVED, residual, solve
 from planner.mechanics.step import solve as solve_step
@@ -30,7 +30,7 @@ def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
     if m == 1:
         status = one_contact(problem.A, C, 0, problem.mu[0])
     else:
-        status = two_contacts(problem.A, C, 0, 1, problem.mu[0], problem.mu[1], gram_workspace())
+        status = two_contacts(problem.A, C, 0, 1, problem.mu[0], problem.mu[1], np.zeros((4, 4)))
     V = np.zeros(3)
     motion(problem.A, C, np.arange(m), m, V)
     return status, V, C[:m, [FN, FT]]

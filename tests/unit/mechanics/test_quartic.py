@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from planner.mechanics import limit_surface, quartic, quartic_fit, quartic_form
+from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.quartic import QuarticSurface
-from planner.part import outline
+from planner.part import outline, quartic_form
 from planner.part.pressure import Pressure, support
 
 RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import shapely
+from contact_solutions import contact_solution
 
 from planner.mechanics import quartic
 from planner.mechanics.clearance import clearance
 from planner.mechanics.lcp import RAY, SOLVED
-from planner.mechanics.solution import contact_solution
 from planner.part.outline import simplified
 
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])

@@ -8,8 +8,8 @@ import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner import job as job_file
-from planner.belief.particles import trusting
-from planner.search.expand import MOST_IDLE, Growth, TreeNode, grow, learn, squeeze_at
+from planner.belief.particles import without_friction
+from planner.search.expand import MOST_WITHOUT_GAIN, Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price
 from planner.search.options import squeezes_left
@@ -33,7 +33,7 @@ def tree(growth, first, other):
     root = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
     squeeze_at(root, placed(SILENT), growth, np.random.default_rng(0))
     (node,) = root.children
-    node.idle = 0  # else one more squeeze that tells nothing would be the last
+    node.squeezes_without_gain = 0  # else one more squeeze that tells nothing would be the last
     squeeze_at(node, placed(first), growth, np.random.default_rng(1))
     node.alternatives = [placed(other)]
     grow(node, growth, [1])
@@ -101,10 +101,10 @@ def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
 def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
     silent = Growth(look_ahead([TELLING]), Oracle(), growth.handling, 9)
     root = leaf = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
-    for idle in range(1, MOST_IDLE + 1):
+    for squeezes_without_gain in range(1, MOST_WITHOUT_GAIN + 1):
         squeeze_at(leaf, placed(SILENT), silent, np.random.default_rng(0))
         (leaf,) = leaf.children
-        assert leaf.idle == idle
+        assert leaf.squeezes_without_gain == squeezes_without_gain
     grow(root, silent, [1])
     assert leaf.children == []
 
@@ -129,7 +129,7 @@ def test_a_purer_belief_needs_fewer_squeezes_and_one_that_lacks_nothing_none():
 
 def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth):
     def leaf():
-        node = TreeNode(trusting(BELIEF), 1.0, growth.look_ahead.metric.mode(BELIEF))
+        node = TreeNode(without_friction(BELIEF), 1.0, growth.look_ahead.metric.mode(BELIEF))
         assert node.mode.ratio == 0.5
         return node
 
@@ -144,7 +144,12 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
 
 
 def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(growth):
-    leaf = TreeNode(trusting(BELIEF), 0.3, growth.look_ahead.metric.mode(BELIEF), idle=MOST_IDLE)
+    leaf = TreeNode(
+        without_friction(BELIEF),
+        0.3,
+        growth.look_ahead.metric.mode(BELIEF),
+        squeezes_without_gain=MOST_WITHOUT_GAIN,
+    )
     metric = growth.look_ahead.metric
     assert learn(leaf, {0: BELIEF}, metric, 0.4, against=[0]) == 0.3
     grow(leaf, growth, [1], reopen=0.4)
