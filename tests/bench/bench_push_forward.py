@@ -15,7 +15,6 @@ import json
 import platform
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
+from reference.kcde_twin import Unaided  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402
@@ -35,6 +35,7 @@ from planner.learned.kcde import Kcde  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402
 from planner.learned.rollouts import PAPER_COUNT, roll_outs  # noqa: E402
 from planner.learned.store import Store  # noqa: E402
+from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part import symmetry  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "push_forward.json"
@@ -45,7 +46,7 @@ PARTICLES = 2500
 Row = dict[str, Any]
 
 
-def learned(name: str, count: int) -> tuple[dict[str, LearnedModel], Row]:
+def learned(name: str, count: int) -> tuple[dict[str, LearnedModel | Unaided], Row]:
     """The model as the planner has it and the paper's estimate; and what there is to say."""
     part, radius = simulator(OUTLINES[name](), workers=2), 3 * RADII_MM[name]
     store, order = Store(cache_folder() / "rollouts"), symmetry.order(part.outline)
@@ -55,7 +56,7 @@ def learned(name: str, count: int) -> tuple[dict[str, LearnedModel], Row]:
     fit_s = round(time.perf_counter() - start, 2)
     few = roll_outs(part, radius, PAPER_COUNT, store)
     printed = Kcde.fit(few, part.outline, part.jaws, part.surface.rho_mm, order, paper=True)
-    models = {"model": model, "paper": replace(model, motion=printed, status=few.status)}
+    models = {"model": model, "paper": Unaided(printed)}
     spacing_mm = model.motion.grid.spacing_mm
     return models, {"roll_outs": len(rolled.initial), "spacing_mm": spacing_mm, "fit_s": fit_s}
 
@@ -71,11 +72,13 @@ def simulated(model: LearnedModel, belief: np.ndarray, placements: np.ndarray) -
     return shares
 
 
-def ratios(model: LearnedModel, name: str, placements: np.ndarray, runs: int) -> Row:
+def ratios(
+    model: LearnedModel | Unaided, simulator: Simulator, name: str, placements: np.ndarray, runs: int
+) -> Row:
     """The model's push-forwards in units of the simulator's own distance, with same and fresh particles."""
     rng = np.random.default_rng(3)
     beliefs = [random_poses(rng, PARTICLES, RADII_MM[name]) for _ in range(2 * runs)]
-    reference = Simulation(model.simulator, ENCODER)
+    reference = Simulation(simulator, ENCODER)
     rho, order = model.motion.rho_mm, model.motion.order
     row: Row = {}
     for kind, starts in (("same", beliefs[:1] * 2 * runs), ("fresh", beliefs)):
@@ -93,9 +96,9 @@ def bench(name: str, count: int, runs: int) -> Row:
     for kind, model in models.items():
         for angles in ANGLES_DEG:
             placements = np.array([[0.0, 0.0, a] for a in np.radians(angles)])
-            found = ratios(model, name, placements, runs)
+            found = ratios(model, models["model"].simulator, name, placements, runs)
             belief = random_poses(np.random.default_rng(3), PARTICLES, RADII_MM[name])
-            found["simulated"] = simulated(model, belief, placements)
+            found["simulated"] = simulated(model, belief, placements) if kind == "model" else []
             row[f"{kind} {angles}"] = found
             line = f"{kind:15} {angles}: same {found['same']} fresh {found['fresh']} "
             print(line + f"simulated {np.round(found['simulated'], 2)}", flush=True)

@@ -70,13 +70,13 @@ def judged(job, store):
 def test_the_report_judges_every_action_and_every_model(job, judged):
     report, rolled = judged
     assert len(report.actions) + report.in_collision == len(job.actions.angles_deg)
-    assert all(0.0 < action.comparison.ratio < 1.6 for action in report.actions)
+    assert all(0.0 < action.comparison.ratio < 2.0 for action in report.actions)
     assert all(0.0 <= action.simulated < 0.5 for action in report.actions)
     assert report.rollouts == len(rolled.initial)
     assert report.colliding == np.mean(rolled.status == COLLIDES)
     assert report.sensor.q95_mm < 0.2
     assert report.collision.free + report.collision.colliding == 100_000
-    assert 0.0 < report.collision.miss_rate < 0.05
+    assert 0.0 < report.collision.miss_rate < 0.1
     assert 0.0 < report.collision.false_alarm_rate < 0.05
     assert report.subspaces.size.tolist() == np.bincount(report.label).tolist()
     assert len(report.label) == len(report.final) == np.count_nonzero(rolled.status != COLLIDES)
