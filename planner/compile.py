@@ -10,32 +10,31 @@ from functools import partial
 
 import numpy as np
 
-from planner.ambiguity import ambiguities
 from planner.arrays import BoolArray
-from planner.belief import doubting
-from planner.encoder import encoder_of
+from planner.belief.metric import metric_of
+from planner.belief.observation import encoder_of
+from planner.belief.particles import initial_with_friction
+from planner.belief.transition import MotionModel, Simulation, costs_of
+from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluate import Evaluation, evaluate
 from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
-from planner.goal import metric_of
 from planner.job import Job
+from planner.learned.model import learned_model, learns
+from planner.learned.store import Store
 from planner.lower import lower
 from planner.measured import predicting, with_figures
 from planner.mechanics.simulator import Simulator
-from planner.models.learning import learned_model, learns
-from planner.models.store import Store
+from planner.paper.plan import plan_paper
+from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.progress import Report, silent
 from planner.scheduler import Scheduler, Threads
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
-from planner.search.costs import costs_of
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
-from planner.search.outcomes import MotionModel, Simulation
-from planner.search.paper import METHODS
-from planner.search.paper_plan import plan_paper
 from planner.untried import tried, without_untried
 from planner.world import ContactWorld
 from runtime.table import Table, refuted
@@ -108,7 +107,7 @@ def compile_job(
         return _paper_plan(job, workers, trials, say)
     simulator = Simulator.of_job(job, workers)
     reference = Simulation(simulator, encoder_of(job))
-    belief = doubting(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
     deadline = time.monotonic() + budget_s

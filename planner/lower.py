@@ -7,9 +7,9 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from planner.arrays import Array
-from planner.encoder import Encoder, encoder_of
+from planner.belief.metric import Metric, metric_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.frames import wrap
-from planner.goal import Metric, metric_of
 from planner.job import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.metric import Metric
 from planner.evaluate import Evaluation
 from planner.evaluation.judge import main_poses, metric_of_table
-from planner.goal import Metric
 from planner.job import Job
 from planner.lower import covariance_of, pose_of
 from runtime.table import PPM, Leaf, Node, Prediction, Table, refuted

@@ -23,7 +23,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
 from planner.fields import Field, Integer, Text, read_section
-from planner.mechanics import quartic_form
+from planner.part import quartic_form
 from planner.schema import LIMIT_SURFACE
 
 FORMAT = 1

@@ -19,7 +19,7 @@ from planner import documents
 from planner import job as job_file
 from planner.compile import Plan, compile_job
 from planner.errors import PlannerError, UsageError
-from planner.models.store import Store
+from planner.learned.store import Store
 from planner.overrides import job_with, split
 from planner.progress import Report
 from planner.scheduler import Cluster, Scheduler

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.belief.observation import Partition
 from planner.evaluate import Evaluation
-from planner.models.partition import Partition
 from planner.search.expand import TreeNode, breadth_first
 from runtime.table import COUNTS, PPM, Branch, Calibration, Node, Table, decision_map
 

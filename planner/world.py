@@ -16,8 +16,8 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.job import Job
+from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
-from planner.search.actions import least_clearance
 
 Pose = tuple[float, float, float]
 SEED_WORLD = 0x57524C44

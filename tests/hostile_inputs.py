@@ -179,7 +179,7 @@ def lever() -> bytes:
 
 def pairs() -> bytes:
     """Wrench-twist pairs as `plan-identify` reads them."""
-    from planner.pushes import COLUMNS
+    from planner.identification.pushes import COLUMNS
 
     random = Random(1)
     rows = [[random.gauss(0.0, 1.0) for _ in range(3)] for _ in range(40)]

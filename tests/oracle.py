@@ -3,12 +3,11 @@
 import numpy as np
 import problems
 
-from planner.goal import Metric
-from planner.models.partition import partition
+from planner.belief.metric import Metric
+from planner.belief.observation import partition
+from planner.belief.transition import Costs, Outcomes
 from planner.search.actions import ActionSet
 from planner.search.closed_loop import LookAhead
-from planner.search.costs import Costs
-from planner.search.outcomes import Outcomes
 
 BELIEF = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0)
 AREA = np.array([[-99.0, -99.0], [99.0, 99.0]])

@@ -9,8 +9,8 @@ from pathlib import Path
 from problems import rectangle, simulator
 
 from planner.errors import ValueRangeError
-from planner.models.rollouts import RollOuts, roll_outs
-from planner.models.store import Store
+from planner.learned.rollouts import RollOuts, roll_outs
+from planner.learned.store import Store
 from planner.scheduler import Threads
 
 PART = simulator(rectangle())

@@ -9,14 +9,14 @@ import sys
 import time
 from pathlib import Path
 
-from planner import baseline
 from planner import job as job_file
-from planner.advice import counsel
 from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
+from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
 from planner.job import Job
 from planner.job_checks import TIP_MARGIN_MM
+from planner.paper import baseline
 from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
 from runtime.shell import files
@@ -98,7 +98,7 @@ def _single(arguments: argparse.Namespace) -> int:
     picture = None
     if arguments.models_report:
         picture = models_report.picture_path(arguments.models_report, output)
-        for path in (picture, models_report.beside(picture)):
+        for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
     store = shell.store_of(arguments)
     with (
@@ -114,7 +114,9 @@ def _single(arguments: argparse.Namespace) -> int:
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         dump(table, output)
         seconds = time.perf_counter() - started
-        advice = None if arguments.no_advice else counsel(plan, job, scheduler, report)
+        advice = None
+        if not arguments.no_advice:
+            advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
         more = {"models": models.figures} if models else {}
         figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}

@@ -23,7 +23,7 @@ from rich.progress import (
 )
 
 from planner.kernel import CACHE_VARIABLE, cache_folder
-from planner.models.store import Store, StoreWarning
+from planner.learned.store import Store, StoreWarning
 from planner.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser

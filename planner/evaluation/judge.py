@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.goal import Metric, Mode
+from planner.belief.metric import Metric, Mode
 from runtime.table import Table, poses_of
 
 MOST_POSES = 4

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import ROUGH, SLIPPERY, trusting
+from planner.belief.metric import Metric, Mode
+from planner.belief.particles import ROUGH, SLIPPERY, without_friction
 from planner.evaluate import evaluate
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
-from planner.goal import Metric, Mode
 from planner.job import Job
 from planner.scheduler import Scheduler
 from planner.search.expand import TreeNode, breadth_first
@@ -143,4 +143,4 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
 def _amplified(wrong: Array, among: int) -> Array:
     """Poses (n, 3) as particles (m, 4), repeated until they count among so many others."""
     times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return trusting(np.tile(wrong, (times, 1)))
+    return without_friction(np.tile(wrong, (times, 1)))

@@ -12,8 +12,8 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief import initial
-from planner.encoder import COUNTS, Encoder, encoder_of
+from planner.belief.observation import COUNTS, Encoder, encoder_of
+from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation

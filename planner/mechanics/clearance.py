@@ -1,14 +1,38 @@
-"""How far a finger may close before it touches the part, and whether it can be set down beside it at all."""
+"""Fingers and a part that does not move yet: do they overlap, how far may they close, do they touch at all.
+
+Pure geometry, the same for every friction and limit surface.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray, IntArray
+from planner.frames import to_hand
+from planner.job import Gripper
 from planner.kernel import kernel
+from planner.mechanics.contacts import place
 
 BEHIND_MM = 0.1
 """What lies further than this behind an inner face is beside or behind the finger, not before it."""
+SIDE_MARGIN_MM = 1.0
+"""The fingers count as this much longer at both ends when the clearance of a placement is judged."""
+
+MISSES = 0
+TOUCHES = 1
+STANDS_ON = 2
+"""Verdicts of `classify_contact`."""
+
+
+def jaws_of(gripper: Gripper) -> Array:
+    """A gripper as kernels see it.
+
+    Returns:
+        (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+    """
+    return np.array(
+        [gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, gripper.upper_finger_share]
+    )
 
 
 @kernel
@@ -77,3 +101,155 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
         if crosses(x0, y0, x1, y1, h, 0.5 * thickness):
             return True
     return inside
+
+
+@kernel
+def stand(points: Array, top: float, bottom: float, h: float, thickness: float) -> bool:
+    """`blocked` for either finger, with the inner faces at y = top and y = bottom [mm]."""
+    return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
+
+
+@kernel
+def free_closing(
+    points: Array, top: float, bottom: float, h: float, top_share: float, bottom_share: float
+) -> float:
+    """How far the fingers close before either touches the part [mm]; infinite where neither will.
+
+    Args:
+        points: (N, 2) outline in the hand frame [mm].
+        top: y of the upper finger's inner face [mm].
+        bottom: y of the lower finger's [mm].
+        h: half the finger's length [mm].
+        top_share: motion of the upper finger for each millimetre of the mean finger's.
+        bottom_share: of the lower one.
+    """
+    free = np.inf
+    if top_share > 0.0:
+        free = clearance(points, 1, top, h) / top_share
+    if bottom_share > 0.0:
+        free = min(free, clearance(points, -1, bottom, h) / bottom_share)
+    return free
+
+
+@kernel
+def _room(points: Array, opening: float, h: float, thickness: float) -> float:
+    """Least distance along y between the open fingers and the part [mm]; -1 where one stands on it."""
+    top = 0.5 * opening
+    if stand(points, top, -top, h, thickness):
+        return -1.0
+    room = min(top, clearance(points, 1, top, h), clearance(points, -1, -top, h))
+    return max(room, 0.0)
+
+
+@kernel
+def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> None:
+    """`classify_contact`; `verdict` (n,) in place."""
+    n = outline.shape[0]
+    points, listed = np.empty((n, 2)), np.arange(n)
+    h, top = 0.5 * jaws[1], 0.5 * jaws[0]
+    for k in range(poses.shape[0]):
+        place(outline, poses[k], points, listed, n)
+        if stand(points, top, -top, h, jaws[2]):
+            verdict[k] = STANDS_ON
+        elif free_closing(points, top, -top, h, 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])) <= top:
+            verdict[k] = TOUCHES
+        else:
+            verdict[k] = MISSES
+
+
+def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
+    """What closing fingers do to a part first.
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+        poses: (n, 3) in the hand frame [mm, mm, rad].
+
+    Returns:
+        (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger
+        would come down on the part.
+    """
+    verdict = np.zeros(len(poses), np.int64)
+    _classify(outline, np.ascontiguousarray(poses), jaws, verdict)
+    return verdict
+
+
+@kernel
+def _least_room(outline: Array, poses: Array, opening: float, h: float, thickness: float) -> float:
+    """Least `_room` of any of the poses [mm]; -1 in collision."""
+    n = outline.shape[0]
+    points, listed = np.empty((n, 2)), np.arange(n)
+    least = 0.5 * opening
+    for k in range(poses.shape[0]):
+        place(outline, poses[k], points, listed, n)
+        least = min(least, _room(points, opening, h, thickness))
+        if least < 0.0:
+            break
+    return least
+
+
+@kernel
+def _free(
+    outline: Array, belief: Array, placements: Array, jaws: Array, least: float, spared: int, free: BoolArray
+) -> None:
+    """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
+    n, h = outline.shape[0], 0.5 * jaws[1] + SIDE_MARGIN_MM
+    points, listed, pose = np.empty((n, 2)), np.arange(n), np.empty(3)
+    reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
+    for a in range(placements.shape[0]):
+        c, s = np.cos(placements[a, 2]), np.sin(placements[a, 2])
+        near = 0
+        for k in range(belief.shape[0]):
+            dx, dy = belief[k, 0] - placements[a, 0], belief[k, 1] - placements[a, 1]
+            pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, belief[k, 2] - placements[a, 2]
+            if abs(pose[1]) + reach + least <= 0.5 * jaws[0] or abs(pose[0]) - reach >= h:
+                continue
+            place(outline, pose, points, listed, n)
+            if _room(points, jaws[0], h, jaws[2]) < least:
+                near += 1
+                if near > spared:
+                    break
+        free[a] = near <= spared
+
+
+def least_clearance(
+    outline: Array, jaws: Array, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
+) -> float:
+    """Distance between the open fingers at a placement and the nearest of the believed parts [mm].
+
+    Measured along the closing direction.
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: opening, finger length, finger thickness [mm].
+        poses: (n, 3) believed poses in the world.
+        placement: (3,) the hand frame in the world.
+        margin_mm: the fingers count as this much longer at both ends.
+
+    Returns:
+        At most half the opening; -1 where a finger would stand on the part.
+    """
+    hand = np.ascontiguousarray(to_hand(poses, placement))
+    return float(_least_room(outline, hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2]))
+
+
+def free_placements(
+    outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float, share: float = 0.0
+) -> BoolArray:
+    """Which placements keep a clearance of at least `least_mm` from every believed pose, or all but a few.
+
+    With a share of 0 the same judgement as `least_clearance(...) >= least_mm`, without measuring what is far
+    anyway.
+
+    Args:
+        outline: (N, 2) the part [mm].
+        jaws: opening, finger length, finger thickness [mm].
+        belief: (n, 3) believed poses in the world.
+        placements: (k, 3) hand frames in the world.
+        least_mm: clearance asked for, at most half the opening.
+        share: of the poses that may be nearer.
+    """
+    free = np.empty(len(placements), np.bool_)
+    belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)
+    _free(outline, belief, placements, jaws, least_mm, int(share * len(belief)), free)
+    return free

@@ -81,14 +81,18 @@ def _slot(C: Array, count: int, gap: float) -> int:
 
 
 @kernel
+def _name(I: IntArray, slot: int, finger: int, kind: int, side: int, vertex: int) -> None:
+    """Fills one row of the integer buffer."""
+    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
+
+
+@kernel
 def _write(
-    C: Array, I: IntArray, slot: int, gap: float, finger: int, kind: int, side: int, vertex: int, rx: float,
-    ry: float, nx: float, ny: float, low: float, high: float,
-) -> None:  # fmt: skip
-    """Fills one row of the buffers."""
+    C: Array, slot: int, gap: float, rx: float, ry: float, nx: float, ny: float, low: float, high: float
+) -> None:
+    """Fills one row of the other one."""
     C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
     C[slot, LOW], C[slot, HIGH] = low, high
-    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
 
 
 @kernel
@@ -113,8 +117,8 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 
 @kernel
 def _add_face(
-    C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, finger: int, face: float,
-    h: float, margin: float,
+    C: Array, I: IntArray, count: int, points: Array, i: int, finger: int, face: float, h: float,
+    margin: float,
 ) -> int:  # fmt: skip
     """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
     gap = finger * (face - points[i, 1])
@@ -124,19 +128,20 @@ def _add_face(
     for k in range(count):
         if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
             return count
-    rx, ry = points[i, 0] - x, points[i, 1] - y
+    rx, ry = points[i, 0], points[i, 1]
     along = finger * points[i, 0]
     slot = _slot(C, count, gap)
     if slot < 0:
         return count
-    _write(C, I, slot, gap, finger, FACE, 0, i, rx, ry, 0.0, -float(finger), -h - along, h - along)
+    _name(I, slot, finger, FACE, 0, i)
+    _write(C, slot, gap, rx, ry, 0.0, -float(finger), -h - along, h - along)
     return min(count + 1, MAX_CONTACTS)
 
 
 @kernel
 def _add_corners(
-    C: Array, I: IntArray, count: int, points: Array, x: float, y: float, i: int, j: int, finger: int,
-    kind: int, face: float, h: float, margin: float,
+    C: Array, I: IntArray, count: int, points: Array, i: int, j: int, finger: int, kind: int, face: float,
+    h: float, margin: float,
 ) -> int:  # fmt: skip
     """Adds the edge from vertex i to j at the two inner (CORNER) or outer (OUTER) corners of a finger.
 
@@ -166,13 +171,14 @@ def _add_corners(
         if slot < 0:
             continue
         count = min(count + 1, MAX_CONTACTS)
-        rx, ry = side * h - gap * ey - x, face + gap * ex - y
-        _write(C, I, slot, gap, finger, kind, side, i, rx, ry, -ey, ex, -along, length - along)
+        rx, ry = side * h - gap * ey, face + gap * ex
+        _name(I, slot, finger, kind, side, i)
+        _write(C, slot, gap, rx, ry, -ey, ex, -along, length - along)
         if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, x, y, i, finger, face, h, margin)
+                count = _add_face(C, I, count, points, i, finger, face, h, margin)
             if length - along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, x, y, j, finger, face, h, margin)
+                count = _add_face(C, I, count, points, j, finger, face, h, margin)
     return count
 
 
@@ -215,29 +221,30 @@ def find(
             if y < reach and after < reach:
                 continue
             if y >= reach and y >= before and y >= after and abs(xi) <= h:
-                count = _add_face(C, I, count, points, q[0], q[1], i, finger, face, h, margin)
+                count = _add_face(C, I, count, points, i, finger, face, h, margin)
                 if before >= after:
-                    count = _add_face(C, I, count, points, q[0], q[1], b, finger, face, h, margin)
+                    count = _add_face(C, I, count, points, b, finger, face, h, margin)
                 if after >= before:
-                    count = _add_face(C, I, count, points, q[0], q[1], j, finger, face, h, margin)
+                    count = _add_face(C, I, count, points, j, finger, face, h, margin)
             low, high = min(xi, xj) - margin, max(xi, xj) + margin
             if (low <= h <= high) or (low <= -h <= high):
-                count = _add_corners(C, I, count, points, q[0], q[1], i, j, finger, CORNER, face, h, margin)
+                count = _add_corners(C, I, count, points, i, j, finger, CORNER, face, h, margin)
                 if max(y, after) >= finger * face + thickness - margin:
                     outer = face + finger * thickness
-                    count = _add_corners(
-                        C, I, count, points, q[0], q[1], i, j, finger, OUTER, outer, h, margin
-                    )
+                    count = _add_corners(C, I, count, points, i, j, finger, OUTER, outer, h, margin)
             behind = y - finger * face
             if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:
                 side = 1 if xi > 0.0 else -1
                 gap = side * xi - h
                 local = side * points[b, 0] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
-                    rx, ry = xi - q[0], yi - q[1]
+                    rx, ry = xi, yi
                     slot = _slot(C, count, gap)
                     if slot >= 0:
-                        nx = float(side)
-                        _write(C, I, slot, gap, finger, END, side, i, rx, ry, nx, 0.0, -np.inf, np.inf)
+                        _name(I, slot, finger, END, side, i)
+                        _write(C, slot, gap, rx, ry, float(side), 0.0, -np.inf, np.inf)
                         count = min(count + 1, MAX_CONTACTS)
+    for k in range(count):
+        C[k, RX] -= q[0]
+        C[k, RY] -= q[1]
     return count

@@ -27,7 +27,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.mechanics import limit_surface
-from planner.mechanics.quartic_form import (
+from planner.part.quartic_form import (
     CERTIFICATES,
     FORM,
     GAUGE,

@@ -19,8 +19,9 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.errors import PlannerError
-from planner.mechanics import limit_surface, quartic, quartic_form
+from planner.mechanics import limit_surface, quartic
 from planner.mechanics.quartic import QuarticSurface
+from planner.part import quartic_form
 
 MARGIN = 1e-3
 """How much of the sphere's certificate every fitted one contains: strictly convex, so it can be checked."""

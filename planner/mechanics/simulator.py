@@ -17,7 +17,18 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.job import Job
 from planner.mechanics import surface as limit_surface
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, squeeze, squeeze_many, squeeze_workspace
+from planner.mechanics.clearance import jaws_of
+from planner.mechanics.squeeze import (
+    GRASPED,
+    JAMMED,
+    STATUS_NAMES,
+    Body,
+    Scratch,
+    grip_of,
+    squeeze,
+    squeeze_many,
+    squeeze_workspace,
+)
 from planner.mechanics.surface import Surface
 from planner.part.outline import simplified
 
@@ -41,7 +52,7 @@ class Parameters(NamedTuple):
     mu: Array
     release: Array | None = None
 
-    def rubbing(self, friction: Array) -> Self:
+    def with_friction(self, friction: Array) -> Self:
         """The same, with these coefficients (n,) at both fingers where they are not NaN."""
         return self._replace(mu=np.where(np.isnan(friction)[:, None], self.mu, friction[:, None]))
 
@@ -89,19 +100,10 @@ class Simulator:
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
         """The simulator of a job, on all cores unless told otherwise."""
-        gripper = job.gripper
-        jaws = np.array(
-            [
-                gripper.opening_mm,
-                gripper.finger_length_mm,
-                gripper.finger_width_mm,
-                gripper.upper_finger_share,
-            ]
-        )
         return cls(
             outline=np.array(simplified(job.part.outline_mm, SIMPLIFY_MM)),
             surface=limit_surface.of_job(job),
-            jaws=jaws,
+            jaws=jaws_of(job.gripper),
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),
             wishart_dof=job.pressure.wishart_dof,
             release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),
@@ -134,26 +136,13 @@ class Simulator:
             (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
             and the status.
         """
-        rows = np.zeros((TRACE_ROWS, 4))
+        n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
         reach = float(np.max(np.hypot(*self.outline.T)))
-        n, q = len(self.outline), np.array(pose, dtype=np.float64)
-        points, placed, near = np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64)
-        width, status, _, count = squeeze(
-            self.outline,
-            reach,
-            surface,
-            self.surface.rho_mm,
-            mu,
-            mu,
-            self.jaws,
-            self.step_mm,
-            q,
-            points,
-            placed,
-            near,
-            squeeze_workspace(),
-            rows,
-        )
+        body = Body(self.outline, reach, surface, self.surface.rho_mm)
+        grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
+        indices = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        scratch = Scratch(np.zeros((n, 2)), *indices, squeeze_workspace())
+        width, status, _, count = squeeze(body, grip, q, scratch, rows)
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
 

@@ -1,8 +1,8 @@
 """A whole squeeze: the fingers close until the part is held, or until they meet.
 
-Free motion is skipped exactly (`clearance.clearance`), contact motion is stepped (`stepping.try_step`). Where
-the LCP has no solution the part is held (paper, section IV: "the no-solution case corresponds to the object
-being jammed or grasped"): *grasped* where no motion of the part at all lets the fingers close further,
+Free motion is skipped exactly (`clearance.free_closing`), contact motion is stepped (`stepping.try_step`).
+Where the LCP has no solution the part is held (paper, section IV: "the no-solution case corresponds to the
+object being jammed or grasped"): *grasped* where no motion of the part at all lets the fingers close further,
 *jammed* where friction alone prevents it.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics import contacts as contact
-from planner.mechanics.clearance import blocked, clearance
+from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
 from planner.mechanics.step import SOLVED, directions, solve
 from planner.mechanics.stepping import (
@@ -22,6 +22,9 @@ from planner.mechanics.stepping import (
     HELD,
     NEAR_MM,
     RETRY,
+    Body,
+    Grip,
+    Scratch,
     SqueezeWork,
     find_contacts,
     list_near,
@@ -41,21 +44,22 @@ LARGEST_ESCAPE = 1e4
 
 
 @kernel
-def _close_freely(
-    outline: Array, q: Array, h: float, top_share: float, bottom_share: float, points: Array,
-    placed: IntArray, work: SqueezeWork,
-) -> bool:  # fmt: skip
-    """Places the whole outline and closes the fingers up to the first touch; False where there is none."""
+def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
+    """Places the whole outline."""
     n = outline.shape[0]
     for i in range(n):
-        placed[i] = i
-    contact.place(outline, q, points, placed, n)
+        scratch.placed[i] = i
+    contact.place(outline, q, scratch.points, scratch.placed, n)
+
+
+@kernel
+def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
+    """Places the whole outline and closes the fingers up to the first touch; False where there is none."""
+    _place_all(body.outline, q, scratch)
+    work = scratch.work
+    top_share, bottom_share = grip.top_share, grip.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
-    free = np.inf
-    if top_share > 0.0:
-        free = clearance(points, 1, top, h) / top_share
-    if bottom_share > 0.0:
-        free = min(free, clearance(points, -1, bottom, h) / bottom_share)
+    free = free_closing(scratch.points, top, bottom, grip.h, top_share, bottom_share)
     if free > 0.5 * (top - bottom):
         return False
     if free > 0.0:
@@ -65,27 +69,14 @@ def _close_freely(
 
 
 @kernel
-def _blocked(
-    outline: Array, q: Array, h: float, thickness: float, points: Array, placed: IntArray, work: SqueezeWork
-) -> bool:
-    """Whether the open fingers would stand on the part."""
-    for i in range(outline.shape[0]):
-        placed[i] = i
-    contact.place(outline, q, points, placed, outline.shape[0])
-    top, bottom = work.fingers[0], work.fingers[1]
-    return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
-
-
-@kernel
-def _held_as(
-    rho: float, q: Array, h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork
-) -> int:
+def _held_as(rho: float, q: Array, grip: Grip, scratch: Scratch) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, h, thickness, 0.02, points, near, work)
+    find_contacts(q, grip, 0.02, scratch)
+    work = scratch.work
     count = work.listed[FOUND]
     for k in range(count):
         work.C[k, GAP] = 0.0
@@ -111,72 +102,69 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 
 
 @kernel
-def squeeze(
-    outline: Array, reach: float, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array,
-    step: float, q: Array, points: Array, placed: IntArray, near: IntArray, work: SqueezeWork, trace: Array,
-) -> tuple[float, int, int, int]:  # fmt: skip
-    """Closes the fingers on one part.
+def grip_of(mu: Array, jaws: Array, step: float) -> Grip:
+    """How fingers close.
 
     Args:
-        outline: (N, 2) counter-clockwise, in the part's frame [mm].
-        reach: largest distance of a vertex from the part's origin [mm].
-        surface: (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table, in the part's frame.
-        rho: length that normalises rotations [mm].
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
+        mu: (2,) friction at the upper and the lower finger.
         jaws: (4,) opening, finger length, finger thickness [mm] and the upper finger's share of the closing
             motion (0.5 = both alike).
         step: nominal closing step of each finger [mm].
+    """
+    return Grip(mu[0], mu[1], jaws[0], 0.5 * jaws[1], jaws[2], 2.0 * jaws[3], 2.0 * (1.0 - jaws[3]), step)
+
+
+@kernel
+def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) -> tuple[float, int, int, int]:
+    """Closes the fingers on one part.
+
+    Args:
+        body: the part.
+        grip: the fingers.
         q: (3,) pose in the hand frame [mm, mm, rad]; modified in place into the final pose.
-        points: (N, 2) workspace for the placed outline.
-        placed: (N,) workspace for the vertices kept placed.
-        near: (N,) workspace for those near the fingers.
-        work: workspace, modified in place.
+        scratch: workspaces, modified in place.
         trace: (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
         Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
     """
-    h, thickness = 0.5 * jaws[1], jaws[2]
-    top_share, bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
-    work.fingers[0], work.fingers[1] = 0.5 * jaws[0], -0.5 * jaws[0]
+    step, work = grip.step, scratch.work
+    work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
     work.F[0], work.F[1], work.F[2] = 0.0, 1.0, 0.0
     touched, verdict = False, ACCEPTED
     budget, size, margin = 0.0, step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
-    if _blocked(outline, q, h, thickness, points, placed, work):
-        return jaws[0], JAMMED, 0, rows
+    _place_all(body.outline, q, scratch)
+    if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
+        return grip.opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and budget < margin:
-            found = _close_freely(outline, q, h, top_share, bottom_share, points, placed, work)
-            if not found:
+            if not _close_freely(body, grip, q, scratch):
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
             touched = True
             rows = _record(trace, rows, q, work.fingers)
-            list_near(points, placed, near, work)
-            find_contacts(q, h, thickness, margin, points, near, work)
+            list_near(scratch)
+            find_contacts(q, grip, margin, scratch)
             budget = NEAR_MM
         elif verdict == RETRY:
-            find_contacts(q, h, thickness, margin, points, near, work)
+            find_contacts(q, grip, margin, scratch)
         if work.listed[FOUND] == 0 and budget < NEAR_MM:
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
         top = work.fingers[0]
-        verdict, size = try_step(
-            outline, surface, rho, mu_top, mu_bottom, jaws, step, size, margin, q, points, placed, near, work
-        )
+        verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
             dx, dy, turned = work.trial[0] - q[0], work.trial[1] - q[1], abs(work.trial[2] - q[2])
-            budget -= np.sqrt(dx * dx + dy * dy) + turned * reach + 2.0 * (top - work.fingers[0])
+            budget -= np.sqrt(dx * dx + dy * dy) + turned * body.reach + 2.0 * (top - work.fingers[0])
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(rho, q, h, thickness, points, near, work)
+    held = _held_as(body.rho, q, grip, scratch)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
@@ -187,16 +175,12 @@ def squeeze_many(
 ) -> None:  # fmt: skip
     """`squeeze` for every row of `poses` (n, 3) with its own surface and mu (n, 2); outputs in place."""
     n = outline.shape[0]
-    points, placed, near = np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64)
-    reach = 0.0
-    for i in range(n):
-        reach = max(reach, np.sqrt(outline[i, 0] ** 2 + outline[i, 1] ** 2))
+    scratch = Scratch(np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64), work)
+    reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
     trace = np.zeros((0, 4))
     for i in range(poses.shape[0]):
-        width[i], status[i], given_up[i], _ = squeeze(
-            outline, reach, surfaces[i], rho, mu[i, 0], mu[i, 1], jaws, step, poses[i], points, placed, near,
-            work, trace,
-        )  # fmt: skip
+        body, grip = Body(outline, reach, surfaces[i], rho), grip_of(mu[i], jaws, step)
+        width[i], status[i], given_up[i], _ = squeeze(body, grip, poses[i], scratch, trace)
 
 
 __all__ = [
@@ -205,7 +189,9 @@ __all__ = [
     "SLIPPED",
     "STATUS_NAMES",
     "UNTOUCHED",
-    "SqueezeWork",
+    "Body",
+    "Grip",
+    "Scratch",
     "squeeze",
     "squeeze_many",
     "squeeze_workspace",

@@ -21,6 +21,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
+from planner.mechanics.closed_form import form, motion, one_contact, two_contacts
 from planner.mechanics.contacts import (
     CORNER,
     FINGER,
@@ -43,7 +44,6 @@ from planner.mechanics.contacts import (
     UT,
 )
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
-from planner.mechanics.pair import form, motion, one_contact, two_contacts
 
 TOUCHING_MM = 1e-3
 """Contacts with a smaller gap enter the step; the others are awaited as events."""

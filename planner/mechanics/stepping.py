@@ -7,7 +7,7 @@ finger. Only the vertices near the fingers are followed from step to step.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -69,17 +69,73 @@ def squeeze_workspace() -> SqueezeWork:
     return np.zeros(1, SQUEEZE_WORK).view(np.recarray)[0]
 
 
+class Body(NamedTuple):
+    """A part, in its own frame.
+
+    Attributes:
+        outline: (N, 2) counter-clockwise [mm].
+        reach: largest distance of a vertex from the part's origin [mm].
+        surface: (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table.
+        rho: length that normalises rotations [mm].
+    """
+
+    outline: Array
+    reach: float
+    surface: Array
+    rho: float
+
+
+class Grip(NamedTuple):
+    """How the fingers close.
+
+    Attributes:
+        mu_top: friction at the upper finger.
+        mu_bottom: friction at the lower finger.
+        opening: of the jaws [mm].
+        h: half the finger's length [mm].
+        thickness: of a finger [mm].
+        top_share: motion of the upper finger for each millimetre of the mean finger's; 1 = both alike.
+        bottom_share: of the lower one; both together are 2.
+        step: nominal closing step of a finger [mm].
+    """
+
+    mu_top: float
+    mu_bottom: float
+    opening: float
+    h: float
+    thickness: float
+    top_share: float
+    bottom_share: float
+    step: float
+
+
+class Scratch(NamedTuple):
+    """Workspaces of a squeeze, modified in place.
+
+    Attributes:
+        points: (N, 2) the placed outline.
+        placed: (N,) the vertices kept placed.
+        near: (N,) those near the fingers.
+        work: a record of `SQUEEZE_WORK`.
+    """
+
+    points: Array
+    placed: IntArray
+    near: IntArray
+    work: SqueezeWork
+
+
 @kernel
 def _midpoint(
-    surface: Array, rho: float, mu_top: float, mu_bottom: float, q: Array, h: float, thickness: float,
-    step_top: float, step_bottom: float, work: SqueezeWork,
-) -> tuple[int, float]:  # fmt: skip
+    body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
+) -> tuple[int, float]:
     """One midpoint step from pose q into `work.trial`, for contacts already found at q.
 
     Returns the status and the difference between the Euler and the midpoint step [mm]; -1 where there is no
     Euler step.
     """
     C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
+    surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     directions(C, I, count, rho, step_top, step_bottom)
     status = solve_surface(
         surface, q[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
@@ -91,7 +147,7 @@ def _midpoint(
     work.half[1] = q[1] + 0.5 * v1
     work.half[2] = q[2] + 0.5 * v2 / rho
     top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
-    turn(C, I, count, q, work.half, top, bottom, h, thickness)
+    turn(C, I, count, q, work.half, top, bottom, grip.h, grip.thickness)
     directions(C, I, count, rho, step_top, step_bottom)
     status = solve_surface(
         surface, work.half[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
@@ -105,8 +161,9 @@ def _midpoint(
 
 
 @kernel
-def list_near(points: Array, placed: IntArray, near: IntArray, work: SqueezeWork) -> None:
+def list_near(scratch: Scratch) -> None:
     """Lists the vertices near the fingers' faces, and those with their neighbours."""
+    points, placed, near, work = scratch
     n = points.shape[0]
     near_count, placed_count = 0, 0
     high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
@@ -130,19 +187,20 @@ def list_near(points: Array, placed: IntArray, near: IntArray, work: SqueezeWork
 
 
 @kernel
-def find_contacts(
-    q: Array, h: float, thickness: float, margin: float, points: Array, near: IntArray, work: SqueezeWork
-) -> None:
-    """Finds the contacts among the near vertices."""
+def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None:
+    """Finds the contacts among the near vertices of a part at pose q (3,), gaps of at most `margin` [mm]."""
+    points, near, work = scratch.points, scratch.near, scratch.work
     work.listed[FOUND] = contact.find(
-        work.C, work.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1], h,
-        thickness, margin,
+        work.C, work.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1],
+        grip.h, grip.thickness, margin,
     )  # fmt: skip
 
 
 @kernel
-def _overlaps(h: float, thickness: float, points: Array, near: IntArray, work: SqueezeWork) -> bool:
+def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
+    points, near, work = scratch.points, scratch.near, scratch.work
+    h, thickness = grip.h, grip.thickness
     for k in range(work.listed[FOUND]):
         if work.C[k, GAP] < -PENETRATION_MM:
             return True
@@ -165,17 +223,24 @@ def _overlaps(h: float, thickness: float, points: Array, near: IntArray, work: S
 
 @kernel
 def try_step(
-    outline: Array, surface: Array, rho: float, mu_top: float, mu_bottom: float, jaws: Array, step: float,
-    size: float, margin: float, q: Array, points: Array, placed: IntArray, near: IntArray, work: SqueezeWork,
-) -> tuple[int, float]:  # fmt: skip
+    body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
+) -> tuple[int, float]:
     """Tries a step of the given size; returns what came of it and the size to go on with.
 
     An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there.
+
+    Args:
+        body: the part.
+        grip: the fingers.
+        size: closing step of each finger [mm].
+        margin: largest gap of the contacts found [mm].
+        q: (3,) pose in the hand frame [mm, mm, rad].
+        scratch: workspaces, with the contacts at q.
     """
-    h, thickness = 0.5 * jaws[1], jaws[2]
-    step_top, step_bottom = 2.0 * jaws[3] * size, 2.0 * (1.0 - jaws[3]) * size
+    step, work = grip.step, scratch.work
+    step_top, step_bottom = grip.top_share * size, grip.bottom_share * size
     smallest = size <= step * SMALLEST_STEP
-    status, error = _midpoint(surface, rho, mu_top, mu_bottom, q, h, thickness, step_top, step_bottom, work)
+    status, error = _midpoint(body, grip, q, step_top, step_bottom, work)
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
@@ -189,12 +254,12 @@ def try_step(
     fraction = event_fraction(work.C, work.listed[FOUND], work.V)
     if fraction < 0.95 and not smallest:
         return RETRY, size * max(fraction, SMALLEST_STEP)
-    contact.place(outline, work.trial, points, placed, work.listed[PLACED])
+    contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
-    find_contacts(work.trial, h, thickness, margin, points, near, work)
-    if _overlaps(h, thickness, points, near, work):
-        contact.place(outline, q, points, placed, work.listed[PLACED])
+    find_contacts(work.trial, grip, margin, scratch)
+    if _overlaps(grip, scratch):
+        contact.place(body.outline, q, scratch.points, scratch.placed, work.listed[PLACED])
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
         return (GIVEN_UP if smallest else RETRY), 0.25 * size

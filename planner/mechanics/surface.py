@@ -11,9 +11,9 @@ from planner.job import Job
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
-from planner.mechanics.quartic_form import FORM, PAIRS, gram
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import support
+from planner.part.quartic_form import FORM, PAIRS, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,7 @@ from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
-from planner.report.page import PAGE
+from planner.report.templating import template
 from planner.report.trajectory import Squeezed, along, extent, frame, touch
 from runtime.shell.files import writing
 
@@ -119,8 +117,6 @@ def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, pa
             for trace in traces
         ],
     }
-    page = PAGE.replace("@TITLE@", escape(title)).replace("@DATA@", json.dumps(data, separators=(",", ":")))
-    for name, color in (("BLUE", canvas.BLUE), ("RED", canvas.RED), ("GREY", canvas.GREY)):
-        page = page.replace(f"@{name}@", color)
+    page = template("squeezes.html").render(title=title, data=data, colors=vars(canvas))
     with writing(path) as file:
         file.write_text(page, encoding="utf-8")

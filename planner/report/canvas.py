@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from planner.arrays import Array
 from planner.job import Job
-from planner.report.vector import lighter
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
@@ -65,8 +64,6 @@ def save(figure: Figure, path: Path) -> None:
     """
     with writing(path) as file:
         figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
-        if path.suffix.lower() == ".svg":
-            file.write_text(lighter(file.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def outlines(outline: Array, poses: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief import subsample
+from planner.belief.particles import subsample
 from planner.report.replay import Replay, Visit
 from planner.statistics import wilson_interval
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map

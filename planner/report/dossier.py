@@ -10,21 +10,20 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from planner.evaluate import evaluate
 from planner.job import Job
 from planner.part import outline as outlines
-from planner.report import canvas, panels
+from planner.report import canvas, tree
 from planner.report.details import leaf_details, node_details, runs
 from planner.report.models import Models
 from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.sensitivity import sensitivity
+from planner.report.templating import template
 from planner.statistics import wilson_interval
 from planner.world import make
 from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
@@ -58,9 +57,9 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         seed: of these.
     """
     beliefs = replay(table, job, trials, seed)
-    drawing = panels.drawing(table, job, beliefs)
+    drawing = tree.drawing(table, job, beliefs)
     data = {
-        "outline": panels.points(job.part.outline_mm),
+        "outline": tree.points(job.part.outline_mm),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in canvas.jaws_of(job)],
         "trials": trials,
@@ -70,24 +69,12 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         "log": _log(source.log) if source.log else None,
     }
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
-    return _template().render(
+    return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
         summary=_summary(table, evaluation), widths=_width_function(job), strips=_strips(table),
         findings=sensitivity(table, job, min(trials, SENSITIVITY_TRIALS), seed),
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
     )  # fmt: skip
-
-
-@cache
-def _template() -> Template:
-    loader = PackageLoader("planner.report", "templates")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["mm"] = lambda um: f"{um / 1e3:.2f}"
-    environment.filters["degrees"] = lambda urad: f"{np.degrees(urad / 1e6):.1f}"
-    environment.filters["percent"] = lambda share: f"{100 * share:.2f} %"
-    return environment.get_template("report.html")
 
 
 def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:

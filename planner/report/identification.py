@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
-from planner.identify import Identified, Normalised, Surface, angles
+from planner.identification.identify import Identified, Normalised, Surface, angles
 from planner.mechanics.limit_surface import LimitSurface
 from planner.report import canvas
 

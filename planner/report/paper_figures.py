@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from planner.arrays import Array
-from planner.belief import subsample
-from planner.encoder import encoder_of
+from planner.belief.observation import encoder_of
+from planner.belief.particles import subsample
 from planner.job import Job
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
-from planner.models.subspaces import subspaces_of
+from planner.paper.subspaces import subspaces_of
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
 from planner.report.tree import in_world

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief import initial
-from planner.encoder import encoder_of
+from planner.belief.observation import encoder_of
+from planner.belief.particles import initial
 from planner.evaluation.trials import Program, step
 from planner.job import Job
 from planner.world import ContactWorld

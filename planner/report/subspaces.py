@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
-from planner.models.quality import Quality
+from planner.diagnosis.model_quality import Quality
 from planner.report import canvas
 
 PARTS = 40

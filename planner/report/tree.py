@@ -1,64 +1,151 @@
-"""A compiled table as one picture, after the paper's Figs 2 and 6.
+"""A compiled table as a tree of panels, after the paper's Figs 2 and 6: for a page, or a picture of its own.
 
 Every node shows the belief when it is reached, as outlines whose overlap darkens, and the fingers of the
 squeeze that led there, at their expected width. Arrow heads close along the next squeeze. Leaves, framed,
-show the predicted pose. Lengths on the page are pixels at a hundred to the inch.
+show the predicted pose. Lengths are pixels; each panel is a small view of the world in mm, so that a browser
+draws the part once and places it wherever a pose says.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch, PathPatch, Polygon
-from matplotlib.path import Path as Curve
-from matplotlib.transforms import Bbox, TransformedBbox
 
 from planner.arrays import Array
-from planner.belief import subsample
+from planner.belief.particles import subsample
 from planner.evaluate import placement_of
 from planner.frames import to_world
 from planner.job import Job
-from planner.part.outline import simplified
 from planner.report import canvas
-from planner.report.labels import DIM, degrees, interval, leaf_lines, percent
-from planner.report.layout import Layout, Sizes, Spot, tidy
+from planner.report.layout import Sizes, Spot, tidy
 from planner.report.replay import Replay, replay
-from runtime.table import PPM, Branch, Node, Table
+from planner.report.templating import template
+from runtime.shell.files import writing
+from runtime.table import Leaf, Node, Table
 
-LINE = "#8c8c8c"
 PANEL = 64.0
-GAP = 53.0
-BUS = 14.0
-"""How far below a panel its branches part."""
-EDGE = 5.0
-FONT_PX = 9.5
-LINE_PX = 17.0
-SIZES = Sizes(panel=0.5 * PANEL, label=29.0, text=29.0, margin=6.0)
-LEGEND = (
-    (canvas.BLUE, "belief on arrival, darker where denser"),
-    (canvas.RED, "fingers after the squeeze, at their expected width"),
-    (canvas.GREEN, "leaf: predicted x, y (mm) and angle; success in its trials"),
-    (canvas.BLACK, "arrow heads: how the next squeeze closes; below, the angle of the hand"),
-    (LINE, "branch: interval of widths between the fingers (mm), share of all parts"),
-)
-LEGEND_PX = 480.0
-"""Room for the longest line of the legend."""
-OUTLINES = 60
-"""Most outlines drawn in one panel."""
-CORNERS = 1100
-"""Most corners of them: an outline of many is drawn less often, which keeps the file small."""
-IN_ALL = 4600
-"""And most outlines in a picture: one of many panels draws fewer in each."""
-SHARPNESS_PX = 0.25
-"""How far an outline that is drawn may be from the true one."""
+EDGE = 8.0
 DARKNESS = 0.7
 """Of the place that all outlines of a panel cover."""
+MOST = 40
+"""Most outlines in one panel."""
+BUDGET = 4000
+"""Outlines that a page draws at once without a wait; shared by all panels."""
 TRIALS = 20_000
+
+
+class Style(NamedTuple):
+    """Which way a tree grows.
+
+    Attributes:
+        sideways: the root on the left, for trees that are too wide with it on top.
+        sizes: of what stands beside each other.
+        gap: between a panel and its children [px].
+        bus: how far from a panel its branches part [px].
+    """
+
+    sideways: bool
+    sizes: Sizes
+    gap: float
+    bus: float
+
+
+DOWNWARDS = Style(False, Sizes(panel=0.5 * PANEL, label=29.0, text=29.0, margin=6.0), 53.0, 14.0)
+SIDEWAYS = Style(True, Sizes(panel=0.5 * PANEL, label=12.0, text=23.0, margin=3.0), 71.0, 8.0)
+
+
+class Label(NamedTuple):
+    """Where text stands [px], and its SVG anchor."""
+
+    x: float
+    y: float
+    anchor: str = "middle"
+
+
+class Panel(NamedTuple):
+    """One node or leaf.
+
+    Attributes:
+        key: "node-3" or "leaf-0".
+        kind: "node", "leaf" or "unresolved".
+        label: in words, for those who do not see it.
+        x: left edge [px].
+        y: upper edge [px].
+        poses: of the outlines, SVG transforms.
+        opacity: of one outline, so that full overlap looks alike in all panels.
+        fingers: of the squeeze that led here, SVG points [mm].
+        arrows: of the next squeeze, SVG points [px, from the middle].
+        lines: text: the angle of the hand, or the leaf's pose and success.
+        text: where it begins [px], and its anchor.
+        predicted: the pose of a leaf, an SVG transform, or "".
+    """
+
+    key: str
+    kind: str
+    label: str
+    x: float
+    y: float
+    poses: list[str]
+    opacity: float
+    fingers: list[str]
+    arrows: list[str]
+    lines: list[str]
+    text: Label
+    predicted: str
+
+
+class Line(NamedTuple):
+    """One branch: `key` is that of the panel it leads to; `x`, `y` are the place of its interval [px]."""
+
+    key: str
+    path: str
+    width: float
+    x: float
+    y: float
+    interval: str
+    share: str
+    share_y: float
+
+
+class Drawing(NamedTuple):
+    """A whole tree [px]; `reach` is half the side of what a panel shows [mm]."""
+
+    width: float
+    height: float
+    reach: float
+    panels: list[Panel]
+    lines: list[Line]
+
+
+def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> Drawing:
+    """Arranges a table's panels.
+
+    Args:
+        table: any.
+        job: the job it was compiled from.
+        beliefs: of the same table.
+        style: which way it grows.
+    """
+    sketch = _Sketch(table, job, beliefs, style)
+    along = sketch.layout.rows * (PANEL + style.gap) + 2 * EDGE
+    across = sketch.layout.width + 2 * EDGE
+    return Drawing(
+        width=along if style.sideways else across,
+        height=across if style.sideways else along,
+        reach=sketch.reach,
+        panels=[*sketch.node_panels(), *sketch.leaf_panels()],
+        lines=sketch.lines(),
+    )
+
+
+def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> str:
+    """The tree as an SVG of its own, with a legend; arguments as of `drawing`."""
+    return template("tree.svg").render(
+        table=table, drawing=drawing(table, job, beliefs, style), part=points(job.part.outline_mm),
+        colors=vars(canvas),
+    )  # fmt: skip
 
 
 def draw(table: Table, job: Job, path: Path, trials: int = TRIALS, seed: int = 0) -> None:
@@ -67,212 +154,178 @@ def draw(table: Table, job: Job, path: Path, trials: int = TRIALS, seed: int = 0
     Args:
         table: any.
         job: the job it was compiled from.
-        path: the picture; ends in .png, .svg or .pdf.
+        path: the picture; ends in .svg.
         trials: parts sent through the table, to find the beliefs.
         seed: of these.
     """
-    with canvas.style():
-        canvas.save(figure(table, job, replay(table, job, trials, seed)), path)
+    text = picture(table, job, replay(table, job, trials, seed))
+    with writing(path) as file:
+        file.write_text(text, encoding="utf-8")
 
 
-def figure(table: Table, job: Job, beliefs: Replay) -> Figure:
-    """The picture; each panel is a group named `node-3` or `leaf-0` in an SVG."""
-    return Page(table, job, beliefs, tidy(table, SIZES)).draw()
+def transform(pose: Array) -> str:
+    """A pose [mm, mm, rad] as an SVG transform; the picture's y axis points up."""
+    x, y, turn = pose
+    return f"translate({x:.2f} {y:.2f})rotate({np.degrees(turn):.1f})"
 
 
-class Page:
-    """The page under way, the root on top: one pair of axes in pixels, y downwards."""
-
-    def __init__(self, table: Table, job: Job, beliefs: Replay, layout: Layout) -> None:
-        self.table, self.beliefs, self.layout = table, beliefs, layout
-        self.jaws = canvas.jaws_of(job)
-        self.scale = 0.5 * PANEL / reach(table, job.part.outline_mm, self.jaws, beliefs)  # px per mm
-        self.outline = simplified(job.part.outline_mm, SHARPNESS_PX / self.scale)
-        panels = len(table.nodes) + len(table.leaves)
-        self.most = max(min(OUTLINES, CORNERS // len(self.outline), IN_ALL // panels), 1)
-        self.left = self.width = self.height = self.legend_y = 0.0
-        self.measure()
-        self.figure = Figure(figsize=(self.width / 100, self.height / 100), facecolor="white")
-        self.axes: Axes = self.figure.add_axes((0, 0, 1, 1), xlim=(0, self.width), ylim=(self.height, 0))
-        self.axes.set_axis_off()
-
-    def measure(self) -> None:
-        """Sets how large the page is, where the tree begins and where the legend."""
-        layout = self.layout
-        self.width = max(2 * EDGE + layout.width, LEGEND_PX)
-        self.left = 0.5 * (self.width - layout.width)
-        self.legend_y = EDGE + (layout.rows - 1) * (PANEL + GAP)
-        last = [spot.x for spot in (*layout.nodes, *layout.leaves) if spot.depth == layout.rows - 1]
-        if self.left + min(last) - 0.5 * PANEL < LEGEND_PX:  # no room beside the last row
-            self.legend_y += PANEL + GAP
-        lines = LINE_PX * (len(LEGEND) + 1)
-        self.height = max(EDGE + layout.rows * (PANEL + GAP), self.legend_y + lines)
-
-    def draw(self) -> Figure:
-        """Draws all of it."""
-        self.draw_nodes()
-        self.draw_leaves()
-        self.draw_legend()
-        return self.figure
-
-    def draw_nodes(self) -> None:
-        """All nodes, each with the branches that leave it."""
-        trials = len(self.beliefs.visits[0].before)
-        self._belief("node-0", self.layout.nodes[0], self.beliefs.visits[0].before)
-        for node, spot, visit in zip(self.table.nodes, self.layout.nodes, self.beliefs.visits, strict=True):
-            self._frame(spot, canvas.PALE, 0.7, "solid")
-            self._next_squeeze(spot, node)
-            for number, branch in enumerate(node.branches):
-                poses, target = visit.through(number), branch.target
-                child = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
-                self.draw_branch(spot, child, branch, len(poses) / trials)
-                self._belief(f"node-{target}" if target >= 0 else f"leaf-{~target}", child, poses)
-                self._fingers(child, node, branch)
-
-    def draw_leaves(self) -> None:
-        """The predicted poses, framed, with their figures below."""
-        for leaf, spot in zip(self.table.leaves, self.layout.leaves, strict=True):
-            if leaf.resolved:
-                pose = np.array([[leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6]])
-                self._polygon(spot, canvas.outlines(self.outline, pose)[0], canvas.GREEN, 1.0, 0.0, 4)
-                self._frame(spot, canvas.GREEN, 1.6, "solid")
-            else:
-                self._frame(spot, LINE, 1.2, "dashed")
-            self.draw_leaf_text(spot, leaf_lines(leaf, self.table.goal.symmetry))
-
-    def draw_legend(self) -> None:
-        """What the signs mean, and how good the whole is."""
-        predicted = self.table.predicted
-        total = (
-            f"{len(self.table.nodes)} squeezes planned, {predicted.mean_squeezes_ppm / PPM:.2f} a part on "
-            f"average; success {100 * predicted.success_ppm / PPM:.2f} %, "
-            f"rejected {100 * predicted.reject_ppm / PPM:.2f} % of {predicted.trials}"
-        )
-        for k, (color, text) in enumerate((*LEGEND, ("", total))):
-            y = self.legend_y + LINE_PX * (k + 0.5)
-            self.write(EDGE + 17, y, text)
-            if color:
-                self._sign(y, color)
-
-    def _sign(self, y: float, color: str) -> None:
-        """A line, an arrow head or a swatch, at the left of a line of the legend."""
-        if color == LINE:
-            self.axes.plot([EDGE + 1, EDGE + 11], [y, y], color=color, linewidth=2.0)
-        elif color == canvas.BLACK:
-            head = np.array([(EDGE + 9, y), (EDGE + 3, y - 3), (EDGE + 3, y + 3)])
-            self.axes.add_patch(Polygon(head, facecolor=color, edgecolor="none"))
-        else:
-            swatch = FancyBboxPatch((EDGE + 1, y - 4), 10, 8, boxstyle="round,pad=0,rounding_size=1.5")
-            swatch.set(facecolor=to_rgba(color, 0.25), edgecolor=color, linewidth=0.9)
-            self.axes.add_patch(swatch)
-
-    def _belief(self, name: str, spot: Spot, poses: Array) -> None:
-        """A sample of the poses, so transparent that full overlap looks alike in all panels."""
-        poses = subsample(poses, self.most)
-        fill = 1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1))
-        parts = PolyCollection(
-            list(self._at(spot, canvas.outlines(self.outline, poses))),
-            facecolors=to_rgba(canvas.BLUE, fill), edgecolors=to_rgba(canvas.BLUE, min(0.8, 4.0 * fill)),
-            linewidths=0.35, zorder=2, gid=name,
-        )  # fmt: skip
-        self.axes.add_collection(parts, autolim=False)
-        x, y = self._corner(spot)
-        parts.set_clip_box(TransformedBbox(Bbox([[x, y], [x + PANEL, y + PANEL]]), self.axes.transData))
-
-    def _fingers(self, spot: Spot, node: Node, branch: Branch) -> None:
-        boxes = canvas.finger_boxes(self.jaws, branch.expected_um / 1e3)
-        for box in in_world(boxes, node):
-            self._polygon(spot, box, canvas.RED, 0.8, 0.2, 3)
-
-    def _frame(self, spot: Spot, color: str, width: float, dashes: str) -> None:
-        frame = FancyBboxPatch(self._corner(spot), PANEL, PANEL, boxstyle="round,pad=0,rounding_size=3")
-        frame.set(fill=False, edgecolor=color, linewidth=width, linestyle=dashes, zorder=5)
-        self.axes.add_patch(frame)
-
-    def _next_squeeze(self, spot: Spot, node: Node) -> None:
-        """Two arrow heads that close along the next squeeze, and below them the hand's angle."""
-        angle = node.squeeze.angle_urad / 1e6
-        along = np.array([-np.sin(angle), np.cos(angle)])  # the hand's y in the world
-        across = np.array([along[1], -along[0]])
-        middle = self.middle(spot)
-        rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5
-        for side in (1.0, -1.0):
-            head = side * np.array(
-                [(rim - 6.0) * along, rim * along + 3.0 * across, rim * along - 3.0 * across]
-            )
-            self.axes.add_patch(
-                Polygon(middle + head * (1.0, -1.0), facecolor=canvas.BLACK, edgecolor="none", zorder=6)
-            )
-        self.draw_angle(middle, float(np.degrees(angle)))
-
-    def draw_angle(self, middle: Array, angle_deg: float) -> None:
-        """The hand's angle of the next squeeze, below the middle of a panel."""
-        self.write(middle[0] + 4.0, middle[1] + 0.5 * (PANEL + BUS), degrees(angle_deg))
-
-    def draw_branch(self, spot: Spot, child: Spot, branch: Branch, share: float) -> None:
-        """The line to a child, and what it says."""
-        x0, y0 = self.middle(spot)
-        x1, y1 = self.middle(child)
-        y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
-        self.line([(x0, y0), (x0, y0 + BUS), (x1, y0 + BUS), (x1, y1)], share)
-        self.write(x1, y0 + BUS + 10.0, interval(branch), ha="center", ground=True)
-        self.write(x1, y0 + BUS + 21.0, percent(share), DIM, ha="center", ground=True)
-
-    def line(self, points: list[tuple[float, float]], share: float) -> None:
-        """A line as thick as the share of parts that takes it."""
-        line = PathPatch(Curve(points), fill=False, zorder=1)
-        line.set(edgecolor=LINE, linewidth=0.6 + 3.0 * share, joinstyle="round", capstyle="butt")
-        self.axes.add_patch(line)
-
-    def draw_leaf_text(self, spot: Spot, lines: list[tuple[str, str]]) -> None:
-        """The lines of a leaf, each with its colour."""
-        x, y = self.middle(spot)
-        for k, (line, color) in enumerate(lines):
-            self.write(x, y + 0.5 * PANEL + 9.0 + 11.0 * k, line, color, ha="center")
-
-    def _polygon(
-        self, spot: Spot, points: Array, color: str, width: float, opacity: float, zorder: float
-    ) -> None:
-        polygon = Polygon(self._at(spot, points), edgecolor=color, linewidth=width, zorder=zorder)
-        polygon.set_facecolor(to_rgba(color, opacity))
-        self.axes.add_patch(polygon)
-
-    def write(
-        self, x: float, y: float, text: str, color: str = canvas.BLACK, ha: str = "left",
-        zorder: float = 5, ground: bool = False,
-    ) -> None:  # fmt: skip
-        """Text at the middle of its height; on white ground where a line runs behind it."""
-        written = self.axes.text(x, y, text, color=color, fontsize=0.72 * FONT_PX, zorder=zorder)
-        written.set(ha=ha, va="center_baseline")
-        if ground:
-            written.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
-
-    def middle(self, spot: Spot) -> Array:
-        """The middle of a panel on the page."""
-        return np.array([self.left + spot.x, EDGE + spot.depth * (PANEL + GAP) + 0.5 * PANEL])
-
-    def _corner(self, spot: Spot) -> tuple[float, float]:
-        x, y = self.middle(spot) - 0.5 * PANEL
-        return float(x), float(y)
-
-    def _at(self, spot: Spot, points: Array) -> Array:
-        """Points of the world (..., 2) on the page, in a panel."""
-        return np.asarray(self.middle(spot) + self.scale * points * np.array([1.0, -1.0]))
+def points(shape: Array) -> str:
+    """Vertices (n, 2) as SVG points."""
+    return " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)
 
 
 def in_world(boxes: Array, node: Node) -> Array:
     """Boxes (2, 4, 2) from the frame of a node's hand to the world."""
-    return to_world(np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1), placement_of(node.squeeze))[
-        ..., :2
-    ]
+    flat = np.concatenate([boxes, np.zeros((2, 4, 1))], axis=-1)
+    return to_world(flat, placement_of(node.squeeze))[..., :2]
 
 
-def reach(table: Table, outline: Array, jaws: Array, beliefs: Replay) -> float:
-    """Half the side of a square in the world that holds nearly all beliefs and all closed fingers [mm]."""
-    part = float(np.max(np.hypot(*outline.T)))
-    reach = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9)) + part
-    for node in table.nodes:
-        for branch in node.branches:
-            boxes = in_world(canvas.finger_boxes(jaws, branch.expected_um / 1e3), node)
-            reach = max(reach, float(np.max(np.abs(boxes))))
-    return 1.03 * reach
+class _Sketch:
+    """What the panels of one table have in common."""
+
+    def __init__(self, table: Table, job: Job, beliefs: Replay, style: Style) -> None:
+        self.table, self.beliefs, self.style = table, beliefs, style
+        self.layout = tidy(table, style.sizes)
+        self.jaws = canvas.jaws_of(job)
+        self.parent = {
+            branch.target: (index, number)
+            for index, node in enumerate(table.nodes)
+            for number, branch in enumerate(node.branches)
+        }
+        self.reach = self._reach(job.part.outline_mm)
+        self.most = max(1, min(MOST, BUDGET // (len(table.nodes) + len(table.leaves))))
+        self.trials = len(beliefs.visits[0].before)
+
+    def node_panels(self) -> list[Panel]:
+        """One panel a node."""
+        panels = []
+        for index, (node, spot) in enumerate(zip(self.table.nodes, self.layout.nodes, strict=True)):
+            angle = float(np.degrees(node.squeeze.angle_urad / 1e6))
+            arrivals = self.beliefs.visits[index].before
+            seen = percent(len(arrivals) / self.trials)
+            label = f"Node {index}: squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
+            x, y = self._corner(spot)
+            text = Label(x + 44.0, y + 74.0)
+            if self.style.sideways:  # in that lower corner which has no arrow head
+                left = np.sin(np.radians(2.0 * angle)) > 0.0
+                text = Label(x + 3.0, y + 61.0, "start") if left else Label(x + 61.0, y + 61.0, "end")
+            panels.append(
+                Panel(
+                    f"node-{index}", "node", f"{label} of the parts", x, y, *self._belief(arrivals),
+                    self._fingers(index), _arrows(node), [f"{signed(angle, 0)}°"], text, "",
+                )
+            )  # fmt: skip
+        return panels
+
+    def leaf_panels(self) -> list[Panel]:
+        """One panel a leaf."""
+        panels = []
+        for index, (leaf, spot) in enumerate(zip(self.table.leaves, self.layout.leaves, strict=True)):
+            x, y = self._corner(spot)
+            pose = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+            lines = leaf_lines(leaf)
+            text = Label(x + 32.0, y + 74.0)
+            if self.style.sideways:
+                text = Label(x + PANEL + 4.0, y + 35.0 - 5.5 * (len(lines) - 1), "start")
+            panels.append(
+                Panel(
+                    f"leaf-{index}", "leaf" if leaf.resolved else "unresolved", leaf_label(index, leaf), x, y,
+                    *self._belief(self.beliefs.leaves[index]), self._fingers(~index), [], lines, text,
+                    transform(pose) if leaf.resolved else "",
+                )
+            )  # fmt: skip
+        return panels
+
+    def lines(self) -> list[Line]:
+        """All branches."""
+        found = []
+        for target, (index, number) in self.parent.items():
+            branch = self.table.nodes[index].branches[number]
+            child = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
+            share = len(self.beliefs.visits[index].through(number)) / self.trials
+            path, x, y, share_y = self._path(self.layout.nodes[index], child)
+            interval = f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}"
+            key = f"node-{target}" if target >= 0 else f"leaf-{~target}"
+            found.append(Line(key, path, 0.8 + 3.0 * share, x, y, interval, percent(share), share_y))
+        return found
+
+    def _path(self, spot: Spot, child: Spot) -> tuple[str, float, float, float]:
+        """The line from a panel to a child; x and y of what it says, and y of the share below that."""
+        (x0, y0), (x1, y1), bus = self._middle(spot), self._middle(child), self.style.bus
+        if self.style.sideways:
+            x0, x1 = x0 + 0.5 * PANEL, x1 - 0.5 * PANEL
+            path = f"M{x0:.1f} {y0:.1f}H{x0 + bus:.1f}V{y1:.1f}H{x1:.1f}"
+            return path, 0.5 * (x0 + bus + x1), y1 - 4.0, y1 + 11.0
+        y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
+        return f"M{x0:.1f} {y0:.1f}V{y0 + bus:.1f}H{x1:.1f}V{y1:.1f}", x1, y0 + bus + 13.0, y0 + bus + 24.0
+
+    def _belief(self, poses: Array) -> tuple[list[str], float]:
+        poses = subsample(poses, self.most)
+        opacity = round(1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1)), 4)
+        return [transform(pose) for pose in poses], opacity
+
+    def _fingers(self, target: int) -> list[str]:
+        return [points(box) for box in self._boxes(target)] if target in self.parent else []
+
+    def _boxes(self, target: int) -> Array:
+        """The fingers (2, 4, 2) in the world after the squeeze that leads to a target."""
+        index, number = self.parent[target]
+        node = self.table.nodes[index]
+        return in_world(canvas.finger_boxes(self.jaws, node.branches[number].expected_um / 1e3), node)
+
+    def _reach(self, outline: Array) -> float:
+        """Half the side of a square in the world that holds nearly all beliefs and closed fingers [mm]."""
+        spread = np.hypot(*self.beliefs.visits[0].before[:, :2].T)
+        reach = float(np.quantile(spread, 0.9)) + float(np.max(np.hypot(*outline.T)))
+        return 1.03 * max(reach, *(float(np.max(np.abs(self._boxes(target)))) for target in self.parent))
+
+    def _middle(self, spot: Spot) -> tuple[float, float]:
+        along = EDGE + spot.depth * (PANEL + self.style.gap) + 0.5 * PANEL
+        return (along, EDGE + spot.x) if self.style.sideways else (EDGE + spot.x, along)
+
+    def _corner(self, spot: Spot) -> tuple[float, float]:
+        x, y = self._middle(spot)
+        return round(x - 0.5 * PANEL, 1), round(y - 0.5 * PANEL, 1)
+
+
+def leaf_label(index: int, leaf: Leaf) -> str:
+    """A leaf in words."""
+    if not leaf.resolved:
+        return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
+    x, y, turn = leaf.x_um / 1e3, leaf.y_um / 1e3, np.degrees(leaf.theta_urad / 1e6)
+    place = f"Leaf {index}: part at {x:.1f}, {y:.1f} mm, {turn:.0f} degrees"
+    success = "untried" if leaf.success is None else f"success {100 * leaf.success:.2f} percent"
+    return f"{place}; {success}"
+
+
+def leaf_lines(leaf: Leaf) -> list[str]:
+    """What stands at a leaf."""
+    if not leaf.resolved:
+        return ["unresolved", f"of {leaf.trials}" if leaf.trials else "untried"]
+    place = f"{signed(leaf.x_um / 1e3)}, {signed(leaf.y_um / 1e3)}"
+    lines = [place, f"{signed(float(np.degrees(leaf.theta_urad / 1e6)))}°"]
+    if leaf.success is None:
+        return [*lines, "untried"]
+    return [*lines, f"{100 * leaf.success:.1f} %", f"of {leaf.trials}"]
+
+
+def percent(share: float) -> str:
+    """A share of all parts, with a digit more where it is small."""
+    if 0.0 < share < 0.001:
+        return "< 0.1 %"
+    return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
+
+
+def signed(value: float, digits: int = 1) -> str:
+    """A rounded number, with a minus sign of the right length and no negative zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def _arrows(node: Node) -> list[str]:
+    """Two arrow heads that close along the squeeze."""
+    angle = node.squeeze.angle_urad / 1e6
+    along = np.array([-np.sin(angle), np.cos(angle)])  # the hand's y in the world
+    across = np.array([along[1], -along[0]])
+    rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5
+    heads = np.array([(rim - 7.0) * along, rim * along + 3.5 * across, rim * along - 3.5 * across])
+    return [points(side * heads * (1.0, -1.0)) for side in (1.0, -1.0)]

@@ -23,13 +23,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import subsample
-from planner.goal import Metric
+from planner.belief.metric import Metric
+from planner.belief.particles import subsample
+from planner.belief.transition import Costs, MotionModel, Outcomes
+from planner.mechanics.clearance import free_placements
 from planner.mechanics.simulator import Simulator
-from planner.search.actions import ActionSet, free_placements
-from planner.search.costs import Costs
-from planner.search.options import Choice, Options, joined, luck, squeezes_left, unlike
-from planner.search.outcomes import MotionModel, Outcomes
+from planner.search.actions import ActionSet
+from planner.search.options import Choice, Options, joined, selection_bias, squeezes_left, unlike
 from planner.search.proposals import refined
 
 LEAST_CLEARANCE_MM = 0.5
@@ -67,7 +67,7 @@ CONTENDERS = 6
 class _Followed(NamedTuple):
     """One belief's options after all the squeezes looked ahead; J is infinite where one was not followed."""
 
-    to_go: Array
+    cost_to_go: Array
     ratio: Array
 
 
@@ -117,8 +117,8 @@ class LookAhead:
         """
         for depth, particles in self._efforts(belief, share):
             options = self._options(belief, subsample(belief, particles), depth, rng)
-            gaining = sorted((k for k in options if k.gain > LEAST_PROGRESS), key=lambda k: k.to_go)
-            if gaining and gaining[0].to_go < 1.0 + NEARLY:
+            gaining = sorted((k for k in options if k.gain > LEAST_PROGRESS), key=lambda k: k.cost_to_go)
+            if gaining and gaining[0].cost_to_go < 1.0 + NEARLY:
                 gaining = self._checked(belief, particles, gaining, rng)
             if gaining:
                 return unlike(gaining, most)
@@ -135,8 +135,8 @@ class LookAhead:
 
     def _telling(self, belief: Array) -> int:
         """How many particles it takes to see those outside the mode."""
-        lacking = 1.0 - self.metric.mode(belief).ratio
-        return min(len(belief), round(OUTSIDE / max(lacking, LEAST_PROGRESS)))
+        outside = 1.0 - self.metric.mode(belief).ratio
+        return min(len(belief), round(OUTSIDE / max(outside, LEAST_PROGRESS)))
 
     def _checked(
         self, belief: Array, particles: int, choices: list[Choice], rng: np.random.Generator
@@ -147,15 +147,16 @@ class LookAhead:
         thin = subsample(belief, self._telling(belief))
         (squeezed,) = self._squeeze([thin], [np.array([k.placement for k in choices[:CONTENDERS]])], rng)
         gain = self._gain(thin, squeezed, squeezed.ratio)
-        found = zip(squeezed.placements, squeezed.to_go, gain, strict=True)
+        found = zip(squeezed.placements, squeezed.cost_to_go, gain, strict=True)
         return sorted(
-            (Choice(a, float(j), float(g)) for a, j, g in found if g > LEAST_PROGRESS), key=lambda k: k.to_go
+            (Choice(a, float(j), float(g)) for a, j, g in found if g > LEAST_PROGRESS),
+            key=lambda k: k.cost_to_go,
         )
 
     def _gain(self, belief: Array, squeezed: Options, after: Array) -> Array:
-        """What each option gains in mode ratio, beyond what luck explains."""
+        """What each option gains in mode ratio, beyond selection bias."""
         ratio = self.metric.mode(belief).ratio
-        chance = [luck(ratio, len(belief), len(outcome.beliefs)) for outcome in squeezed.outcomes]
+        chance = [selection_bias(ratio, len(belief), len(outcome.beliefs)) for outcome in squeezed.outcomes]
         return np.asarray(after - ratio - np.array(chance))
 
     def _options(self, belief: Array, thin: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
@@ -172,8 +173,12 @@ class LookAhead:
                 squeezed = joined(squeezed, self._squeeze([thin], [near], rng)[0])
         (followed,) = self._follow([squeezed], depth, 0, rng)
         gain = self._gain(thin, squeezed, np.maximum(followed.ratio, squeezed.ratio))
-        found = zip(squeezed.placements, followed.to_go, gain, strict=True)
-        return [Choice(a, float(to_go), float(more)) for a, to_go, more in found if np.isfinite(to_go)]
+        found = zip(squeezed.placements, followed.cost_to_go, gain, strict=True)
+        return [
+            Choice(a, float(cost_to_go), float(more))
+            for a, cost_to_go, more in found
+            if np.isfinite(cost_to_go)
+        ]
 
     def _values(
         self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator
@@ -182,20 +187,20 @@ class LookAhead:
         ratio = np.array([self.metric.mode(belief).ratio for belief in beliefs])
         short = np.flatnonzero(ratio < self.confidence)
         ratio = ratio - SHRINK / np.array([len(belief) for belief in beliefs])
-        to_go = squeezes_left(ratio)
+        cost_to_go = squeezes_left(ratio)
         if depth == 0:
-            return to_go, ratio
+            return cost_to_go, ratio
         options = [self._free(beliefs[i], self.actions.options(beliefs[i], self.metric)) for i in short]
         movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
         before = ratio.copy()
         moved = [beliefs[i] for i, _ in movable]
         squeezed = self._squeeze(moved, self._shortlist(moved, [choice for _, choice in movable], rng), rng)
         for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
-            best = int(np.argmin(found.to_go))
-            to_go[i], ratio[i] = found.to_go[best], max(ratio[i], found.ratio[best])
+            best = int(np.argmin(found.cost_to_go))
+            cost_to_go[i], ratio[i] = found.cost_to_go[best], max(ratio[i], found.ratio[best])
         lost = short[ratio[short] < before[short] + LEAST_PROGRESS]
-        to_go[lost] += LOST * (1.0 - ratio[lost])
-        return to_go, ratio
+        cost_to_go[lost] += LOST * (1.0 - ratio[lost])
+        return cost_to_go, ratio
 
     def _shortlist(self, beliefs: list[Array], options: list[Array], rng: np.random.Generator) -> list[Array]:
         """Of more options than all particles can judge, those that few particles say most for.
@@ -222,36 +227,38 @@ class LookAhead:
     def _judge(self, placements: Array, outcomes: list[Outcomes]) -> Options:
         """What one squeeze each comes to."""
         cost = np.array([self.costs.of(outcome) for outcome in outcomes])
-        ratio, to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
+        ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
         for k, outcome in enumerate(outcomes):
             few = np.array([SHRINK / len(child) for child in outcome.beliefs])
             modes = [self.metric.main_modes(child, self.metric.modes + 1) for child in outcome.beliefs]
             first = np.array([sum(mode.ratio for mode in found[: self.metric.modes]) for found in modes])
             further = np.array([sum(mode.ratio for mode in found[self.metric.modes :]) for found in modes])
             ratio[k] = outcome.probability @ first
-            to_go[k] += outcome.probability @ squeezes_left(first - few)
-            rank[k] = to_go[k] - SECOND_MODE * (outcome.probability @ further)
-        return Options(placements, outcomes, cost, ratio, to_go, rank)
+            cost_to_go[k] += outcome.probability @ squeezes_left(first - few)
+            rank[k] = cost_to_go[k] - SECOND_MODE * (outcome.probability @ further)
+        return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
     def _follow(
         self, squeezed: list[Options], depth: int, level: int, rng: np.random.Generator
     ) -> list[_Followed]:
         """J of every option, the promising ones followed for the squeezes that remain."""
-        found = [_Followed(options.to_go.copy(), options.ratio.copy()) for options in squeezed]
+        found = [_Followed(options.cost_to_go.copy(), options.ratio.copy()) for options in squeezed]
         if depth == 1:
             return found
         width = FOLLOWED[min(level, len(FOLLOWED) - 1)]
-        open_ones = [i for i, options in enumerate(squeezed) if (options.to_go - options.cost).min() > NEARLY]
+        open_ones = [
+            i for i, options in enumerate(squeezed) if (options.cost_to_go - options.cost).min() > NEARLY
+        ]
         chosen = [(i, k) for i in open_ones for k in squeezed[i].best(width)]
         children = [child for i, k in chosen for child in squeezed[i].outcomes[k].beliefs]
-        to_go, ratio = self._values(children, depth - 1, level + 1, rng)
+        cost_to_go, ratio = self._values(children, depth - 1, level + 1, rng)
         for i in open_ones:
-            found[i].to_go[:] = np.inf
+            found[i].cost_to_go[:] = np.inf
         start = 0
         for i, k in chosen:
             outcome = squeezed[i].outcomes[k]
             part = slice(start, start + len(outcome.beliefs))
-            found[i].to_go[k] = squeezed[i].cost[k] + outcome.probability @ to_go[part]
+            found[i].cost_to_go[k] = squeezed[i].cost[k] + outcome.probability @ cost_to_go[part]
             found[i].ratio[k] = outcome.probability @ ratio[part]
             start = part.stop
         return found

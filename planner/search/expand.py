@@ -11,18 +11,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief import replenish, trusting
-from planner.goal import Metric, Mode
-from planner.models.partition import Partition
+from planner.belief.metric import Metric, Mode
+from planner.belief.observation import Partition
+from planner.belief.particles import replenish, without_friction
+from planner.belief.transition import MotionModel
 from planner.search.closed_loop import LEAST_PROGRESS, LookAhead
 from planner.search.handling import Handling
-from planner.search.options import luck
-from planner.search.outcomes import MotionModel
+from planner.search.options import selection_bias
 
 ALTERNATIVES = 3
 """Placements kept for a node besides the chosen one."""
-MOST_IDLE = 3
-"""Squeezes that may get a belief no nearer the goal: two or three may be needed to tell two poses apart."""
+MOST_WITHOUT_GAIN = 3
+"""Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
 NEWS = 0.002
 """Mode ratio that an exhausted leaf must have lost before squeezes are looked for again."""
 LEAST_PARTICLES = 100
@@ -50,7 +50,7 @@ class TreeNode:
         refuted: fresh trials spoke against it, as a leaf.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
             looked for.
-        idle: squeezes before this node, one after the other, that got the belief no nearer the goal.
+        squeezes_without_gain: how many just before this node got the belief no nearer the goal.
         alternatives: further placements (3,) that looked promising, the best first.
         children: one node for each cluster.
     """
@@ -68,7 +68,7 @@ class TreeNode:
     cost: float = 0.0
     refuted: bool = False
     exhausted: float = math.inf
-    idle: int = 0
+    squeezes_without_gain: int = 0
     alternatives: list[Array] = field(default_factory=list)
     children: list[TreeNode] = field(default_factory=list)
 
@@ -78,7 +78,7 @@ class TreeNode:
         return len(self.path)
 
     @property
-    def lacking(self) -> float:
+    def unlocated_mass(self) -> float:
         """Share of all parts that end here, if it is a leaf, and are not known to be where it says."""
         return self.share * (1.0 - self.mode.ratio)
 
@@ -143,7 +143,7 @@ def grow(
     confidence = growth.look_ahead.confidence
     leaves = [node for node in breadth_first(root) if not node.children]
     open_ones = [leaf for leaf in leaves if leaf.worth_growing(reopen)]
-    waiting = [(-node.lacking, node.path, node) for node in open_ones]
+    waiting = [(-node.unlocated_mass, node.path, node) for node in open_ones]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
@@ -152,7 +152,7 @@ def grow(
         if node.mode.ratio < confidence:
             _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
             for child in node.children:
-                heapq.heappush(waiting, (-child.lacking, child.path, child))
+                heapq.heappush(waiting, (-child.unlocated_mass, child.path, child))
         if progress is not None:
             progress(done, len(waiting))
 
@@ -184,7 +184,7 @@ def learn(
             continue
         met = node.mode.ratio >= confidence
         node.refuted = number in against
-        node.belief = np.concatenate([node.belief, trusting(poses)])
+        node.belief = np.concatenate([node.belief, without_friction(poses)])
         node.mode = metric.mode(node.belief)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and node.worth_growing(confidence):
@@ -194,7 +194,7 @@ def learn(
 
 def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
     """Chooses the node's action and squeezes there; leaves it as it is where none gains anything."""
-    may = node.depth < growth.max_depth and node.idle < MOST_IDLE
+    may = node.depth < growth.max_depth and node.squeezes_without_gain < MOST_WITHOUT_GAIN
     choices = growth.look_ahead.choose(node.belief, rng, 1 + ALTERNATIVES, node.share) if may else []
     if choices:
         squeeze_at(node, choices[0].placement, growth, rng)
@@ -223,13 +223,13 @@ def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.
     for k, (share, child) in enumerate(zip(outcomes.probability, beliefs, strict=True)):
         mode = growth.look_ahead.metric.mode(child)
         node.children.append(TreeNode(child, node.share * float(share), mode, (*node.path, k)))
-    idle = 0 if _gain(node) > LEAST_PROGRESS else node.idle + 1
+    squeezes_without_gain = 0 if _gain(node) > LEAST_PROGRESS else node.squeezes_without_gain + 1
     for grown in node.children:
-        grown.idle = idle
+        grown.squeezes_without_gain = squeezes_without_gain
 
 
 def _gain(node: TreeNode) -> float:
-    """What a node's squeeze gained in mode ratio, beyond what luck explains."""
+    """What a node's squeeze gained in mode ratio, beyond selection bias."""
     after = sum(child.share * child.mode.ratio for child in node.children) / node.share
     ratio = node.mode.ratio
-    return after - ratio - luck(ratio, len(node.belief), len(node.children))
+    return after - ratio - selection_bias(ratio, len(node.belief), len(node.children))

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.encoder import Encoder, encoder_of
+from planner.belief.observation import Encoder, encoder_of
+from planner.belief.transition import Outcomes
 from planner.frames import to_hand
 from planner.job import Job
-from planner.models.region import stands_on
-from planner.search.actions import least_clearance
-from planner.search.outcomes import Outcomes
+from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of, least_clearance
 from runtime.table import HELD_UM
 
 SPARE_MM = 3.0
@@ -33,7 +32,7 @@ class Handling:
 
     Attributes:
         outline: (N, 2) the part [mm].
-        jaws: opening, finger length, finger thickness [mm].
+        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         openings_mm: to choose from, rising, the full one last.
         forces_n: to choose from, rising.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
@@ -58,7 +57,8 @@ class Handling:
 
     def clear(self, belief: Array, placement: Array) -> Array:
         """The particles that no open finger comes down on; at the others the arm stops."""
-        return np.asarray(belief[~stands_on(self.outline, self.jaws, to_hand(belief, placement))])
+        verdict = classify_contact(self.outline, self.jaws, to_hand(belief, placement))
+        return np.asarray(belief[verdict != STANDS_ON])
 
     def force_n(self, unstable: float) -> float:
         """The strongest grip for a stable squeeze; the gentlest where parts may be thrown (paper VII.B)."""
@@ -108,7 +108,7 @@ def handling_of(job: Job) -> Handling:
     """The choices that a job allows."""
     gripper = job.gripper
     openings = sorted({*job.actions.openings_mm, gripper.opening_mm})
-    jaws = np.array([gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm])
+    jaws = jaws_of(gripper)
     return Handling(
         job.part.outline_mm, jaws, tuple(openings), tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
         np.array(job.cell.work_area_mm), encoder_of(job),

@@ -85,4 +85,4 @@ def price(node: TreeNode, growth: Growth) -> float:
     leaves = [leaf for leaf in nodes if not leaf.children]
     spent = sum(inner.share * inner.cost for inner in nodes if inner.children)
     lost = sum(leaf.share for leaf in leaves if leaf.mode.ratio < confidence)
-    return squeeze * spent + lost + sum(leaf.lacking for leaf in leaves)
+    return squeeze * spent + lost + sum(leaf.unlocated_mass for leaf in leaves)

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.transition import Outcomes
 from planner.frames import wrap
-from planner.search.outcomes import Outcomes
 
 TAU = 0.02
 """What a belief may lack, about, before it counts as one that needs another squeeze."""
-LUCK = 0.5
+SELECTION_BIAS = 0.5
 """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 ALIKE_MM, ALIKE_DEG = 8.0, 20.0
 """Placements nearer than this are varieties of one."""
@@ -25,12 +25,12 @@ class Choice(NamedTuple):
 
     Attributes:
         placement: (3,) the hand frame in the world.
-        to_go: J of squeezing there.
-        gain: in mode ratio, over stopping here, beyond what luck explains.
+        cost_to_go: J of squeezing there.
+        gain: in mode ratio, over stopping here, beyond selection bias.
     """
 
     placement: Array
-    to_go: float
+    cost_to_go: float
     gain: float
 
 
@@ -42,7 +42,7 @@ class Options(NamedTuple):
         outcomes: k of them.
         cost: (k,) c.
         ratio: (k,) expected mode ratio after it.
-        to_go: (k,) J of depth 1.
+        cost_to_go: (k,) J of depth 1.
         rank: (k,) the same with something for beliefs of two modes; less is better.
     """
 
@@ -50,7 +50,7 @@ class Options(NamedTuple):
     outcomes: list[Outcomes]
     cost: Array
     ratio: Array
-    to_go: Array
+    cost_to_go: Array
     rank: Array
 
     def best(self, most: int) -> list[int]:
@@ -60,13 +60,13 @@ class Options(NamedTuple):
 
 def squeezes_left(ratio: Array) -> Array:
     """J(b, 0) of beliefs with these mode ratios: the squeezes that they still need, guessed."""
-    lacking = np.maximum(1.0 - ratio, 0.0)
-    return np.asarray(1.0 - np.exp(-lacking / TAU) + lacking)
+    outside = np.maximum(1.0 - ratio, 0.0)
+    return np.asarray(1.0 - np.exp(-outside / TAU) + outside)
 
 
-def luck(ratio: float, particles: int, clusters: int) -> float:
+def selection_bias(ratio: float, particles: int, clusters: int) -> float:
     """What splitting a belief at random adds to its mode ratio: each cluster's mode is chosen to fit it."""
-    return float(LUCK * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
+    return float(SELECTION_BIAS * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
 
 
 def unlike(choices: list[Choice], most: int) -> list[Choice]:
@@ -81,7 +81,7 @@ def unlike(choices: list[Choice], most: int) -> list[Choice]:
         x, y, turn = np.abs([choice.placement - other.placement for other in found]).reshape(-1, 3).T
         turn = np.abs(wrap(turn, 2))
         near = (np.hypot(x, y) < ALIKE_MM) & (turn < np.radians(ALIKE_DEG))
-        if not near.any() and choice.to_go < choices[0].to_go + WORTH_TRYING:
+        if not near.any() and choice.cost_to_go < choices[0].cost_to_go + WORTH_TRYING:
             found.append(choice)
     return found[:most]
 
@@ -93,6 +93,6 @@ def joined(a: Options, b: Options) -> Options:
         a.outcomes + b.outcomes,
         np.concatenate([a.cost, b.cost]),
         np.concatenate([a.ratio, b.ratio]),
-        np.concatenate([a.to_go, b.to_go]),
+        np.concatenate([a.cost_to_go, b.cost_to_go]),
         np.concatenate([a.rank, b.rank]),
     )

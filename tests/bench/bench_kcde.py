@@ -30,14 +30,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.encoder import Encoder  # noqa: E402
+from planner.belief.observation import Encoder  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.models.energy import energy_distance  # noqa: E402
-from planner.models.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde, Rows, rows_of  # noqa: E402
-from planner.models.learned import LearnedModel  # noqa: E402
-from planner.models.rollouts import roll_outs, slopes  # noqa: E402
-from planner.models.store import Store  # noqa: E402
-from planner.models.touch import TOUCHES, meet  # noqa: E402
+from planner.learned.energy import energy_distance  # noqa: E402
+from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde  # noqa: E402
+from planner.learned.model import LearnedModel  # noqa: E402
+from planner.learned.rollouts import RollOuts, roll_outs  # noqa: E402
+from planner.learned.store import Store  # noqa: E402
+from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "kcde.json"
 POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75
@@ -45,17 +45,20 @@ ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15
 SHUFFLES = 100
 
 
-def estimate(count: int) -> tuple[Kcde, Rows]:
+def estimate(count: int) -> tuple[Kcde, RollOuts]:
     """The paper's estimate of the first so many roll-outs that touch, all weights counting; and those."""
     part = simulator(OUTLINES["rectangle"]())
     rolled = roll_outs(part, 3 * RADIUS_MM, 2 * count)
-    touching = np.flatnonzero(meet(part.outline, part.jaws, rolled.initial) == TOUCHES)
-    chosen = rows_of(rolled, np.random.default_rng(0).permutation(touching)[:count])
+    touching = np.flatnonzero(classify_contact(part.outline, part.jaws, rolled.initial) == TOUCHES)
+    rows = np.random.default_rng(0).permutation(touching)[:count]
+    chosen = RollOuts(*(column[rows] for column in rolled))
     model = Kcde.fit(chosen, part.outline, part.jaws, part.surface.rho_mm, 2, paper=True)
     return replace(model, most=0), chosen
 
 
-def with_scipy(rows: Rows, rho: float, order: int) -> Callable[[np.ndarray, np.random.Generator], np.ndarray]:
+def with_scipy(
+    rows: RollOuts, rho: float, order: int
+) -> Callable[[np.ndarray, np.random.Generator], np.ndarray]:
     """The same draws the usual way: the nearest 400, their weights, one of them, and noise."""
     period, scale = rho * math.tau / order, np.array([1.0, 1.0, rho])
 
@@ -99,8 +102,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 def planners_own() -> Kcde:
     """What the planner draws from at the default number of roll-outs."""
     part, store = simulator(OUTLINES["rectangle"]()), Store(cache_folder() / "rollouts")
-    order = (part, 3 * RADIUS_MM, None, store)
-    return LearnedModel.fit(part, ENCODER, 2, roll_outs(*order), slopes(*order)).motion
+    return LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 3 * RADIUS_MM, None, store)).motion
 
 
 def main() -> None:
@@ -115,7 +117,7 @@ def main() -> None:
     draw = with_scipy(rows, model.rho_mm, model.order)
     rng = np.random.default_rng(1)
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
-    touched = poses[meet(model.outline, model.jaws, poses) == TOUCHES]
+    touched = poses[classify_contact(model.outline, model.jaws, poses) == TOUCHES]
     first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
     calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng), lambda: own.sample(poses, rng)]
     ours_s, scipy_s, own_s = seconds(calls, options.repeat)

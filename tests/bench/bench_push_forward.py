@@ -15,7 +15,6 @@ import json
 import platform
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +24,19 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
+from reference.kcde_twin import Unaided  # noqa: E402
 
-from planner.encoder import Encoder  # noqa: E402
+from planner.belief.observation import Encoder  # noqa: E402
+from planner.belief.transition import Simulation  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.models.energy import compare  # noqa: E402
-from planner.models.learned import LearnedModel  # noqa: E402
-from planner.models.rollouts import PAPER_COUNT, roll_outs, slopes  # noqa: E402
-from planner.models.store import Store  # noqa: E402
+from planner.learned.energy import compare  # noqa: E402
+from planner.learned.kcde import Kcde  # noqa: E402
+from planner.learned.model import LearnedModel  # noqa: E402
+from planner.learned.rollouts import PAPER_COUNT, roll_outs  # noqa: E402
+from planner.learned.store import Store  # noqa: E402
+from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part import symmetry  # noqa: E402
-from planner.search.outcomes import Simulation  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "push_forward.json"
 RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}
@@ -44,20 +46,17 @@ PARTICLES = 2500
 Row = dict[str, Any]
 
 
-def learned(name: str, count: int) -> tuple[dict[str, LearnedModel], Row]:
-    """The model as the planner has it, its estimate alone, and the paper's; and what there is to say."""
+def learned(name: str, count: int) -> tuple[dict[str, LearnedModel | Unaided], Row]:
+    """The model as the planner has it and the paper's estimate; and what there is to say."""
     part, radius = simulator(OUTLINES[name](), workers=2), 3 * RADII_MM[name]
     store, order = Store(cache_folder() / "rollouts"), symmetry.order(part.outline)
-    rolled, slope = roll_outs(part, radius, count, store), slopes(part, radius, count, store)
+    rolled = roll_outs(part, radius, count, store)
     start = time.perf_counter()
-    model = LearnedModel.fit(part, ENCODER, order, rolled, slope)
+    model = LearnedModel.fit(part, ENCODER, order, rolled)
     fit_s = round(time.perf_counter() - start, 2)
     few = roll_outs(part, radius, PAPER_COUNT, store)
-    models = {
-        "model": model,
-        "estimate alone": replace(model, most_draws=0),
-        "paper": LearnedModel.fit(part, ENCODER, order, few, paper=True),
-    }
+    printed = Kcde.fit(few, part.outline, part.jaws, part.surface.rho_mm, order, paper=True)
+    models = {"model": model, "paper": Unaided(printed)}
     spacing_mm = model.motion.grid.spacing_mm
     return models, {"roll_outs": len(rolled.initial), "spacing_mm": spacing_mm, "fit_s": fit_s}
 
@@ -73,11 +72,13 @@ def simulated(model: LearnedModel, belief: np.ndarray, placements: np.ndarray) -
     return shares
 
 
-def ratios(model: LearnedModel, name: str, placements: np.ndarray, runs: int) -> Row:
+def ratios(
+    model: LearnedModel | Unaided, simulator: Simulator, name: str, placements: np.ndarray, runs: int
+) -> Row:
     """The model's push-forwards in units of the simulator's own distance, with same and fresh particles."""
     rng = np.random.default_rng(3)
     beliefs = [random_poses(rng, PARTICLES, RADII_MM[name]) for _ in range(2 * runs)]
-    reference = Simulation(model.simulator, ENCODER)
+    reference = Simulation(simulator, ENCODER)
     rho, order = model.motion.rho_mm, model.motion.order
     row: Row = {}
     for kind, starts in (("same", beliefs[:1] * 2 * runs), ("fresh", beliefs)):
@@ -95,9 +96,9 @@ def bench(name: str, count: int, runs: int) -> Row:
     for kind, model in models.items():
         for angles in ANGLES_DEG:
             placements = np.array([[0.0, 0.0, a] for a in np.radians(angles)])
-            found = ratios(model, name, placements, runs)
+            found = ratios(model, models["model"].simulator, name, placements, runs)
             belief = random_poses(np.random.default_rng(3), PARTICLES, RADII_MM[name])
-            found["simulated"] = simulated(model, belief, placements)
+            found["simulated"] = simulated(model, belief, placements) if kind == "model" else []
             row[f"{kind} {angles}"] = found
             line = f"{kind:15} {angles}: same {found['same']} fresh {found['fresh']} "
             print(line + f"simulated {np.round(found['simulated'], 2)}", flush=True)

@@ -29,10 +29,14 @@ from problems import OUTLINES, simulator  # noqa: E402
 
 from planner import job as job_file  # noqa: E402
 from planner.cli import compile as plan_compile  # noqa: E402
+from planner.learned.rollouts import (  # noqa: E402
+    BLOCK,
+    RollOuts,
+    region_radius,
+    roll_outs,
+)
+from planner.learned.store import Store  # noqa: E402
 from planner.mechanics.simulator import STATUS_NAMES, Simulator  # noqa: E402
-from planner.models.region import region_radius  # noqa: E402
-from planner.models.rollouts import BLOCK, RollOuts, roll_outs  # noqa: E402
-from planner.models.store import Store  # noqa: E402
 from planner.scheduler import Cluster, Scheduler, Threads  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "rollouts.json"

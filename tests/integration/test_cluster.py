@@ -17,7 +17,7 @@ from distributed import LocalCluster
 from planner.cli import compile as plan_compile
 from planner.cluster import AHEAD
 from planner.errors import ClusterError, UsageError, ValueRangeError
-from planner.models.store import Store
+from planner.learned.store import Store
 from planner.scheduler import Cluster, Threads, scheduler_of
 
 ROOT = Path(__file__).parents[2]

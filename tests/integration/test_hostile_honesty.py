@@ -14,14 +14,14 @@ from fake_cell import fake_cell
 from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
 
 from planner import job as job_file
+from planner.belief.metric import Mode
+from planner.belief.observation import Partition
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
 from planner.evaluate import REJECTED, evaluate
-from planner.goal import Mode
-from planner.models.partition import Partition
 from planner.report import canvas, labels
-from planner.report.panels import leaf_label, leaf_lines
+from planner.report.tree import leaf_label, leaf_lines
 from planner.search.expand import TreeNode
 from planner.untried import tried, without_untried
 from planner.world import ContactWorlds

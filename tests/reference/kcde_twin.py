@@ -1,10 +1,18 @@
-"""Slow, obvious twins of the motion model's kernels: every roll-out against every pose, in numpy."""
+"""Slow, obvious twins of the motion model's kernels: every roll-out against every pose, in numpy.
+
+And the estimate as a motion model by itself, without direct simulation where it is thin.
+"""
 
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
+
+from planner.frames import to_hand, to_world
+from planner.learned.kcde import Kcde
 
 
 def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np.ndarray:
@@ -45,3 +53,18 @@ def energy_distance(a: np.ndarray, b: np.ndarray, rho: float, order: int) -> flo
 
     first, second = points(a), points(b)
     return 2 * mean(first, second) - mean(first, first) - mean(second, second)
+
+
+class Unaided(NamedTuple):
+    """An estimate in place of a motion model, as the paper uses it."""
+
+    motion: Kcde
+
+    def squeeze(
+        self, cases: list[tuple[np.ndarray, np.ndarray]], rng: np.random.Generator
+    ) -> list[SimpleNamespace]:
+        """Outcomes with all particles in one belief."""
+        return [
+            SimpleNamespace(beliefs=[to_world(self.motion.sample(to_hand(belief, hand), rng).poses, hand)])
+            for belief, hand in cases
+        ]

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import identify, push_log, pushes
-from planner.mechanics import quartic_form
+from planner.identification import identify, push_log, pushes
+from planner.part import quartic_form
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "data" / "pushes"
 RHO = 75.0

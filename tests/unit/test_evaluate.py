@@ -11,13 +11,13 @@ import pytest
 from sample_tables import random_table
 
 from planner import job as job_file
-from planner.encoder import encoder_of
+from planner.belief.metric import Metric
+from planner.belief.observation import encoder_of
 from planner.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import NOWHERE, Evaluation
 from planner.evaluation.trials import Program
 from planner.frames import to_hand, to_world
-from planner.goal import Metric
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.overrides import job_with
 from planner.scheduler import Threads

@@ -10,13 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from planner import job as job_file
-from planner.report import canvas, charts, paper_figures, side_tree, vector
+from planner.report import canvas, charts, paper_figures
 from planner.report.comparison import table_rows
 from planner.report.replay import replay
 from runtime.table import load
@@ -155,65 +154,6 @@ def test_the_partition_has_the_papers_four_subspaces():
     assert sum(shares) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="4 subspaces"):
         paper_figures.partition(job, ("one", "two"))
-
-
-def test_a_tree_on_its_side_has_a_panel_a_node_and_no_text_on_another(planned, tmp_path):
-    table, job, beliefs = planned
-    with canvas.style():
-        figure = side_tree.figure(table, job, beliefs)
-        assert_legible(figure)
-        canvas.save(figure, tmp_path / "tree.svg")
-    text = (tmp_path / "tree.svg").read_text()
-    panels = set(re.findall(r'id="((?:node|leaf)-\d+)"', text))
-    assert len(panels) == len(table.nodes) + len(table.leaves)
-    assert figure.get_figheight() > figure.get_figwidth()
-
-
-def absolute(path):
-    """The points of a path of M, L, Q, C and Z in either case."""
-    tokens = re.findall(r"[A-Za-z]|-?(?:\d+\.?\d*|\.\d+)", path)
-    here = begun = np.zeros(2)
-    found, numbers, command = [], [], ""
-
-    def flush():
-        nonlocal here, begun
-        pairs = np.array(numbers, dtype=float).reshape(-1, 2)
-        if command.islower() and len(pairs):
-            step = {"m": 1, "l": 1, "q": 2, "c": 3}[command]
-            for group in pairs.reshape(-1, step, 2):
-                found.extend(group + here)
-                here = group[-1] + here
-        elif len(pairs):
-            found.extend(pairs)
-            here = pairs[-1]
-        if command in ("M", "m"):
-            begun = found[-len(pairs)]
-        if command in ("z", "Z"):
-            here = begun
-
-    for token in [*tokens, "M"]:
-        if token.isalpha():
-            flush()
-            command, numbers = token, []
-        else:
-            numbers.append(token)
-    return np.array(found)
-
-
-def test_lighter_paths_have_the_same_points():
-    rng = np.random.default_rng(5)
-    for _ in range(50):
-        points = rng.uniform(-300, 900, (7, 2))
-        p = [f"{x:.6f} {y:.6f}" for x, y in points]
-        path = f"M {p[0]} \nL {p[1]} \nL {p[2]} \nz\nM {p[3]} \nQ {p[4]} {p[5]} \nL {p[6]} \nz\n"
-        light = re.search(r' d="([^"]*)"', vector.lighter(f'<path d="{path}"/>'))[1]
-        assert len(light) < 0.75 * len(path)
-        assert np.abs(absolute(light) - points).max() <= 0.0051
-
-
-def test_other_paths_are_left_alone():
-    for path in ("M 0 0 A 5 5 0 0 1 3 4", "m 1 2 l 3 4", ""):
-        assert f' d="{path}"' in vector.lighter(f'<path d="{path}"/>')
 
 
 def test_every_picture_is_kept_and_small():

@@ -7,7 +7,7 @@ import pytest
 
 from planner.cli import shell
 from planner.kernel import CACHE_VARIABLE
-from planner.models.store import StoreWarning
+from planner.learned.store import StoreWarning
 from runtime.shell.files import OutputError
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner import job as job_file
+from planner.belief.metric import Mode
 from planner.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.stress import (
@@ -20,7 +21,6 @@ from planner.evaluation.stress import (
     stress_cases,
     stressed,
 )
-from planner.goal import Mode
 from planner.overrides import job_with
 from planner.scheduler import Threads
 from planner.search.expand import TreeNode

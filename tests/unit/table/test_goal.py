@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sample_tables import small_table
 
-from planner.goal import Metric
+from planner.belief.metric import Metric
 from runtime.table import KINDS, GoalSpec, Leaf, distance, error_mm, meets, poses_of, threshold
 
 TOLERANCE = (2.0, 1.0, 0.2)  # mm, mm, rad

@@ -135,7 +135,7 @@ def kcde(kept: dict) -> str:
 
 
 def push_forward(kept: dict) -> str:
-    header = ["part", "squeezes at", "the model used", "its estimate alone", "the paper's bandwidths"]
+    header = ["part", "squeezes at", "the model used", "the paper's estimate"]
     rows = []
     for part, found in kept.items():
         if part == "setting":
@@ -146,32 +146,7 @@ def push_forward(kept: dict) -> str:
     return markdown(header, rows)
 
 
-METHODS = ("model", "estimate alone", "paper")
-
-
-def collision(kept: dict) -> str:
-    header = [
-        "part",
-        "detectors",
-        "collisions missed, jaws open",
-        "false alarms",
-        "missed, any opening",
-        "a question",
-    ]
-    rows = []
-    for part in dict.fromkeys(row["part"] for row in kept["detectors"]):
-        own = [row for row in kept["detectors"] if row["part"] == part]
-        rates = [
-            sum(row[jaws][count] for row in own) / sum(row[jaws][of] for row in own)
-            for jaws, count, of in (
-                ("fully_open", "missed", "colliding"),
-                ("fully_open", "false_alarms", "free"),
-                ("any_opening", "missed", "colliding"),
-            )
-        ]
-        mean = sum(row["tree_us"] for row in own) / len(own)
-        rows.append([part, len(own), *[percent(rate, 3) for rate in rates], f"{mean:.2f} us"])
-    return markdown(header, rows)
+METHODS = ("model", "paper")
 
 
 def rollouts(kept: dict) -> str:
@@ -334,7 +309,6 @@ TABLES = {
     "squeeze-goldberg": squeeze_goldberg,
     "kcde": kcde,
     "push_forward": push_forward,
-    "collision": collision,
     "rollouts": rollouts,
     "runtime": runtime,
     "mutation": mutation,

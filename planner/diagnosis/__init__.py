@@ -1,0 +1,1 @@
+"""What limits a plan and its models, and what to change."""

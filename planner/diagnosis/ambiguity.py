@@ -1,0 +1,189 @@
+"""Poses that a plan leaves open, and the squeeze that would tell them apart, if there is one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import Metric
+from planner.belief.observation import encoder_of
+from planner.evaluation.judge import main_poses, metric_of_table
+from planner.evaluation.outcome import Evaluation
+from planner.frames import to_hand, wrap
+from planner.job import Job
+from planner.mechanics.clearance import least_clearance
+from planner.mechanics.simulator import Simulator
+from runtime.table import HELD_UM, Table
+
+SAMPLES = 40
+"""Squeezes of each pose at each placement that is tried."""
+TURNS = 12
+OFFSETS_MM = (-16.0, -10.0, -5.0, 0.0, 5.0, 10.0, 16.0)
+HALF_TURN_ALIKE = 2
+"""A hand turned by half a turn squeezes alike."""
+TELLING = 4.0
+"""A placement tells two poses apart if their mean widths differ by this many standard deviations of both."""
+LEAST_TRIALS = 20
+APART = 3.0
+"""Poses further apart than so many times the goal are different poses, nearer ones scatter about one."""
+SEED_AMBIGUITY = 0x414D4249
+
+
+class Separator(NamedTuple):
+    """A squeeze that tells two poses apart by its width.
+
+    Attributes:
+        placement: (3,) the hand in the world [mm, mm, rad].
+        widths_mm: mean width at the one pose and at the other.
+    """
+
+    placement: Array
+    widths_mm: tuple[float, float]
+
+
+class Ambiguity(NamedTuple):
+    """A leaf in which a part may lie in several poses.
+
+    Attributes:
+        leaf: its index.
+        share: of all parts that end there.
+        poses: (m, 3) the poses, the likeliest first.
+        shares: how many of the leaf's parts lie within the goal of each.
+        separator: for the first two; None if no squeeze that was tried tells them apart, or where one is all.
+        scatter: distance within which nearly all of the leaf's parts lie about a single pose, in units of the
+            goal; 0 if there are several.
+    """
+
+    leaf: int
+    share: float
+    poses: Array
+    shares: tuple[float, ...]
+    separator: Separator | None
+    scatter: float = 0.0
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        found = self.separator
+        return {
+            "leaf": self.leaf,
+            "share": self.share,
+            "poses": np.round(self.poses, 5).tolist(),
+            "shares": [round(share, 4) for share in self.shares],
+            "scatter": round(self.scatter, 3),
+            "separator": found
+            and {
+                "placement": np.round(found.placement, 5).tolist(),
+                "widths_mm": [round(w, 3) for w in found.widths_mm],
+            },
+        }
+
+    def line(self) -> str:
+        """For people."""
+        pairs = zip(self.shares, self.poses, strict=True)
+        poses = " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
+        text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {poses}; "
+        if len(self.poses) == 1:
+            return text + self._nearby()
+        if self.separator is None:
+            return text + "no squeeze that was tried gives the first two different widths"
+        (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
+        return text + (
+            f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm for "
+            f"the first and {other:.1f} mm for the second"
+        )
+
+    def _nearby(self) -> str:
+        """Why one pose is not enough."""
+        if self.scatter < 1.0:
+            return "the plan was less sure of it than its trials: more particles of [search] may be"
+        return f"nearly all others lie about it, within {self.scatter:.1f} times the goal: ask for less"
+
+
+def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
+    """The unresolved leaves that hold most parts, and what would resolve them.
+
+    Args:
+        table: the table.
+        evaluation: of this table, for the poses that parts truly have in its leaves.
+        job: the job it was compiled from.
+        most: how many leaves at most.
+    """
+    visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
+    order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
+    metric = metric_of_table(table)
+    simulator = Simulator.of_job(job, workers=1)
+    found = []
+    for leaf in order[:most]:
+        here = evaluation.poses[evaluation.leaf == leaf]
+        poses, shares, scatter = whereabouts(here, metric)
+        rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
+        separator = _separator(poses[:2], job, simulator, rng) if len(poses) > 1 else None
+        share = float(visits[leaf] / len(evaluation.leaf))
+        found.append(Ambiguity(leaf, share, poses, shares, separator, scatter))
+    return found
+
+
+def whereabouts(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], float]:
+    """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
+
+    A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
+    pose that few parts have, or the rim of the one.
+
+    Args:
+        here: (n, 3) true poses, n >= 1.
+        metric: of the goal.
+
+    Returns:
+        (m, 3) poses, m shares, and for a single pose the distance from it of the furthest of those about it,
+        in units of the goal; else 0.
+    """
+    modes = main_poses(here, metric)
+    if len(modes) == 1:
+        distance = metric.between(here, modes[0].pose) / metric.goal
+        far = distance > APART
+        outside = np.sum(distance >= 1.0)
+        if 2 * np.sum(far) <= outside:
+            return modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far]))
+        other = metric.main_modes(here[far], 1)[0]
+        modes.append(other._replace(ratio=other.ratio * float(np.mean(far))))
+    return np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes), 0.0
+
+
+def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator) -> Separator | None:
+    """The placement at which the widths of two poses differ most, in units of their scatter."""
+    encoder = encoder_of(job)
+    # Rounding to counts scatters like the step over the square root of 12.
+    floor = math.hypot(encoder.noise_mm, encoder.mm_per_count / math.sqrt(12.0))
+    best, clearest = None, (False, TELLING)
+    for placement in _placements(pair, job):
+        if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:
+            continue
+        hand = np.repeat(to_hand(pair, placement), SAMPLES, axis=0)
+        width = simulator.roll_out(hand, simulator.sample(len(hand), rng)).width_mm.reshape(2, SAMPLES)
+        one, other = width.mean(axis=1)
+        clarity = abs(one - other) / math.sqrt(float((width.var(axis=1) + floor**2).sum()))
+        # Hands that miss the part in one of the poses tell it too, but leave it where it was.
+        rank = (bool(min(one, other) >= HELD_UM / 1e3), clarity)
+        if clarity > TELLING and rank > clearest:
+            best, clearest = Separator(placement, (float(one), float(other))), rank
+    return best
+
+
+def _placements(pair: Array, job: Job) -> Iterator[Array]:
+    """Hands at every 15 degrees about the middle of two poses, shifted along their fingers, in the area."""
+    (x_min, y_min), (x_max, y_max) = job.cell.work_area_mm
+    middle = pair[:, :2].mean(axis=0)
+    for angle in pair[0, 2] + np.arange(TURNS) * math.pi / TURNS:
+        for offset in OFFSETS_MM:
+            x, y = middle + offset * np.array([math.cos(angle), math.sin(angle)])
+            if x_min <= x <= x_max and y_min <= y <= y_max:
+                yield np.array([x, y, wrap(angle, HALF_TURN_ALIKE)])
+
+
+def pose_text(pose: Array) -> str:
+    """A pose (3,) in millimetres and degrees."""
+    return f"({pose[0]:z.1f}, {pose[1]:z.1f}) mm {math.degrees(math.remainder(pose[2], math.tau)):z.0f} deg"

@@ -1,0 +1,76 @@
+"""What keeps a plan from being shorter: nodes that many parts still come to late, and what is open there."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import metric_of
+from planner.diagnosis.ambiguity import pose_text, whereabouts
+from planner.job import Job
+from planner.part.outline import radius_of_gyration
+from planner.search.expand import TreeNode, breadth_first
+
+LATE = 3
+"""Squeezes after which most parts should be located."""
+LEAST_SHARE = 0.02
+MOST_POSES = 2
+
+
+class Delay(NamedTuple):
+    """A node whose parts take one squeeze more.
+
+    Attributes:
+        node: its index in the table.
+        made: squeezes before it.
+        share: of all parts that come to it.
+        poses: (m, 3) where they lie, the likeliest first.
+        shares: how many of them lie within the goal of each.
+        scatter: as of `planner.diagnosis.ambiguity.Ambiguity`.
+    """
+
+    node: int
+    made: int
+    share: float
+    poses: Array
+    shares: tuple[float, ...]
+    scatter: float
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "node": self.node,
+            "made": self.made,
+            "share": self.share,
+            "poses": np.round(self.poses, 5).tolist(),
+            "shares": [round(share, 4) for share in self.shares],
+            "scatter": round(self.scatter, 3),
+        }
+
+    def line(self) -> str:
+        """For people."""
+        pairs = list(zip(self.shares, self.poses, strict=True))[:MOST_POSES]
+        poses = " or ".join(f"{pose_text(pose)} ({share:.0%})" for share, pose in pairs)
+        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {poses}"
+        about = f", nearly all others within {self.scatter:.1f} times the goal"
+        return text + about if self.scatter else text
+
+
+def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
+    """The nodes that most parts come to after `LATE` squeezes or more.
+
+    Args:
+        root: the tree, with its beliefs.
+        job: the job it was planned for.
+        most: how many at most.
+    """
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    inner = [node for node in breadth_first(root) if node.children]
+    late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_SHARE]
+    found = []
+    for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
+        poses, shares, scatter = whereabouts(inner[k].belief[:, :3], metric)
+        found.append(Delay(k, inner[k].depth, inner[k].share, poses, shares, scatter))
+    return found

@@ -1,0 +1,161 @@
+"""How good the learned models of a job are, judged by what they were learned from: the squeeze itself.
+
+Motion by energy distance, in units of what two runs of the simulator differ by; the sensor on roll-outs held
+out; the collision detector on fresh placements; and the subspaces that widths stand for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.particles import initial
+from planner.belief.transition import Simulation
+from planner.frames import to_hand
+from planner.job import Job
+from planner.learned.energy import Comparison, compare
+from planner.learned.model import LearnedModel
+from planner.learned.rollouts import COLLIDES, RollOuts, region_radius
+from planner.mechanics.clearance import STANDS_ON, classify_contact, free_placements
+from planner.mechanics.simulator import Simulator
+from planner.paper.models import CollisionTree
+from planner.paper.sensor import SensorError, SensorModel
+from planner.paper.subspaces import Subspaces, subspaces_of
+from planner.progress import Report, silent
+from planner.search.actions import actions_of
+
+PARTICLES = 2000
+RUNS = 4
+"""Of the model and of the simulator."""
+PLACEMENTS = 100_000
+SEED = 0x5155
+
+
+class Confusion(NamedTuple):
+    """A detector's verdicts beside the exact ones.
+
+    Attributes:
+        free: placements that are free.
+        colliding: placements that are not.
+        false_alarm_rate: share of the free ones that the detector calls colliding.
+        miss_rate: share of the colliding ones that it calls free.
+    """
+
+    free: int
+    colliding: int
+    false_alarm_rate: float
+    miss_rate: float
+
+
+class ActionQuality(NamedTuple):
+    """The motion model under one action.
+
+    Attributes:
+        placement: (3,) the hand frame in the world [mm, mm, rad].
+        comparison: of the push-forwards of the job's belief.
+        simulated: share of the particles that the model leaves to the simulator.
+    """
+
+    placement: Array
+    comparison: Comparison
+    simulated: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quality:
+    """What there is to say about the models of a job.
+
+    Attributes:
+        rollouts: how many there are.
+        colliding: share of them in which an open finger would stand on the part.
+        spacing_mm: typical distance of neighbours.
+        h1_mm: bandwidth of initial poses.
+        h2_mm: bandwidth of final poses.
+        actions: the fixed actions that are free of collision.
+        in_collision: how many are not, and were left out.
+        sensor: error on roll-outs held out.
+        collision: of fresh placements, the jaws fully open.
+        subspaces: clusters of the widths.
+        label: (n,) the subspace of each roll-out that does not collide.
+        final: (n, 3) their final poses in the hand frame [mm, mm, rad].
+    """
+
+    rollouts: int
+    colliding: float
+    spacing_mm: float
+    h1_mm: float
+    h2_mm: float
+    actions: list[ActionQuality]
+    in_collision: int
+    sensor: SensorError
+    collision: Confusion
+    subspaces: Subspaces
+    label: IntArray
+    final: Array
+
+
+def quality(job: Job, model: LearnedModel, rolled: RollOuts, report: Report = silent) -> Quality:
+    """Judges the models of a job.
+
+    Args:
+        job: the checked job.
+        model: its motion model.
+        rolled: the roll-outs that this was learned from.
+        report: told about progress.
+
+    Returns:
+        The same for the same job, on any number of workers.
+    """
+    rng = np.random.default_rng([job.seed, SEED])
+    belief = initial(job, PARTICLES, rng)
+    fixed = actions_of(job).placements
+    simulator = model.simulator
+    free = free_placements(simulator.outline, simulator.jaws, belief, fixed, 0.0)
+    actions = []
+    for number, placement in enumerate(fixed[free]):
+        report("judge the motion", number, int(np.count_nonzero(free)))
+        actions.append(_judged(model, belief, placement, rng))
+    report("judge sensor and collision", 0, 1)
+    standing = rolled.status != COLLIDES
+    final, width_mm = rolled.final[standing], rolled.width_mm[standing]
+    subspaces = subspaces_of(width_mm, model.encoder)
+    return Quality(
+        rollouts=len(rolled.initial),
+        colliding=float(np.mean(~standing)),
+        spacing_mm=model.motion.grid.spacing_mm,
+        h1_mm=model.motion.h1_mm,
+        h2_mm=model.motion.h2_mm,
+        actions=actions,
+        in_collision=int(np.count_nonzero(~free)),
+        sensor=SensorModel.fit(final, width_mm, job.part.symmetry).error,
+        collision=_confusion(job, rolled, simulator, rng),
+        subspaces=subspaces,
+        label=subspaces.label(width_mm),
+        final=final,
+    )
+
+
+def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.Generator) -> Confusion:
+    """The paper's collision detector, learned from the roll-outs, on placements all over their region."""
+    detector = CollisionTree.fit(rolled.initial, rolled.status == COLLIDES, job.part.symmetry)
+    poses = rng.uniform([0.0, -np.pi, -np.pi], [1.0, np.pi, np.pi], (PLACEMENTS, 3))
+    radius, bearing = region_radius(job) * np.sqrt(poses[:, 0]), poses[:, 1].copy()
+    poses[:, 0], poses[:, 1] = radius * np.cos(bearing), radius * np.sin(bearing)
+    hits = classify_contact(simulator.outline, simulator.jaws, poses) == STANDS_ON
+    said = detector.collides(poses)
+    free, colliding = int(np.count_nonzero(~hits)), int(np.count_nonzero(hits))
+    alarms, missed = np.count_nonzero(said & ~hits), np.count_nonzero(hits & ~said)
+    return Confusion(free, colliding, float(alarms / max(free, 1)), float(missed / max(colliding, 1)))
+
+
+def _judged(model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator) -> ActionQuality:
+    """The motion model under one action."""
+    reference = Simulation(model.simulator, model.encoder)
+    rho, order = model.motion.rho_mm, model.motion.order
+    (comparison,) = compare(model, reference, [belief] * 2 * RUNS, placement[None], rho, order, rng)
+    drawn = model.motion.sample(to_hand(belief, placement), rng, model.simulator.workers)
+    covered = model.covered(drawn.source, drawn.nearest_mm, np.zeros(len(belief), np.int64))
+    return ActionQuality(placement, comparison, float(np.mean((drawn.source >= 0) & ~covered)))

@@ -1,0 +1,1 @@
+"""A part's limit surface from logs of pushes."""

@@ -1,0 +1,229 @@
+"""Identify a limit surface from measured wrench-twist pairs, and judge it on pairs it has not seen.
+
+Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
+the force for which the fitted ellipsoid slides the part without turning it, averaged over the directions.
+The mechanics does not depend on it, only the residuals' weights do.
+
+The quartic is fitted robustly, and pulled towards the ellipsoid by a ridge that is chosen within the pairs of
+the fit alone, by cross-validation: the strongest whose error is within one standard error of the least
+(Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 7.10). With few or noisy pairs the
+result is close to the ellipsoid, and no worse.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.errors import ValueRangeError
+from planner.identification.pushes import Pairs
+from planner.mechanics import limit_surface, quartic_fit
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.quartic import QuarticSurface
+
+Kind = Literal["ellipsoid", "quartic"]
+Surface = LimitSurface | QuarticSurface
+Report = Callable[[str, int, int], None]
+
+RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+"""Pulls towards the ellipsoid to choose from, as numbers of pairs."""
+
+FOLDS = 5
+LEAST_PAIRS = 12
+"""Of a file; a split keeps at least half of them for the fit."""
+
+_FRICTION_ROUNDS = 5
+
+
+class Normalised(NamedTuple):
+    """Pairs in the units of `planner.mechanics.limit_surface`.
+
+    Attributes:
+        F: (K, 3) [fx, fy, tau / rho], still in N.
+        V: (K, 3) unit [vx, vy, omega rho].
+        weights: (K,) with mean 1.
+    """
+
+    F: Array
+    V: Array
+    weights: Array
+
+    def take(self, rows: IntArray) -> Normalised:
+        """Return some of the pairs."""
+        return Normalised(self.F[rows], self.V[rows], self.weights[rows])
+
+
+class Fit(NamedTuple):
+    """A surface with what it was fitted with.
+
+    Attributes:
+        surface: the limit surface, of wrenches divided by `friction_n`.
+        friction_n: friction with the table at full slip, N.
+        ridge: pull towards the ellipsoid, in pairs; 0 for an ellipsoid.
+    """
+
+    surface: Surface
+    friction_n: float
+    ridge: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identified:
+    """An identified limit surface and how well its kind foretells pushes that it was not fitted to.
+
+    Attributes:
+        kind: "ellipsoid" or "quartic".
+        fit: to all pairs.
+        errors_rad: (splits,) mean angle between measured and foretold twist over the held-out half.
+        held_out: (K, 3) mean foretold unit twist of each pair while held out; nan if it never was.
+        fit_error_rad: the same of the final fit on its own pairs.
+    """
+
+    kind: Kind
+    fit: Fit
+    errors_rad: Array
+    held_out: Array
+    fit_error_rad: float
+
+
+def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
+    """Divide torques by rho, multiply angles by it, and scale the twists to length 1."""
+    F = pairs.wrenches / [1.0, 1.0, rho_mm]
+    V = pairs.twists * [1.0, 1.0, rho_mm]
+    unit = V / np.linalg.norm(V, axis=1, keepdims=True)
+    return Normalised(F, unit, pairs.weights / pairs.weights.mean())
+
+
+def identify(
+    data: Normalised,
+    rho_mm: float,
+    kinds: Sequence[Kind],
+    *,
+    splits: int,
+    train_share: float,
+    seed: int,
+    friction_n: float | None = None,
+    report: Report = lambda _stage, _done, _total: None,
+) -> list[Identified]:
+    """Fit limit surfaces to pairs, and judge each kind on random splits of them.
+
+    Args:
+        data: the pairs.
+        rho_mm: the length they are normalised with.
+        kinds: what to fit; all kinds see the same splits.
+        splits: number of random splits.
+        train_share: share of the pairs that a split fits to, 0 to 1; the rest is held out.
+        seed: of the splits and folds.
+        friction_n: friction with the table, N; estimated from the pairs of each fit if not given.
+        report: called with stage, done, total.
+
+    Raises:
+        ValueRangeError: too few pairs, to fit or to hold out.
+        QuarticFitError: the conic solver fails.
+    """
+    count = len(data.F)
+    train = round(train_share * count)
+    if count < LEAST_PAIRS or train < LEAST_PAIRS // 2 or train >= count:
+        problem = (
+            f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
+            f"{LEAST_PAIRS // 2} of them, but not all"
+        )
+        raise ValueRangeError(problem, key="train_share", value=train_share)
+    errors = {kind: np.empty(splits) for kind in kinds}
+    foretold = {kind: np.zeros((count, 3)) for kind in kinds}
+    for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):
+        report("splitting", split, splits)
+        order = np.random.default_rng(seeds).permutation(count)
+        known, unseen = data.take(order[:train]), data.take(order[train:])
+        for kind in kinds:
+            fitted = fit(known, rho_mm, kind, np.random.default_rng(seeds.spawn(1)[0]), friction_n)
+            twists = foretell(fitted.surface, unseen.F)
+            errors[kind][split] = np.average(angles(twists, unseen.V), weights=unseen.weights)
+            foretold[kind][order[train:]] += twists
+    report("fitting all pairs", splits, splits)
+    return [_final(data, rho_mm, kind, seed, friction_n, errors[kind], foretold[kind]) for kind in kinds]
+
+
+def fit(
+    data: Normalised, rho_mm: float, kind: Kind, rng: np.random.Generator, friction_n: float | None = None
+) -> Fit:
+    """Fit one surface to pairs; a quartic's ridge is chosen by cross-validation on them.
+
+    Raises:
+        QuarticFitError: the conic solver fails.
+    """
+    scale = friction(data) if friction_n is None else friction_n
+    scaled = data._replace(F=data.F / scale)
+    if kind == "ellipsoid":
+        A = limit_surface.fit(scaled.F, scaled.V, scaled.weights)
+        return Fit(LimitSurface(A, rho_mm), scale, 0.0)
+    ridge = choose_ridge(scaled, rho_mm, rng)
+    return Fit(_quartic(scaled, rho_mm, ridge), scale, ridge)
+
+
+def friction(data: Normalised) -> float:
+    """Estimate mu N: the mean force that slides the part without turning it, N.
+
+    For the ellipsoid A the wrench that answers a unit twist v does power sqrt(v^T A^-1 v); for a translation
+    that is the force along it, 1 in normalised units.
+    """
+    scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
+    for _ in range(_FRICTION_ROUNDS):
+        A = limit_surface.fit(data.F / scale, data.V, data.weights)
+        scale *= math.sqrt(0.5 * float(np.trace(np.linalg.inv(A)[:2, :2])))
+    return scale
+
+
+def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> float:
+    """Return the strongest of `RIDGES` that is within one standard error of the best, cross-validated."""
+    count = len(data.F)
+    errors = np.empty((len(RIDGES), count))
+    order = rng.permutation(count)
+    for fold in range(FOLDS):
+        unseen = order[fold::FOLDS]
+        known = data.take(np.setdiff1d(order, unseen))
+        for row, ridge in enumerate(RIDGES):
+            twists = _quartic(known, rho_mm, ridge).twist(data.F[unseen])
+            errors[row, unseen] = angles(twists, data.V[unseen])
+    errors *= data.weights
+    mean = errors.mean(axis=1)
+    best = int(np.argmin(mean))
+    tolerance = errors[best].std() / math.sqrt(count)
+    return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= mean[best] + tolerance)
+
+
+def foretell(surface: Surface, F: Array) -> Array:
+    """Return the unit twists (K, 3) that answer wrenches F (K, 3), at any scale."""
+    if isinstance(surface, LimitSurface):
+        return limit_surface.twist(surface.A, F)
+    return surface.twist(F)
+
+
+def angles(first: Array, second: Array) -> Array:
+    """Return the angles (K,) between unit vectors (K, 3), rad."""
+    return np.asarray(np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0)))
+
+
+def _quartic(data: Normalised, rho_mm: float, ridge: float) -> QuarticSurface:
+    return quartic_fit.fit(data.F, data.V, rho_mm, data.weights, ridge=ridge, robust=True)
+
+
+def _final(
+    data: Normalised,
+    rho_mm: float,
+    kind: Kind,
+    seed: int,
+    friction_n: float | None,
+    errors: Array,
+    foretold: Array,
+) -> Identified:
+    fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
+    own = np.average(angles(foretell(fitted.surface, data.F), data.V), weights=data.weights)
+    length = np.linalg.norm(foretold, axis=1, keepdims=True)
+    mean = np.divide(foretold, length, out=np.full_like(foretold, np.nan), where=length > 0.0)
+    return Identified(kind, fitted, errors, mean, float(own))

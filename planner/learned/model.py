@@ -1,0 +1,171 @@
+"""The learned motion model of `model = "kcde"`: a density estimate, and direct simulation where that fails.
+
+Two things make the estimate inaccurate, and both show while drawing from it:
+
+- No roll-out lies near a particle: the region was too small, or too thin.
+- The belief is denser than the roll-outs, as after a squeeze that leaves most of it in a few poses. The same
+  roll-out is then drawn again and again, and with it the one friction and limit surface it happened to have,
+  while the simulator would draw new ones. So a roll-out serves one particle of a belief, and the others that
+  draw it are simulated. Small beliefs, as in the search, need that less often than large ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.observation import Encoder, encoder_of
+from planner.belief.particles import frictions
+from planner.belief.transition import Outcomes, split
+from planner.frames import to_hand
+from planner.job import Job
+from planner.learned.kcde import Kcde
+from planner.learned.rollouts import RollOuts, region_radius, roll_outs
+from planner.learned.store import Store
+from planner.mechanics.simulator import RollOut, Simulator
+from planner.mechanics.squeeze import JAMMED, UNTOUCHED
+from planner.progress import Report, silent
+from planner.scheduler import Scheduler, Threads
+
+FARTHEST = 2.0
+"""Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
+H1_SPACINGS = 0.125
+"""h1, in spacings of the roll-outs."""
+H2_MM = 0.05
+"""h2. Both are far below what the held-out likelihood prefers: it judges the density pose by pose, while a
+belief averages over its particles by itself. Its energy distance from the simulator's decides (0022).
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedModel:
+    """Motion and sensor model, interchangeable with `planner.belief.transition.MotionModel`.
+
+    Attributes:
+        simulator: what the roll-outs were made with, for particles that they do not cover.
+        encoder: what reads the widths.
+        motion: the estimate.
+        status: (n,) status of each of the estimate's roll-outs.
+        farthest_mm: distance of the nearest roll-out up to which the estimate is used.
+    """
+
+    simulator: Simulator
+    encoder: Encoder
+    motion: Kcde
+    status: IntArray
+    farthest_mm: float
+
+    @classmethod
+    def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
+        """Learns the model from n roll-outs.
+
+        Args:
+            simulator: what they were made with.
+            encoder: what reads the widths.
+            order: rotational order of the part.
+            rolled: the roll-outs.
+
+        Raises:
+            ValueError: no roll-out touches the part.
+        """
+        outline, jaws, rho = simulator.outline, simulator.jaws, simulator.surface.rho_mm
+        motion = Kcde.fit(rolled, outline, jaws, rho, order, h2_mm=H2_MM)
+        spacing = motion.grid.spacing_mm
+        motion = replace(motion, h1_mm=H1_SPACINGS * spacing)
+        return cls(simulator, encoder, motion, rolled.status, FARTHEST * spacing)
+
+    def roll_out(
+        self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
+    ) -> RollOut:
+        """Squeezes poses, as `Simulator.roll_out` does.
+
+        Args:
+            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
+            belief: (n,) number of the belief that each is a particle of, from 0 on.
+            rng: source of all randomness.
+            friction: (n,) of particles that carry one and so are simulated, NaN of the others; None: none do.
+
+        Returns:
+            Final poses, widths and statuses; those of the roll-out drawn where the estimate was used.
+        """
+        drawn = self.motion.sample(poses, rng, self.simulator.workers)
+        touched = drawn.source >= 0
+        missed = np.where(drawn.width_mm > 0.0, JAMMED, UNTOUCHED)
+        status = np.where(touched, self.status[drawn.source], missed)
+        given_up = np.zeros(len(poses), np.int64)
+        carried = np.full(len(poses), np.nan) if friction is None else friction
+        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & np.isnan(carried)
+        direct = np.flatnonzero(touched & ~covered)
+        parameters = self.simulator.sample(len(direct), rng).with_friction(carried[direct])
+        rolled = self.simulator.roll_out(poses[direct], parameters)
+        drawn.poses[direct] = rolled.poses
+        drawn.width_mm[direct] = rolled.width_mm
+        status[direct] = rolled.status
+        given_up[direct] = rolled.given_up
+        return RollOut(drawn.poses, drawn.width_mm, status, given_up)
+
+    def covered(self, source: IntArray, nearest_mm: Array, belief: IntArray) -> BoolArray:
+        """Where a draw from the estimate may stand.
+
+        Args:
+            source: (n,) the roll-outs drawn.
+            nearest_mm: (n,) distance of the nearest one.
+            belief: (n,) number of the belief.
+        """
+        first = np.zeros(len(source), np.bool_)
+        first[np.unique(belief * (len(self.status) + 1) + source, return_index=True)[1]] = True
+        return np.asarray(first & (nearest_mm <= self.farthest_mm))
+
+    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
+        """Squeezes beliefs at placements.
+
+        Args:
+            cases: pairs of a belief (n, 3) in the world, or (n, 4) with friction, and a placement (3,).
+            rng: source of all randomness.
+
+        Returns:
+            The outcomes, one for each case.
+        """
+        if not cases:
+            return []
+        hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
+        number = np.repeat(np.arange(len(cases)), [len(belief) for belief, _ in cases])
+        rolled = self.roll_out(hand, number, rng, frictions([belief for belief, _ in cases]))
+        counts = self.encoder.read(rolled.width_mm, rng)
+        return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
+
+
+def learns(job: Job) -> bool:
+    """Whether a job's look-ahead uses a learned model: where it says so.
+
+    "auto" is the simulator: learning once costs about as much as it saves, and the plans are no better
+    (decision 0011). Nor may what the cache happens to hold decide: it would change the table's bytes.
+    """
+    return job.search.model == "kcde"
+
+
+def learned_model(
+    job: Job,
+    simulator: Simulator,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> tuple[LearnedModel, RollOuts]:
+    """The model learned from the roll-outs of a job, and the roll-outs.
+
+    Args:
+        job: the checked job.
+        simulator: its squeezes.
+        store: where roll-outs are kept; nowhere if None.
+        scheduler: who rolls them out; as many threads as the simulator has if None.
+        report: told about progress.
+
+    Raises:
+        ClusterError: the cluster was lost.
+    """
+    threads = scheduler or Threads(simulator.workers)
+    rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, threads, report)
+    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled), rolled

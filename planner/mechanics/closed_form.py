@@ -1,0 +1,162 @@
+"""One and two contacts in closed form: every mode of sliding and sticking, tried in turn.
+
+A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
+slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode is
+a linear system of order one to three; it is the solution of eqs 3-5 where its forces and slips have the
+right signs. Two contacts that both stick have one condition too many and are covered by their neighbours.
+"""
+
+from __future__ import annotations
+
+from planner.arrays import Array, IntArray
+from planner.kernel import kernel
+from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT
+from planner.mechanics.lcp import RAY, SOLVED
+
+SLIP_TOLERANCE_MM = 1e-10
+
+
+@kernel
+def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
+    """The form f . A g for two wrenches given by their components."""
+    return float(
+        f0 * (A[0, 0] * g0 + A[0, 1] * g1 + A[0, 2] * g2)
+        + f1 * (A[1, 0] * g0 + A[1, 1] * g1 + A[1, 2] * g2)
+        + f2 * (A[2, 0] * g0 + A[2, 1] * g1 + A[2, 2] * g2)
+    )
+
+
+@kernel
+def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
+    """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
+
+    Args:
+        A: (3, 3) limit surface matrix in the hand frame.
+        C: contacts; the forces of row k are modified in place.
+        k: the contact.
+        mu: its coefficient of friction.
+
+    Returns:
+        `SOLVED`, or `RAY` where neither is consistent.
+    """
+    nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
+    a, b, c = (
+        form(A, nx, ny, n2, nx, ny, n2),
+        form(A, nx, ny, n2, -ny, nx, t2),
+        form(A, -ny, nx, t2, -ny, nx, t2),
+    )
+    un, ut = C[k, UN] - C[k, GAP], C[k, UT]
+    determinant = a * c - b * b
+    fn, ft = (c * un - b * ut) / determinant, (a * ut - b * un) / determinant
+    if abs(ft) <= mu * fn:
+        C[k, FN], C[k, FT] = fn, ft
+        return SOLVED
+    first = 1.0 if ft > 0.0 else -1.0
+    for sign in (first, -first):
+        fn = un / (a + sign * mu * b)
+        if fn >= 0.0 and sign * (fn * (b + sign * mu * c) - ut) <= SLIP_TOLERANCE_MM:
+            C[k, FN], C[k, FT] = fn, sign * mu * fn
+            return SOLVED
+    return RAY
+
+
+@kernel
+def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
+    """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
+    for p in range(4):
+        k, tangent = (i if p < 2 else j), p % 2 == 1
+        f0, f1 = (-C[k, NY], C[k, NX]) if tangent else (C[k, NX], C[k, NY])
+        f2 = C[k, T2] if tangent else C[k, N2]
+        for r in range(p, 4):
+            m, along = (i if r < 2 else j), r % 2 == 1
+            g0, g1 = (-C[m, NY], C[m, NX]) if along else (C[m, NX], C[m, NY])
+            g2 = C[m, T2] if along else C[m, N2]
+            G[p, r] = form(A, f0, f1, f2, g0, g1, g2)
+            G[r, p] = G[p, r]
+
+
+@kernel
+def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array) -> bool:
+    """Contacts i and j slide with the senses si and sj."""
+    a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
+    c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
+    p, r = C[i, UN] - C[i, GAP], C[j, UN] - C[j, GAP]
+    determinant = a * d - b * c
+    if abs(determinant) <= 1e-12 * (abs(a * d) + abs(b * c)):
+        return False
+    fi, fj = (d * p - b * r) / determinant, (a * r - c * p) / determinant
+    if fi < 0.0 or fj < 0.0:
+        return False
+    ti, tj = si * mu_i * fi, sj * mu_j * fj
+    slip_i = G[1, 0] * fi + G[1, 1] * ti + G[1, 2] * fj + G[1, 3] * tj - C[i, UT]
+    slip_j = G[3, 0] * fi + G[3, 1] * ti + G[3, 2] * fj + G[3, 3] * tj - C[j, UT]
+    if si * slip_i > SLIP_TOLERANCE_MM or sj * slip_j > SLIP_TOLERANCE_MM:
+        return False
+    C[i, FN], C[i, FT], C[j, FN], C[j, FT] = fi, ti, fj, tj
+    return True
+
+
+@kernel
+def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
+    """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
+    v = 2 - o
+    a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
+    a10, a11, a12 = G[o + 1, o], G[o + 1, o + 1], G[o + 1, v] + sj * mu_j * G[o + 1, v + 1]
+    a20, a21, a22 = G[v, o], G[v, o + 1], G[v, v] + sj * mu_j * G[v, v + 1]
+    p, r, w = C[i, UN] - C[i, GAP], C[i, UT], C[j, UN] - C[j, GAP]
+    m0, m1, m2 = a11 * a22 - a12 * a21, a10 * a22 - a12 * a20, a10 * a21 - a11 * a20
+    determinant = a00 * m0 - a01 * m1 + a02 * m2
+    if abs(determinant) <= 1e-10 * (abs(a00 * m0) + abs(a01 * m1) + abs(a02 * m2)):
+        return False
+    fi = (p * m0 - a01 * (r * a22 - a12 * w) + a02 * (r * a21 - a11 * w)) / determinant
+    ti = (a00 * (r * a22 - a12 * w) - p * m1 + a02 * (a10 * w - r * a20)) / determinant
+    fj = (a00 * (a11 * w - r * a21) - a01 * (a10 * w - r * a20) + p * m2) / determinant
+    if fj < 0.0 or abs(ti) > mu_i * fi:
+        return False
+    tj = sj * mu_j * fj
+    slip = G[v + 1, o] * fi + G[v + 1, o + 1] * ti + G[v + 1, v] * fj + G[v + 1, v + 1] * tj - C[j, UT]
+    if sj * slip > SLIP_TOLERANCE_MM:
+        return False
+    C[i, FN], C[i, FT], C[j, FN], C[j, FT] = fi, ti, fj, tj
+    return True
+
+
+@kernel
+def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
+    """Solves eqs 1-5 for contacts i and j, both pressed.
+
+    Args:
+        A: (3, 3) limit surface matrix in the hand frame.
+        C: contacts; the forces of rows i and j are modified in place.
+        i: the first contact.
+        j: the second.
+        mu_i: its coefficient of friction.
+        mu_j: that of the second.
+        G: (4, 4) workspace.
+
+    Returns:
+        `SOLVED`, or `RAY` where no mode in which both press is consistent.
+    """
+    _gram(A, C, i, j, G)
+    for si in (1.0, -1.0):
+        for sj in (1.0, -1.0):
+            if _both_slide(C, i, j, mu_i, mu_j, si, sj, G):
+                return SOLVED
+    for s in (1.0, -1.0):
+        if _one_sticks(C, i, j, 0, mu_i, mu_j, s, G) or _one_sticks(C, j, i, 2, mu_j, mu_i, s, G):
+            return SOLVED
+    return RAY
+
+
+@kernel
+def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
+    """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
+    F0, F1, F2 = 0.0, 0.0, 0.0
+    for a in range(m):
+        k = active[a]
+        fn, ft = C[k, FN], C[k, FT]
+        F0 += fn * C[k, NX] - ft * C[k, NY]
+        F1 += fn * C[k, NY] + ft * C[k, NX]
+        F2 += fn * C[k, N2] + ft * C[k, T2]
+    for p in range(3):
+        V[p] = A[p, 0] * F0 + A[p, 1] * F1 + A[p, 2] * F2

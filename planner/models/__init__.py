@@ -1,1 +1,0 @@
-"""Models made from roll-outs (paper V)."""

@@ -1,0 +1,152 @@
+"""What the theory without sensors achieves: Goldberg's squeeze plan in the worlds that ours are judged in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import metric_of
+from planner.belief.particles import initial
+from planner.evaluate import Chunk, chunks_of
+from planner.frames import to_hand, to_world, wrap
+from planner.job import Job
+from planner.overrides import job_with
+from planner.paper.sensorless import SqueezePlan, plan
+from planner.part.outline import convex_hull, radius_of_gyration
+from planner.scheduler import Scheduler, Threads
+from planner.world import ContactWorlds
+
+ORIENTED_DEG = 5.0
+"""A part counts as oriented within this (the paper's tolerance, VII)."""
+IDEAL = (
+    ("friction.finger_part_min", "0"),
+    ("friction.finger_part_max", "0"),
+    ("gripper.finger_length_mm", "900"),
+)
+SEED_BASELINE = 0x42415345
+
+
+class Achieved(NamedTuple):
+    """What the plan does in one world.
+
+    Attributes:
+        oriented: share of the parts that end within `ORIENTED_DEG` of the angle the theory says, modulo the
+            plan's period.
+        located: share within the job's goal of the pose that most are within it of; of several poses, where
+            the goal allows them.
+        located_modulo: the same, modulo the plan's period.
+        seconds: a part, estimated.
+    """
+
+    oriented: float
+    located: float
+    located_modulo: float
+    seconds: float
+
+
+class Baseline(NamedTuple):
+    """The sensorless plan of a job, and what it comes to.
+
+    Attributes:
+        plan: the squeezes.
+        bound: 2 n - 1 for a hull of n vertices, the most it could take.
+        real: in the job's stochastic contact world.
+        ideal: the same with long jaws and no friction; only that they touch one after the other is left.
+        trials: number of parts in both.
+    """
+
+    plan: SqueezePlan
+    bound: int
+    real: Achieved
+    ideal: Achieved
+    trials: int
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "baseline": "sensorless",
+            "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],
+            "squeezes": len(self.plan.angles),
+            "most_squeezes": self.bound,
+            "final_deg": float(np.degrees(self.plan.final)),
+            "period_deg": float(np.degrees(self.plan.period)),
+            "slack_deg": float(np.degrees(self.plan.slack)),
+            "trials": self.trials,
+            "real": self.real._asdict(),
+            "ideal": self.ideal._asdict(),
+        }
+
+
+def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
+    """Plans without sensors and runs the plan.
+
+    Args:
+        job: the job; its actions are not used, its hand is always placed at the origin.
+        trials: number of parts.
+        scheduler: who squeezes them; all cores if None. The result does not depend on it.
+    """
+    squeezes = plan(job.part.outline_mm)
+    ideal = job_with(job.canonical(), IDEAL, "the job without friction")
+    real, without = (_achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal))
+    bound = 2 * len(convex_hull(job.part.outline_mm)) - 1
+    return Baseline(squeezes, bound, real, without, trials)
+
+
+def text(part: str, baseline: Baseline) -> str:
+    """The plan and what it achieves, for people."""
+    squeezes, real, ideal = baseline.plan, baseline.real, baseline.ideal
+    angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(squeezes.angles))
+    period, final, slack = np.degrees([squeezes.period, squeezes.final, squeezes.slack])
+    return f"""\
+{part}: {len(squeezes.angles)} squeeze{"s" * (len(squeezes.angles) > 1)} without sensors \
+(Goldberg 1993; at most {baseline.bound})
+hand at the origin, at {angles} deg
+in theory  every part ends at {final % period:.1f} deg modulo {period:.0f} deg; the squeezes leave \
+{slack:.1f} deg to spare
+no friction, long jaws   oriented {ideal.oriented:7.2%}  located {ideal.located_modulo:7.2%}  \
+whole pose {ideal.located:7.2%}
+this gripper             oriented {real.oriented:7.2%}  located {real.located_modulo:7.2%}  \
+whole pose {real.located:7.2%}
+of {baseline.trials} parts each; oriented: within {ORIENTED_DEG:.0f} deg; located: within the goal, both \
+modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """The plan in one world; called with a chunk of the parts, in whatever process."""
+
+    job: Job
+    worlds: ContactWorlds
+    angles: Array
+
+    def __call__(self, chunk: Chunk) -> tuple[Array, Array]:
+        """Final poses (n, 3) in the world, and seconds (n,) a part."""
+        rng = np.random.default_rng([self.job.seed, chunk.number, SEED_BASELINE])
+        world = self.worlds.world(chunk.number)
+        gripper, cell = self.job.gripper, self.job.cell
+        poses, seconds = initial(self.job, chunk.trials, rng), np.zeros(chunk.trials)
+        for angle in self.angles:
+            hand = np.array([0.0, 0.0, angle])
+            rolled = world.squeeze_many(to_hand(poses, hand))
+            poses = to_world(rolled.poses, hand)
+            seconds += 2.0 * (gripper.opening_mm - rolled.width_mm) / gripper.speed_mm_s
+            seconds += 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
+        return poses, seconds
+
+
+def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
+    run = _Run(job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
+    parts = list(scheduler.map(run, chunks_of(trials)))
+    poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    orders = round(2.0 * np.pi / squeezes.period)
+    off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
+    return Achieved(
+        oriented=float(np.mean(off < np.radians(ORIENTED_DEG))),
+        located=metric.mode(poses).ratio,
+        located_modulo=metric._replace(order=orders).mode(poses).ratio,
+        seconds=float(seconds.mean()),
+    )

@@ -1,0 +1,64 @@
+"""A job planned by the paper's method: roll-outs, learned models, and Algorithm 1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.belief.observation import encoder_of
+from planner.belief.particles import initial
+from planner.job import Job
+from planner.learned.rollouts import PAPER_COUNT, region_radius, roll_outs
+from planner.learned.store import Store
+from planner.mechanics.clearance import least_clearance
+from planner.mechanics.simulator import Simulator
+from planner.paper.models import learn
+from planner.paper.search import Models, PaperPlanner, search_depth
+from planner.part.outline import radius_of_gyration
+from planner.progress import Report, silent
+from planner.scheduler import Scheduler
+from planner.search.actions import actions_of
+from planner.search.expand import TreeNode
+
+
+def plan_paper(
+    job: Job,
+    simulator: Simulator,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
+    report: Report | None = None,
+) -> TreeNode:
+    """Plans a job with method "paper", "paper-sequence" or "sensorless".
+
+    The paper's own numbers are used throughout: of the job's [search] only the method, the number of
+    particles (6000 by default, as in the paper) and the longest path count; of its [actions] the angles and
+    centres.
+
+    Args:
+        job: the checked job.
+        simulator: its squeeze.
+        store: where roll-outs are kept.
+        scheduler: who rolls out.
+        report: told about progress.
+
+    Returns:
+        The tree. It has one node if no first squeeze is free of collision, or none keeps the ratio.
+    """
+    say = report or silent
+    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)
+    encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
+    learned = learn(rolled, simulator, encoder, rho_mm, job.part.symmetry)
+    placements = actions_of(job).placements
+    planner = PaperPlanner(
+        placements=placements,
+        models=Models(*learned),
+        encoder=encoder,
+        clearance=lambda belief, placement: least_clearance(
+            simulator.outline, simulator.jaws, belief, placement
+        ),
+        method=job.search.method,
+        depth=search_depth(len(placements)),
+        max_depth=job.search.max_depth,
+        order=job.part.symmetry,
+    )
+    belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    return planner.plan(belief, [job.seed], lambda done, waiting: say("search", done, done + waiting))

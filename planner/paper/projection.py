@@ -1,0 +1,116 @@
+"""Projection of particles onto the subspace that their width stands for (paper V.C).
+
+A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The subspaces
+are kept as the final poses that roll-outs ended in, and a particle moves to the nearest of those of its own
+subspace. Free space has all three dimensions, so nothing is moved there. Whatever limit surface the roll-outs
+were made with, the poses are theirs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from planner.arrays import Array, IntArray
+from planner.frames import wrap
+
+STILL_MM = 1e-6
+"""A particle this near to a stored pose is that pose already."""
+
+
+class Projected(NamedTuple):
+    """Particles on their subspaces.
+
+    Attributes:
+        poses: (n, 3) [mm, mm, rad].
+        moved_mm: (n,) how far each had to move, in [x, y, rho theta].
+    """
+
+    poses: Array
+    moved_mm: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """The subspaces of one part, as final poses in the hand frame.
+
+    Attributes:
+        poses: for each subspace the (n_k, 3) poses seen in it; the first is free space, and empty.
+        trees: for each of them its search tree, None for free space.
+        rho_mm: what one radian weighs.
+        order: rotational order of the part.
+    """
+
+    poses: list[Array]
+    trees: list[cKDTree | None]
+    rho_mm: float
+    order: int
+
+    @classmethod
+    def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:
+        """Stores final poses by subspace.
+
+        Args:
+            final: (n, 3) final poses in the hand frame [mm, mm, rad].
+            label: (n,) the subspace of each, as `planner.paper.subspaces.Subspaces.label` has it.
+            rho_mm: what one radian weighs, above 0.
+            order: rotational order of the part.
+
+        Raises:
+            ValueError: a subspace has no pose, though one with a higher number has.
+        """
+        poses, trees = [np.empty((0, 3))], [None]
+        for k in range(1, int(label.max(initial=0)) + 1):
+            members = np.ascontiguousarray(final[label == k])
+            if not len(members):
+                raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
+            poses.append(members)
+            box = [0.0, 0.0, _period_mm(rho_mm, order)]
+            trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
+        return cls(poses, trees, rho_mm, order)
+
+    def project(self, poses: Array, label: IntArray) -> Projected:
+        """Moves particles onto their subspaces.
+
+        Args:
+            poses: (n, 3) in the hand frame [mm, mm, rad]; not modified.
+            label: (n,) the subspace of each.
+
+        Returns:
+            The nearest stored poses, at that of their equal angles which is nearest to the particle's; free
+            particles as they are. Projecting twice is the same as once.
+        """
+        result = Projected(np.array(poses, dtype=np.float64), np.zeros(len(poses)))
+        for k in range(1, len(self.trees)):
+            members = np.flatnonzero(label == k)
+            if len(members):
+                self._project_onto(k, members, result)
+        return result
+
+    def _project_onto(self, k: int, members: IntArray, result: Projected) -> None:
+        """Moves the members (m,) of a subspace, in place."""
+        tree = self.trees[k]
+        assert tree is not None
+        start = result.poses[members]
+        distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
+        end = self.poses[k][nearest]
+        end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
+        moving = distance > STILL_MM
+        result.poses[members[moving]] = end[moving]
+        result.moved_mm[members[moving]] = distance[moving]
+
+
+def _points(poses: Array, rho_mm: float, order: int) -> Array:
+    """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
+    turned = rho_mm * np.mod(poses[:, 2], math.tau / order)
+    turned[turned >= _period_mm(rho_mm, order)] = 0.0  # a tiny negative angle rounds up to the period itself
+    return np.column_stack([poses[:, :2], turned])
+
+
+def _period_mm(rho_mm: float, order: int) -> float:
+    """Length of a period: angles are compared as rho theta."""
+    return rho_mm * math.tau / order

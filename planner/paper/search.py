@@ -1,0 +1,206 @@
+"""ExpandTree: Algorithm 1 of the paper as printed, its two variants, and the tree in the planner's own nodes.
+
+The tree differs from the default method's in four ways: the action is the first of the best open-loop
+sequence, progress is the printed singleton ratio, beliefs are moved by learned models, and the branch with
+the nearest expected width always wins, however far it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.observation import COUNTS, Encoder, Partition
+from planner.frames import to_hand, to_world
+from planner.paper.open_loop import ALPHA, Collision, Motion, OpenLoop
+from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
+from planner.search.expand import Progress, TreeNode
+
+METHODS = ("paper", "paper-sequence", "sensorless")
+"""Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
+TOLERANCES = Tolerances()
+SINGLETON_SHARE = 0.95
+"""r_s."""
+PARTICLES = 6000
+MOST_SEQUENCES = 500
+DEEPEST = 3
+SENSORLESS_DEPTH = 5
+SENSORLESS_BUDGET = 400
+"""Beliefs expanded; four actions and five squeezes need 341, and the paper found no gain beyond four."""
+
+
+class Sensor(Protocol):
+    """SensorModel-RegressionTree, in the hand frame."""
+
+    def predict(self, poses: Array) -> Array:
+        """Expected widths (n,) of final poses (n, 3) [mm]."""
+
+
+class Subspaces(Protocol):
+    """The subspaces of final poses that a width stands for (paper V.A), in the hand frame."""
+
+    def label(self, widths_mm: Array) -> IntArray:
+        """Subspace of each width: (n,) to (n,)."""
+
+    def project(self, poses: Array, label: IntArray) -> Array:
+        """BeliefUpdateProjection: the nearest pose of its subspace for each pose, (n, 3) to (n, 3)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Models:
+    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
+
+    motion: Motion
+    sensor: Sensor
+    collision: Collision
+    subspaces: Subspaces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaperPlanner:
+    """Grows trees as the paper does.
+
+    Attributes:
+        placements: (k, 3) the actions: the hand frame in the world.
+        models: what moves and observes beliefs.
+        encoder: turns expected widths into counts.
+        clearance: least distance between the open fingers and any of the poses (n, 3) at a placement (3,),
+            for the table; negative in collision [mm].
+        method: one of `METHODS`.
+        depth: d, the longest open-loop sequence.
+        max_depth: longest path of the tree, which the paper does not bound [squeezes].
+        order: the part's rotational order; the paper's parts have 2.
+        tolerances: eps.
+        alpha: pruning.
+        enough: r_s.
+    """
+
+    placements: Array
+    models: Models
+    encoder: Encoder
+    clearance: Callable[[Array, Array], float]
+    method: str = "paper"
+    depth: int = DEEPEST
+    max_depth: int = 12
+    order: int = PRINTED_ORDER
+    tolerances: Tolerances = TOLERANCES
+    alpha: float = ALPHA
+    enough: float = SINGLETON_SHARE
+
+    def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> TreeNode:
+        """ExpandTree(C, eps, r_s, d), breadth first instead of by recursion.
+
+        Args:
+            belief: (n, 3) particles of the initial uncertainty in the world.
+            seed: every node draws from a stream of its own, named after its path.
+            progress: called with the number of nodes done and the number waiting.
+
+        Returns:
+            The root. A leaf whose ratio is not above r_s could not be expanded: no action was free of
+            collision and kept the ratio, or the path was too long.
+        """
+        root = TreeNode(belief, 1.0, singleton(belief, self.tolerances, self.order))
+        waiting, done = deque([root]), 0
+        while waiting:
+            node = waiting.popleft()
+            done += 1
+            if node.mode.ratio <= self.enough and node.depth < self.max_depth:
+                waiting.extend(self._expanded(node, np.random.default_rng([*seed, node.depth, *node.path])))
+            if progress is not None:
+                progress(done, len(waiting))
+        return root
+
+    def _expanded(self, node: TreeNode, rng: np.random.Generator) -> list[TreeNode]:
+        """Acts on a node; returns the nodes at the ends of what was added, for further expansion."""
+        actions = self._search(self.max_depth - node.depth).search(node.belief, rng).actions
+        if self.method == "paper":
+            actions = actions[:1]
+        blind, branching = actions[:-1], actions[-1:]
+        if self.method == "sensorless":
+            blind, branching = actions, ()
+        for action in blind:
+            node = self._blind(node, self.placements[action], rng)
+        return [end for a in branching for end in self._branched(node, self.placements[a], rng)]
+
+    def _search(self, longest: int) -> OpenLoop:
+        search = OpenLoop(
+            placements=self.placements,
+            motion=self.models.motion,
+            collision=self.models.collision,
+            ratio=lambda poses: singleton(poses, self.tolerances, self.order).ratio,
+            depth=min(self.depth, longest),
+            alpha=self.alpha,
+        )
+        if self.method != "sensorless":
+            return search
+        return dataclasses.replace(
+            search, depth=min(SENSORLESS_DEPTH, longest), enough=self.enough, budget=SENSORLESS_BUDGET
+        )
+
+    def _branched(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> list[TreeNode]:
+        """Adds a child for each observation (the end of Algorithm 2, then the loop of Algorithm 1)."""
+        hand = self.models.motion.move(to_hand(node.belief, placement), rng)
+        width = self.models.sensor.predict(hand)
+        subspace = self.models.subspaces.label(width)
+        poses = to_world(self.models.subspaces.project(hand, subspace), placement)
+        clusters, label = nearest_observation(self.encoder, width, subspace)
+        return self._add(node, placement, clusters, [poses[label == k] for k in range(len(clusters.mean))])
+
+    def _blind(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> TreeNode:
+        """Adds the one child that every width leads to."""
+        hand = self.models.motion.move(to_hand(node.belief, placement), rng)
+        width = self.models.sensor.predict(hand)
+        clusters, _ = nearest_observation(self.encoder, width, np.zeros(len(width), np.int64))
+        return self._add(node, placement, clusters, [to_world(hand, placement)])[0]
+
+    def _add(
+        self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
+    ) -> list[TreeNode]:
+        """Gives a node its action and its children."""
+        node.placement, node.opening_mm = placement, self.encoder.opening_mm
+        # Particles that the learned detector let through would make the clearance negative.
+        node.clearance_mm = max(self.clearance(node.belief, placement), 0.0)
+        node.clusters = clusters
+        for k, belief in enumerate(beliefs):
+            share = node.share * len(belief) / len(node.belief)
+            mode = singleton(belief, self.tolerances, self.order)
+            node.children.append(TreeNode(belief, share, mode, (*node.path, k)))
+        return node.children
+
+
+def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -> tuple[Partition, IntArray]:
+    """The paper's rule at run time: the child with the closest expected observation, whatever the width.
+
+    Args:
+        encoder: turns widths into counts.
+        width_mm: (n,) expected width of each particle, n >= 1.
+        subspace: (n,) subspace of each particle. Subspaces whose mean widths fall on one count become one
+            child: no reading could lead to the other.
+
+    Returns:
+        The children's cells, which share out all counts, and each particle's child (n,).
+    """
+    counts = np.clip(
+        encoder.count_closed - width_mm / encoder.mm_per_count, encoder.count_open, encoder.count_closed
+    )
+    member = np.unique(subspace, return_inverse=True)[1]
+    size = np.bincount(member)
+    expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
+    found, child = np.unique(-expected[member], return_inverse=True)  # rising widths are falling counts
+    size = np.bincount(child)
+    mean = np.bincount(child, counts) / size
+    label = np.argmin(np.abs(np.arange(COUNTS)[:, None] - mean[None]), axis=1)
+    cells = [np.flatnonzero(label == k) for k in range(len(found))]
+    low, high = np.array([cell[0] for cell in cells]), np.array([cell[-1] for cell in cells])
+    return Partition(label, mean, low, high, size, np.empty((0, 2))), child
+
+
+def search_depth(actions: int) -> int:
+    """The paper's d, which it does not print: up to 3, as long as that makes few enough sequences."""
+    return next((d for d in range(DEEPEST, 1, -1) if actions**d <= MOST_SEQUENCES), 1)

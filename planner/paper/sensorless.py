@@ -1,0 +1,156 @@
+"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993).
+
+K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993). Jaws that are long and
+frictionless and touch at once turn the part until its width is at a local minimum. The squeeze function maps
+each closing direction to that minimum: it is constant between two maxima of the width. A plan is a list of
+intervals of directions, each of which one squeeze takes into the next narrower one; it is found backwards, in
+O(n^2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.paper.width import width_function
+from planner.part.outline import Outline
+
+RIPPLE_MM = 0.05
+"""Minima of the width shallower than this hold no part: the facets of a sampled curve."""
+ALIKE_RAD = 1e-6
+"""Steps of the squeeze function that differ by less are equal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SqueezeFunction:
+    """Where a frictionless squeeze takes a closing direction: a step function.
+
+    Attributes:
+        maxima: (k,) directions where a step begins, in one period, rising; the last step ends at the first
+            one, a period on.
+        minima: (k,) where each step leads, between its maximum and the next.
+        period: the function repeats, turned along, after this angle: pi, or less for a symmetric hull.
+    """
+
+    maxima: Array
+    minima: Array
+    period: float
+
+    @classmethod
+    def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
+        """The squeeze function of a part.
+
+        Args:
+            outline: (N, 2) counter-clockwise [mm].
+            ripple_mm: shallower minima are left out.
+        """
+        minima, maxima = width_function(outline).extrema(ripple_mm)
+        if minima[0] < maxima[0]:
+            minima = np.append(minima[1:], minima[0] + math.pi)
+        k = len(maxima)
+        steps = np.column_stack([np.diff(maxima, append=maxima[0] + math.pi), minima - maxima])
+        order = next(n for n in range(k, 0, -1) if k % n == 0 and _repeats(steps, k // n))
+        return cls(maxima[: k // order], minima[: k // order], math.pi / order)
+
+    def __call__(self, direction: Array) -> Array:
+        """Directions after a squeeze [rad], within the same turn as before it."""
+        turns = np.floor((direction - self.maxima[0]) / self.period)
+        step = np.searchsorted(self.maxima, direction - turns * self.period, side="right") - 1
+        return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
+
+    def intervals(self) -> list[Interval]:
+        """All runs of steps, from every maximum to every later one, a period at most."""
+        k = len(self.maxima)
+        starts = np.concatenate([self.maxima, self.maxima + self.period])
+        ends = np.concatenate([self.minima, self.minima + self.period])
+        return [
+            Interval(
+                start=float(starts[first]),
+                length=float(starts[first + steps] - starts[first]) if steps < k else self.period,
+                image=float(ends[first]),
+                spread=float(ends[first + steps - 1] - ends[first]),
+            )
+            for first in range(k)
+            for steps in range(1, k + 1)
+        ]
+
+
+def _repeats(steps: Array, after: int) -> bool:
+    """Whether a cyclic list of steps (k, 2) is the same after so many of them."""
+    return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
+
+
+class Interval(NamedTuple):
+    """A run of steps of the squeeze function.
+
+    Attributes:
+        start: direction at which it begins.
+        length: how far it goes.
+        image: least direction it is squeezed to.
+        spread: length of the smallest interval that holds all it is squeezed to.
+    """
+
+    start: float
+    length: float
+    image: float
+    spread: float
+
+
+class SqueezePlan(NamedTuple):
+    """A sensorless plan.
+
+    Attributes:
+        angles: (k,) of the hand in the world, one for each squeeze, the first one 0 [rad].
+        final: angle of the part in the world after the last one, if the theory holds, modulo `period`.
+        period: what the plan cannot tell apart: pi, or less for a symmetric hull [rad].
+        slack: least margin of an intermediate direction to where it would go elsewhere [rad].
+    """
+
+    angles: Array
+    final: float
+    period: float
+    slack: float
+
+
+def chain(function: SqueezeFunction) -> list[Interval]:
+    """The plan's intervals, the widest first: a whole period, and at last a single step.
+
+    Backwards (Goldberg 1993): begin with the widest single step; as long as it is no whole period, put the
+    widest interval before it that is squeezed to less than its length.
+    """
+    intervals = function.intervals()
+    whole = function.period - ALIKE_RAD
+    found = [max((i for i in intervals if i.spread < ALIKE_RAD), key=lambda i: i.length)]
+    while found[-1].length < whole:
+        target = found[-1].length
+        wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
+        best = max(wider, key=lambda i: (i.length, -i.spread))
+        if best.length <= target + ALIKE_RAD:  # does not happen, by his theorem, but for steps alike to 1e-6
+            break
+        found.append(best)
+    return found[::-1]
+
+
+def plan(outline: Outline) -> SqueezePlan:
+    """The shortest sequence of squeezes that orients a part up to the symmetry of its hull, without friction.
+
+    Args:
+        outline: (N, 2) counter-clockwise [mm].
+    """
+    function = SqueezeFunction.of(outline)
+    intervals = chain(function)
+    angles, slack = [0.0], 0.5 * function.period
+    for before, after in pairwise(intervals):
+        room = 0.5 * (after.length - before.spread)
+        angles.append(angles[-1] + after.start + room - before.image)
+        slack = min(slack, room)
+    # The closing direction in the part's frame is phi = psi + pi / 2 - theta for a hand at psi.
+    final = angles[-1] + 0.5 * math.pi - intervals[-1].image
+    half = 0.5 * math.pi  # a hand turned by half a turn squeezes alike
+    reduced = np.mod(np.array(angles) + half, math.pi) - half
+    return SqueezePlan(reduced, final, function.period, slack)

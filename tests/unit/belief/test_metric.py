@@ -1,0 +1,110 @@
+"""The audit metric and the mode of a belief."""
+
+import numpy as np
+import pytest
+
+from planner.belief.metric import Metric
+from planner.frames import to_hand, to_world, wrap
+
+
+def metric(order=2):
+    return Metric(distance_mm=3.0, rho_mm=10.0, order=order)
+
+
+def test_metric_is_the_papers_equation_nine():
+    distance = metric(1).between(np.array([3.0, 4.0, 0.1]), np.zeros(3))
+    assert distance == pytest.approx(5.0 + 10.0 * 0.1)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 6])
+def test_metric_does_not_see_a_turn_of_the_symmetry(order):
+    pose = np.array([1.0, -2.0, 0.3])
+    for k in range(order):
+        turned = pose + np.array([0.0, 0.0, 2 * np.pi * k / order])
+        assert metric(order).between(turned, pose) == pytest.approx(0.0, abs=1e-12)
+    between = pose + np.array([0.0, 0.0, np.pi / order])
+    assert metric(order).between(between, pose) == pytest.approx(10.0 * np.pi / order)
+
+
+def test_metric_is_symmetric_and_obeys_the_triangle_inequality():
+    rng = np.random.default_rng(1)
+    a, b, c = (rng.normal(size=(500, 3)) * [10, 10, 3] for _ in range(3))
+    m = metric()
+    np.testing.assert_allclose(m.between(a, b), m.between(b, a))
+    assert np.all(m.between(a, c) <= m.between(a, b) + m.between(b, c) + 1e-9)
+
+
+def test_mode_finds_the_heavier_of_two_modes_where_the_mean_is_in_neither():
+    rng = np.random.default_rng(2)
+    heavy = np.array([5.0, 0.0, 0.2]) + 0.1 * rng.standard_normal((700, 3)) * [1, 1, 0.05]
+    light = np.array([-5.0, 3.0, 1.4]) + 0.1 * rng.standard_normal((300, 3)) * [1, 1, 0.05]
+    belief = rng.permutation(np.concatenate([heavy, light]))
+    mode = metric().mode(belief)
+    assert mode.ratio == pytest.approx(0.7)
+    assert metric().between(mode.pose, heavy.mean(axis=0)) < 0.05
+    assert metric().reached(belief, belief.mean(axis=0)).mean() < 0.05
+
+
+def test_mode_of_a_belief_split_by_the_symmetry_is_whole():
+    rng = np.random.default_rng(4)
+    belief = np.array([1.0, 1.0, 0.0]) + 0.01 * rng.standard_normal((400, 3))
+    belief[::2, 2] += np.pi
+    assert metric(2).mode(belief).ratio == 1.0
+    assert metric(1).mode(belief).ratio == pytest.approx(0.5)
+
+
+def test_mode_ratio_is_what_its_pose_explains():
+    rng = np.random.default_rng(5)
+    for scale in (0.5, 2.0, 5.0):
+        belief = rng.normal(size=(300, 3)) * [scale, scale, 0.1 * scale]
+        mode = metric().mode(belief)
+        assert metric().reached(belief, mode.pose).mean() == pytest.approx(mode.ratio)
+
+
+def test_frames_are_inverse_and_hand_axes_are_where_they_should_be():
+    rng = np.random.default_rng(6)
+    poses, placement = rng.normal(size=(50, 3)), np.array([3.0, -1.0, 0.7])
+    np.testing.assert_allclose(to_world(to_hand(poses, placement), placement), poses, atol=1e-12)
+    along = np.array([[3.0 + 2 * np.cos(0.7), -1.0 + 2 * np.sin(0.7), 0.7]])
+    np.testing.assert_allclose(to_hand(along, placement), [[2.0, 0.0, 0.0]], atol=1e-12)
+
+
+def test_wrap_keeps_the_angle_and_stays_within_half_a_period():
+    angle = np.linspace(-20, 20, 1001)
+    for order in (1, 2, 5):
+        wrapped = wrap(angle, order)
+        assert np.all(np.abs(wrapped) <= np.pi / order + 1e-12)
+        turns = (angle - wrapped) / (2 * np.pi / order)
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+
+
+def test_tolerances_bound_each_coordinate_by_itself():
+    m = Metric(3.0, 10.0, 2, "tolerances", (2.5, 2.5, 0.1))
+    inside = np.array([2.4, -2.4, 0.09 + np.pi])
+    assert m.reached(inside, np.zeros(3))
+    for axis, value in enumerate((2.6, -2.6, 0.11)):
+        pose = inside.copy()
+        pose[axis] = value
+        assert not m.reached(pose, np.zeros(3))
+
+
+def test_orientation_alone_does_not_ask_where():
+    m = Metric(3.0, 10.0, 1, "orientation", (1.0, 1.0, 0.1))
+    belief = np.stack([np.linspace(-50, 50, 200), np.zeros(200), np.full(200, 0.4)], axis=1)
+    assert m.mode(belief).ratio == 1.0
+    assert Metric(3.0, 10.0, 1).mode(belief).ratio < 0.1
+
+
+def test_two_modes_may_be_left_open_where_the_goal_allows_it():
+    belief = np.repeat([[0.0, 0.0, 0.0], [9.0, 0.0, 1.0], [0.0, 9.0, 2.0]], [50, 30, 20], axis=0)
+    ratios = [Metric(3.0, 10.0, 1, "modes", modes=m).mode(belief).ratio for m in (1, 2, 3)]
+    assert ratios == pytest.approx([0.5, 0.8, 1.0])
+    assert len(Metric(3.0, 10.0, 1, "modes", modes=3).mode(belief).others) == 2
+
+
+def test_main_modes_explain_disjoint_shares():
+    rng = np.random.default_rng(8)
+    belief = rng.normal(size=(500, 3)) * [6, 6, 0.6]
+    modes = metric(1).main_modes(belief, 6, 0.02)
+    assert [mode.ratio for mode in modes] == sorted((mode.ratio for mode in modes), reverse=True)
+    assert sum(mode.ratio for mode in modes) <= 1.0

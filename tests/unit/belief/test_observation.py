@@ -1,0 +1,150 @@
+"""The partition of encoder counts against an exhaustive search, and what the planner relies on."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from planner.belief.observation import (
+    HOLE,
+    LEAST_CUT,
+    MOST_CLUSTERS,
+    RESOLUTION,
+    SPREAD,
+    Encoder,
+    Resolution,
+    cut,
+    partition,
+    resolution_of,
+)
+
+
+def scatter(counts, label):
+    parts = [counts[label == k] for k in np.unique(label)]
+    return sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
+
+
+def least_scatter(counts, k):
+    values = np.unique(counts)
+    best = np.inf
+    for places in itertools.combinations(range(1, len(values)), k - 1):
+        label = np.searchsorted(np.array(places), np.searchsorted(values, counts), side="right")
+        best = min(best, scatter(counts, label))
+    return best
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(seed):
+    rng = np.random.default_rng(seed)
+    weight = np.zeros(60, np.int64)
+    weight[rng.choice(60, size=9, replace=False)] = rng.integers(1, 50, size=9)
+    counts = np.repeat(np.arange(60), weight)
+    within = rng.uniform(0.005, 0.5)
+    bounds, merged = cut(weight, free=60, spread=0.0, within=within, apart=0.0, hole=np.inf)
+    label = np.searchsorted(-bounds, -counts)
+    k = len(bounds) - 1
+    assert len(merged) == 0
+    assert scatter(counts, label) == pytest.approx(least_scatter(counts, k))
+    enough = within * scatter(counts, np.zeros(len(counts), int))
+    assert least_scatter(counts, k) <= enough
+    assert k == 1 or least_scatter(counts, k - 1) > enough
+
+
+def test_clusters_cover_every_reading_once_in_order_of_rising_width():
+    rng = np.random.default_rng(3)
+    counts = np.concatenate([rng.integers(130, 152, 500), rng.integers(172, 176, 300), np.full(40, 230)])
+    clusters = partition(counts)
+    assert clusters.size.sum() == len(counts)
+    assert np.all(np.diff(clusters.mean) <= -RESOLUTION.apart)
+    for k in range(len(clusters.mean)):
+        members = counts[clusters.label[counts] == k]
+        assert members.min() == clusters.low[k]
+        assert members.max() == clusters.high[k]
+        assert len(members) == clusters.size[k]
+        assert members.mean() == pytest.approx(clusters.mean[k])
+    absent = np.setdiff1d(np.arange(256), counts)
+    assert np.all(clusters.label[absent] == -1)
+
+
+def test_widths_scatter_little_enough_within_clusters():
+    rng = np.random.default_rng(4)
+    counts = rng.integers(100, 130, 5000)
+    clusters = partition(counts)
+    rms = np.sqrt(scatter(counts, clusters.label[counts]) / len(counts))
+    assert rms <= SPREAD * RESOLUTION.apart
+    assert 1 < len(clusters.mean) <= MOST_CLUSTERS
+
+
+def test_one_width_is_one_cluster_and_encoder_noise_does_not_split_it():
+    rng = np.random.default_rng(0)
+    noisy = np.rint(150 + 0.4 * rng.standard_normal(2000)).astype(np.int64)
+    assert len(partition(noisy).mean) == 1
+    assert len(partition(np.array([77])).mean) == 1
+    assert len(partition(np.array([229])).mean) == 1
+
+
+def test_two_distant_widths_are_two_clusters():
+    clusters = partition(np.array([100] * 10 + [140] * 5))
+    assert clusters.mean.tolist() == [140.0, 100.0]
+    assert len(clusters.merged) == 0
+
+
+def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
+    # Two sharp widths two bins apart, a third far off: to explain nearly all the variance takes all three.
+    weight = np.zeros(256, np.int64)
+    weight[[150, 152, 180]] = 1000
+    bounds, merged = cut(weight, free=228, spread=0.0, within=1e-4, apart=3.0, hole=6.0)
+    assert len(bounds) == 3
+    assert merged.tolist() == [[150.0, 152.0]]
+    apart, none = cut(weight, free=228, spread=0.0, within=1e-4, apart=1.5, hole=6.0)
+    assert len(apart) == 4
+    assert len(none) == 0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_two_means_are_nearer_than_the_encoder_tells_apart(seed):
+    rng = np.random.default_rng(seed)
+    counts = np.concatenate([rng.integers(60, 90, 400), rng.integers(140, 140 + rng.integers(2, 9), 400)])
+    resolution = Resolution(apart=float(rng.uniform(2.0, 12.0)))
+    clusters = partition(counts, resolution)
+    assert np.all(np.diff(clusters.mean) <= -resolution.apart)
+    assert all(wide < narrow < wide + resolution.apart for wide, narrow in clusters.merged)
+
+
+def test_an_empty_hand_is_a_cluster_of_its_own_however_near_or_rare():
+    counts = np.repeat([228, 230, 226, 225], [3, 2, 500, 400])
+    clusters = partition(counts)
+    assert clusters.low[0] == RESOLUTION.free == 228
+    assert clusters.size[0] == 5
+    assert clusters.high[1] < RESOLUTION.free
+
+
+def test_a_hole_cuts_a_cluster_where_both_sides_hold_enough():
+    hole = int(HOLE * RESOLUTION.apart)
+    many, few = 100_000, LEAST_CUT
+    rare = partition(np.repeat([150, 150 + hole], [many, few]))
+    assert rare.mean.tolist() == [150.0 + hole, 150.0]
+    assert len(partition(np.repeat([150, 150 + hole], [many, few - 1])).mean) == 1
+    assert len(partition(np.repeat([150, 150 + hole - 1], [many, few])).mean) == 1
+    both = partition(np.repeat([150 - hole, 150, 150 + hole], [few, many, few]))
+    assert both.size.tolist() == [few, many, few]
+
+
+def test_a_noisier_encoder_tells_less_apart():
+    fine = resolution_of(Encoder(85.0, 3, 230, 0.15))
+    assert fine == RESOLUTION
+    coarse = resolution_of(Encoder(85.0, 3, 230, 0.6))
+    assert coarse.apart > 3.0 * fine.apart
+    assert coarse.free < fine.free
+
+
+def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
+    encoder = Encoder(85.0, 3, 230, 0.3)
+    resolution = resolution_of(encoder)
+    rng = np.random.default_rng(1)
+    wide = np.full(100_000, 30.0)
+    narrow = wide - resolution.apart * encoder.mm_per_count
+    middle = 0.5 * (encoder.read(wide, rng).mean() + encoder.read(narrow, rng).mean())
+    mistaken = np.mean(encoder.read(wide, rng) > middle) + np.mean(encoder.read(narrow, rng) < middle)
+    assert mistaken < 0.02
+    assert np.mean(encoder.read(np.zeros(100_000), rng) < resolution.free) < 0.003

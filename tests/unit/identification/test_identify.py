@@ -1,0 +1,187 @@
+"""Identification on made-up pairs whose surface is known, and the command that does it."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import surface_file
+from planner.cli.identify import main
+from planner.errors import ValueRangeError
+from planner.identification import identify, pushes
+from planner.mechanics import limit_surface
+from planner.part import quartic_form
+from planner.part.pressure import Pressure, support
+from planner.report import identification
+
+RHO = 10.0
+RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
+
+
+def ellipsoid_pairs(count: int, noise: float, seed: int = 0, friction: float = 4.0) -> pushes.Pairs:
+    """Wrenches in N and N mm on the ellipsoid A, scaled by the friction, and their twists with noise."""
+    rng = np.random.default_rng(seed)
+    F = rng.normal(size=(count, 3))
+    F /= np.sqrt(np.einsum("ki,ij,kj->k", F, A, F))[:, None]
+    V = limit_surface.twist(A, F) + rng.normal(scale=noise, size=(count, 3))
+    return pushes.Pairs(friction * F * [1, 1, RHO], 3.0 * V / [1, 1, RHO], np.ones(count))
+
+
+def rectangle_pairs(count: int, noise: float, seed: int = 0) -> pushes.Pairs:
+    rng = np.random.default_rng(seed)
+    V = rng.normal(size=(count, 3))
+    V /= np.linalg.norm(V, axis=1, keepdims=True)
+    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, V)
+    V += rng.normal(scale=noise, size=V.shape)
+    return pushes.Pairs(F * [1, 1, RHO], V / [1, 1, RHO], np.ones(count))
+
+
+def found_in(pairs: pushes.Pairs, *kinds: identify.Kind, splits: int = 3, seed: int = 0, share: float = 0.5):
+    data = identify.normalise(pairs, RHO)
+    return identify.identify(data, RHO, kinds, splits=splits, train_share=share, seed=seed)
+
+
+def write_csv(path: Path, pairs: pushes.Pairs) -> Path:
+    rows = np.column_stack([pairs.wrenches, pairs.twists]).tolist()
+    lines = [",".join(pushes.COLUMNS), *(",".join(map(repr, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_pairs_are_normalised_by_rho_and_length():
+    data = identify.normalise(
+        pushes.Pairs(np.array([[1.0, 2.0, 30.0]]), np.array([[0.0, 3.0, 0.4]]), np.array([7.0])), RHO
+    )
+    assert data.F.tolist() == [[1, 2, 3]]
+    assert np.allclose(data.V, [[0, 0.6, 0.8]])
+    assert data.weights.tolist() == [1]
+
+
+def test_friction_is_the_force_that_slides_without_turning():
+    data = identify.normalise(ellipsoid_pairs(40, 0.0, friction=4.0), RHO)
+    along = [np.sqrt(v @ np.linalg.inv(A) @ v) for v in np.eye(3)[:2]]
+    expected = 4.0 * math.sqrt(np.mean(np.square(along)))
+    assert identify.friction(data) == pytest.approx(expected, rel=1e-6)
+    doubled = data._replace(F=2 * data.F)
+    assert identify.friction(doubled) == pytest.approx(2 * expected, rel=1e-6)
+
+
+def test_an_exact_ellipsoid_is_found_by_both_kinds():
+    ellipsoid, squared = found_in(ellipsoid_pairs(40, 0.0), "ellipsoid", "quartic")
+    assert ellipsoid.errors_rad.max() < 1e-6
+    assert squared.errors_rad.max() < 0.01
+    A_found = ellipsoid.fit.surface.A * (4.0 / ellipsoid.fit.friction_n) ** 2
+    assert np.allclose(A_found, A, rtol=1e-6)
+
+
+def test_the_quartic_foretells_a_rectangle_better():
+    ellipsoid, squared = found_in(rectangle_pairs(60, 0.05), "ellipsoid", "quartic")
+    assert squared.errors_rad.mean() < 0.8 * ellipsoid.errors_rad.mean()
+    surface = squared.fit.surface
+    assert quartic_form.certifies(surface.certificate, surface.coefficients)
+
+
+def test_the_ridge_is_strong_where_an_ellipsoid_is_the_truth_and_weak_where_it_is_not():
+    rng = np.random.default_rng
+    noisy = identify.normalise(ellipsoid_pairs(25, 0.3, friction=1.0), RHO)
+    assert identify.choose_ridge(noisy, RHO, rng(0)) == max(identify.RIDGES)
+    clean = identify.normalise(rectangle_pairs(60, 0.0), RHO)
+    assert identify.choose_ridge(clean, RHO, rng(0)) < 100
+
+
+def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
+    """One pair that no other agrees with: it is foretold badly whenever it is held out."""
+    pairs = ellipsoid_pairs(20, 0.0)
+    pairs.twists[0] = -pairs.twists[0]
+    (result,) = found_in(pairs, "ellipsoid", splits=8, share=0.7)
+    data = identify.normalise(pairs, RHO)
+    held_out = np.isfinite(result.held_out[:, 0])
+    error = identify.angles(result.held_out[held_out], data.V[held_out])
+    assert error[0] > 3.0
+    assert error[1:].max() < 1e-6
+    once = found_in(pairs, "ellipsoid", splits=1, share=0.7)[0]
+    assert np.isfinite(once.held_out[:, 0]).sum() == 6
+
+
+def test_the_seed_decides_the_splits_and_all_kinds_share_them():
+    pairs = ellipsoid_pairs(20, 0.2)
+    first, again, other = (found_in(pairs, "ellipsoid", seed=seed)[0].errors_rad for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    both = found_in(pairs, "ellipsoid", "quartic", seed=1, splits=1)
+    assert both[0].errors_rad[0] == first[0]
+
+
+@pytest.mark.parametrize(("count", "share"), [(11, 0.5), (20, 0.2), (20, 0.99)])
+def test_too_few_pairs_to_fit_or_to_hold_out_are_refused(count, share):
+    with pytest.raises(ValueRangeError, match=f"{count} pairs"):
+        found_in(ellipsoid_pairs(count, 0.1), "ellipsoid", share=share)
+
+
+def test_weights_count_in_the_fit():
+    pairs = ellipsoid_pairs(30, 0.0)
+    pairs.twists[:5] = np.roll(pairs.twists[:5], 1, axis=1)
+    trusted = pairs._replace(weights=np.where(np.arange(30) < 5, 1e-6, 1.0))
+    even, weighted = (found_in(p, "ellipsoid", splits=1)[0] for p in (pairs, trusted))
+    assert weighted.fit_error_rad < 0.1 * even.fit_error_rad
+
+
+def test_the_command_writes_what_it_says(tmp_path, capsys):
+    log = write_csv(tmp_path / "pairs.csv", rectangle_pairs(24, 0.05))
+    output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
+    options = ["-o", str(output), "--figure", str(picture), "--rho-mm", "10", "--splits", "2"]
+    assert main([str(log), str(log), *options]) == 0
+    text = capsys.readouterr().out
+    assert "48 pushes" in text
+    assert "ellipsoid" in text
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main([str(log), str(log), *options, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    errors = {entry["kind"]: entry["held_out_error_deg"] for entry in report["surfaces"]}
+    assert report["best"] == min(errors, key=errors.get)
+    assert surface_file.load(output)[report["best"]] is not None
+    assert report["written"] == [str(output), str(picture)]
+
+
+def test_the_command_warns_where_wrenches_work_against_the_motion(tmp_path, capsys):
+    pairs = ellipsoid_pairs(20, 0.0)
+    log = write_csv(tmp_path / "pairs.csv", pairs._replace(wrenches=-pairs.wrenches))
+    assert main([str(log), "--kind", "ellipsoid", "--splits", "1", "--rho-mm", "10"]) == 0
+    assert "in 20 of 20 pushes the wrench works against the motion" in capsys.readouterr().err
+
+
+def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
+    good = str(write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1)))
+    bad = tmp_path / "bad.txt"
+    bad.write_text("3\n1 2", encoding="utf-8")
+    cases = [
+        ([str(tmp_path / "none.txt")], 3),
+        ([str(bad)], 6),
+        ([good, "--figure", str(tmp_path / "x.bmp")], 2),
+        ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
+        ([good, "--train-share", "0.05"], 6),
+    ]
+    for arguments, code in cases:
+        assert main([*arguments, "--splits", "1", "--kind", "ellipsoid"]) == code
+        error = capsys.readouterr().err
+        assert error.startswith("plan-identify: ")
+        assert error.count("\n") == 1
+    for option in ("--splits=0", "--rho-mm=0", "--rho-mm=inf", "--train-share=1", "--kind=cube"):
+        with pytest.raises(SystemExit) as caught:
+            main([good, option])
+        assert caught.value.code == 2
+        capsys.readouterr()
+
+
+def test_sections_lie_on_the_surface():
+    ellipsoid, squared = found_in(rectangle_pairs(30, 0.0), "ellipsoid", "quartic", splits=1)
+    for plane in identification.SECTIONS:
+        for result in (ellipsoid, squared):
+            F = np.zeros((241, 3))
+            F[:, list(plane)] = identification.section(result.fit.surface, plane)
+            surface = result.fit.surface
+            level = surface.value(F) if result is squared else np.einsum("ki,ij,kj->k", F, surface.A, F)
+            assert np.allclose(level, 1.0)

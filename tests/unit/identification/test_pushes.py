@@ -1,0 +1,230 @@
+"""Push logs and tables of pairs: pushes made up to known answers, and every way to spoil a file."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.errors import InputFileError, ValueRangeError
+from planner.identification import push_log, pushes
+
+CORNER = np.array([50.0, 50.0])
+FACES = {  # a point on each face, and the normal into the block
+    "left": (np.array([-50.0, 5.0]), np.array([1.0, 0.0])),
+    "lower": (np.array([-10.0, -50.0]), np.array([0.0, 1.0])),
+    "long": (np.array([40.0, 10.0]), -np.array([1.0, 1.0]) / math.sqrt(2)),
+}
+SENSOR = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
+
+
+def turn(angle: float) -> np.ndarray:
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
+def pose_line(origin: np.ndarray, angle: float) -> str:
+    marker = origin - turn(angle) @ CORNER
+    return f"{marker[0]!r} {marker[1]!r} 9.5 {math.cos(angle / 2)!r} 0 0 {math.sin(angle / 2)!r}".replace(
+        "np.float64(", ""
+    ).replace(")", "")
+
+
+def made_up_push(
+    twist: np.ndarray,
+    face: str,
+    force: np.ndarray,
+    place=(500.0, 100.0, 0.7),
+    sideways: float = 0.0,
+    slant: float = 0.3,
+) -> str:
+    """A push in which the tip sticks to the block, which moves evenly with the twist, over the last 70 %."""
+    point = FACES[face][0]
+    start, angle = np.array(place[:2]), place[2]
+
+    def block(share: float) -> tuple[np.ndarray, float]:
+        turned = share * twist[2]
+        a, b = (math.sin(turned), 1 - math.cos(turned)) if turned else (0.0, 0.0)
+        moved = np.array([[a, -b], [b, a]]) @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
+        return start + turn(angle) @ moved, angle + turned
+
+    heading = angle + math.atan2(*(FACES[face][1] @ turn(slant).T)[::-1])  # the pusher's x axis
+    times = np.arange(101) / 20
+    forces, poses = [], []
+    for index, t in enumerate(times):
+        origin, yaw = block(max(0.0, (index - 30) / 70))
+        tip = origin + turn(yaw) @ point - sideways * turn(heading)[:, 1]
+        world = turn(yaw) @ force if index >= 30 else np.zeros(2)
+        sensed = SENSOR.T @ (-turn(heading).T @ world) + [0.02, -0.03]
+        forces.append(f"{t} {float(sensed[0])!r} {float(sensed[1])!r}")
+        quaternion = f"{math.cos(heading / 2)!r} 0 0 {math.sin(heading / 2)!r}"
+        poses.append(f"{t} {float(tip[0])!r} {float(tip[1])!r} 200 {quaternion}")
+    after = block(1.0)
+    lines = [pose_line(start, angle), pose_line(*after), "101", *forces, "101", *poses]
+    return "\n".join(lines)
+
+
+def log(*records: str) -> str:
+    return "\n".join([str(len(records)), *records]) + "\n"
+
+
+TWIST = np.array([4.0, -2.0, 0.12])
+FORCE = np.array([3.0, 0.8])
+LOG = log(made_up_push(TWIST, "left", FORCE))
+
+
+def torque(point: np.ndarray, force: np.ndarray) -> float:
+    return float(point[0] * force[1] - point[1] * force[0])
+
+
+@pytest.mark.parametrize("place", [(500.0, 100.0, 0.7), (-30.0, 20.0, 3.1), (0.0, 0.0, -3.1)])
+@pytest.mark.parametrize("twist", [TWIST, np.array([3.0, 1.0, 0.0]), np.array([0.5, 0.1, -0.3])])
+def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
+    wrenches, twists = push_log.pairs(push_log.parse(log(made_up_push(twist, "left", FORCE, place))))
+    assert np.allclose(twists, [twist], atol=1e-9)
+    expected = [*FORCE, torque(FACES["left"][0], FORCE)]
+    assert np.allclose(wrenches, [expected], atol=0.2)  # the block moves along an arc, not quite a line
+
+
+def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
+    motions = {"left": [4.0, -2.0, 0.1], "lower": [1.0, 5.0, -0.1], "long": [-3.0, -3.0, 0.2]}
+
+    def record(sideways: float) -> list[push_log.Push]:
+        return push_log.parse(
+            log(
+                *(
+                    made_up_push(
+                        np.array(motions[face]), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant
+                    )
+                    for face in motions
+                    for slant in (-0.8, 0.0, 0.8)
+                )
+            )
+        )
+
+    assert push_log.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
+    for sideways in (1.5, -0.7):  # found but for the weak pull to 0
+        assert push_log.tip_offset(record(sideways)) == pytest.approx(sideways, rel=0.15)
+    with_offset, without = (push_log.pairs(record(sideways))[0] for sideways in (1.5, 0.0))
+    assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
+
+
+def test_readings_of_the_approach_and_without_contact_do_not_count():
+    push = push_log.parse(LOG)[0]
+    spoiled = push.forces.copy()
+    spoiled[5:25, 1:] += 5.0  # before 30 %
+    spoiled[60:65, 1:] = spoiled[0, 1:]  # contact lost
+    changed, _ = push_log.pairs([push._replace(forces=spoiled)])
+    plain, _ = push_log.pairs([push])
+    assert np.allclose(changed[0, :2], plain[0, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\n\n", "  \n"])
+def test_line_ends_and_spaces_do_not_matter(end):
+    first, second = (push_log.pairs(push_log.parse(t))[0] for t in (LOG, LOG.replace("\n", end)))
+    assert np.array_equal(first, second)
+
+
+def lines_of(text: str = LOG) -> list[str]:
+    return text.splitlines()
+
+
+def changed_line(index: int, line: str) -> str:
+    lines = lines_of()
+    lines[index] = line
+    return "\n".join(lines)
+
+
+MISTAKES = {
+    "empty": ("", "line 0, header: the file ends where number of pushes"),
+    "no pushes": ("0\n", "line 1, header: number of pushes is 0"),
+    "half a push": (changed_line(0, "1.5"), "line 1, header: number of pushes is 1.5"),
+    "word": (changed_line(5, "1.0 x 2.0"), "line 6, push 1 of 1: force readings: 'x' is not a number below"),
+    "infinite": (changed_line(5, "1.0 inf 2.0"), "line 6, push 1 of 1: force readings: 'inf'"),
+    "column lost": (
+        changed_line(5, "1.0 2.0"),
+        "line 6, push 1 of 1: force readings: expected 3 numbers, found 2",
+    ),
+    "pose short": (changed_line(1, "1 2 3 1 0 0"), "line 2, push 1 of 1: pose before: expected 7"),
+    "other order": (changed_line(1, "1 2 3 0 0 0.6 0.8"), "pose before: tilted"),
+    "no quaternion": (
+        changed_line(2, "1 2 3 9 0 0 0"),
+        "line 3, push 1 of 1: pose after: qw qx qy qz is not",
+    ),
+    "negative count": (changed_line(3, "-5"), "line 4, push 1 of 1: number of force readings is -5"),
+    "truncated": ("\n".join(lines_of()[:-30]), "line 177, push 1 of 1: the file ends where pusher poses"),
+    "one push short": (changed_line(0, "2"), "line 207, push 2 of 2: the file ends where pose before"),
+    "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
+    "huge count": (changed_line(3, "1e300"), "number of force readings is 1e+300"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_spoiled_log_is_refused_with_its_place_in_one_line(name):
+    text, problem = MISTAKES[name]
+    with pytest.raises(ValueRangeError) as caught:
+        push_log.parse(text, "my.txt")
+    message = str(caught.value)
+    assert message.startswith("my.txt: ")
+    assert problem in message
+    assert "\n" not in message
+
+
+def test_every_truncation_of_a_log_is_refused():
+    lines = lines_of()
+    for count in range(len(lines)):
+        with pytest.raises(ValueRangeError):
+            push_log.parse("\n".join(lines[:count]))
+
+
+def test_a_push_without_motion_or_contact_is_refused():
+    still = log(made_up_push(TWIST, "left", FORCE), made_up_push(np.zeros(3), "left", FORCE))
+    with pytest.raises(ValueRangeError, match=r"push 2 of 2: the block does not move"):
+        push_log.pairs(push_log.parse(still))
+    loose = log(made_up_push(TWIST, "left", np.zeros(2)))
+    with pytest.raises(ValueRangeError, match=r"push 1 of 1: no force reading"):
+        push_log.pairs(push_log.parse(loose))
+
+
+HEADER = "fx_n,fy_n,tau_n_mm,vx_mm,vy_mm,omega_rad"
+
+
+def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
+    path = tmp_path / "pairs.csv"
+    path.write_text(f"{HEADER},weight\n1,2,3,4,5,6,0.5\n-1,-2,-3,-4,-5,-6,2\n", encoding="utf-8")
+    first = pushes.load(path)
+    assert first.wrenches.tolist() == [[1, 2, 3], [-1, -2, -3]]
+    assert first.twists.tolist() == [[4, 5, 6], [-4, -5, -6]]
+    assert first.weights.tolist() == [0.5, 2]
+    path.write_text(f"note,{','.join(reversed(HEADER.split(',')))}\nx,6,5,4,3,2,1\n", encoding="utf-8")
+    second = pushes.load(path)
+    assert second.wrenches.tolist() == [[1, 2, 3]]
+    assert second.weights.tolist() == [1]
+    both = pushes.join([first, second])
+    assert both.wrenches.shape == (3, 3)
+    assert both.weights.tolist() == [0.5, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "line 1: column fx_n"),
+        ("fx_n,fy_n,tau_n_mm,vx_mm,vy_mm\n1,2,3,4,5", "line 1: column omega_rad is missing"),
+        (HEADER, "line 2: holds no pair"),
+        (f"{HEADER}\n1,2,3,4,5,nan", "line 2: omega_rad: 'nan' is not a number below"),
+        (f"{HEADER}\n1,2,3,4,5,6\n1,2,3,4,5", "line 3: omega_rad: a number is missing"),
+        (f"{HEADER}\n1,2,3,0,0,0", "line 2: a wrench or twist is zero"),
+        (f"{HEADER},weight\n1,2,3,4,5,6,0", "line 2: a wrench or twist is zero, or a weight not positive"),
+    ],
+)
+def test_a_spoiled_table_is_refused_with_its_line(text, problem):
+    with pytest.raises(ValueRangeError, match=r"^my\.csv: ") as caught:
+        pushes.parse_table(text, "my.csv")
+    assert problem in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    for path in (tmp_path / "none.txt", tmp_path):
+        with pytest.raises(InputFileError, match="check the path"):
+            pushes.load(path)
+    (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputFileError, match="not text"):
+        pushes.load(tmp_path / "bytes.txt")

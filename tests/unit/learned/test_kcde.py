@@ -1,0 +1,199 @@
+"""The kernel density estimate against its slow twin, and its promise about parts that are not touched."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
+from reference import kcde_twin
+from scipy import stats
+
+from planner.learned.energy import energy_distance
+from planner.learned.kcde import Kcde
+from planner.learned.neighbours import grid_of, keep_least, nearest_within, within
+from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
+
+RHO = 10.57
+
+
+class Rolled(NamedTuple):
+    initial: np.ndarray
+    final: np.ndarray
+    width_mm: np.ndarray
+
+
+def made_up(n, seed, radius=8.0):
+    """Outcomes that have nothing to do with mechanics."""
+    rng = np.random.default_rng(seed)
+    return Rolled(random_poses(rng, n, radius), random_poses(rng, n, 5.0), rng.uniform(20, 40, n))
+
+
+def fitted(rolled, order=2, h1=0.5, h2=0.5, paper=False, share=1.0):
+    """Fingers too long to miss; only one of them moves, unless told otherwise, so that nothing is doubled."""
+    jaws = np.append(LONG_JAWS[:3], share)
+    return Kcde.fit(rolled, rectangle(), jaws, RHO, order, h1, h2, paper)
+
+
+@pytest.mark.parametrize("n", [1, 2, 37, 1500])
+@pytest.mark.parametrize("reach", [0.3, 2.0, 40.0])
+def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
+    rng = np.random.default_rng(n)
+    period = 20.0
+    points = rng.uniform([-10, -10, -30], [10, 10, 30], (n, 3))
+    grid = grid_of(points, period)
+    place, squares = np.empty(n + 1, np.int64), np.empty(n + 1)
+    for q in rng.uniform([-14, -14, 0], [14, 14, period], (40, 3)):
+        gap = points - q
+        gap[:, 2] -= period * np.round(gap[:, 2] / period)
+        square = (gap**2).sum(axis=1)
+        found = within(grid, q, reach, place, squares)
+        assert sorted(grid.row[place[:found]]) == np.flatnonzero(square <= reach**2).tolist()
+        found, least = nearest_within(grid, q, reach, 1.5, place, squares)
+        near = np.flatnonzero(square <= square.min() + 1.5)
+        assert least == pytest.approx(square.min())
+        assert sorted(grid.row[place[:found]]) == near.tolist()
+        assert np.allclose(np.sort(squares[:found]), np.sort(square[near] - square.min()))
+
+
+@given(st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60), st.integers(1, 70))
+@settings(deadline=None)
+def test_the_least_come_to_the_front(values, most):
+    place, squares = np.arange(len(values)), np.array(values)
+    kept = keep_least(place, squares, len(values), most)
+    assert kept == min(most, len(values))
+    assert sorted(squares[:kept]) == sorted(values)[:kept]
+    assert np.array_equal(np.array(values)[place], squares)
+    assert sorted(place) == list(range(len(values)))
+
+
+@pytest.mark.parametrize(("order", "h1"), [(1, 0.5), (2, 1.5), (6, 0.2)])
+def test_draws_follow_the_exact_mixture(order, h1):
+    rolled = made_up(4000, 1)
+    model = fitted(rolled, order, h1, 0.3)
+    rng = np.random.default_rng(2)
+    for pose in [*random_poses(rng, 4, 8.0), np.array([30.0, 3.0, 0.0])]:
+        n = 20_000
+        drawn = model.sample(np.repeat(pose[None], n, axis=0), rng)
+        expected = n * kcde_twin.weights(pose[None], rolled.initial, RHO, order, h1)[0]
+        counts = np.bincount(drawn.source, minlength=4000)
+        common = expected > 5
+        counts = np.append(counts[common], counts[~common].sum())
+        expected = np.append(expected[common], expected[~common].sum())
+        assert stats.chisquare(counts[expected > 0], expected[expected > 0]).pvalue > 1e-4
+        end = rolled.final[drawn.source]
+        residual = drawn.poses - end
+        period = math.tau / order
+        residual[:, 2] = RHO * (residual[:, 2] - period * np.round(residual[:, 2] / period))
+        for column in residual.T:
+            assert stats.kstest(column / 0.3, "norm").pvalue > 1e-4
+        assert np.array_equal(drawn.width_mm, rolled.width_mm[drawn.source])
+
+
+def test_two_samples_of_kernel_and_twin_cannot_be_told_apart():
+    rolled = made_up(10_000, 3)
+    model = fitted(rolled)
+    rng = np.random.default_rng(4)
+    poses = random_poses(rng, 1500, 6.0)
+    ours = model.sample(poses, rng).poses
+    weight = kcde_twin.weights(poses, rolled.initial, RHO, 2, 0.5)
+    picked = (rng.random((1500, 1)) > np.cumsum(weight, axis=1)).sum(axis=1)
+    twins = rolled.final[picked] + 0.5 * rng.standard_normal((1500, 3)) / [1.0, 1.0, RHO]
+    pooled = np.concatenate([ours, twins])
+    shuffled = [rng.permutation(pooled) for _ in range(40)]
+    others = [energy_distance(mix[:1500], mix[1500:], RHO, 2) for mix in shuffled]
+    assert energy_distance(ours, twins, RHO, 2) <= max(others)
+
+
+def test_a_rare_outcome_is_kept_at_its_rate():
+    initial = np.zeros((1001, 3))
+    initial[1000, 0] = 1.5
+    final = np.zeros((1001, 3))
+    final[1000, 1] = 20.0
+    rolled = Rolled(initial, final, np.full(1001, 21.0))
+    rate = math.exp(-0.5 * 3.0**2) / (1000 + math.exp(-0.5 * 3.0**2))
+    n = 400_000
+    poses = np.zeros((n, 3))
+    whole = fitted(rolled).sample(poses, np.random.default_rng(5))
+    rare = int((whole.source == 1000).sum())
+    assert stats.binomtest(rare, n, rate).pvalue > 1e-4
+    assert rare > 0
+    nearest = fitted(rolled, paper=True).sample(poses, np.random.default_rng(5))
+    assert not np.any(nearest.source == 1000)
+    assert len(np.unique(nearest.source)) <= 400
+
+
+def test_parts_that_are_not_touched_stay_to_the_last_bit():
+    part = simulator(rectangle())
+    rng = np.random.default_rng(6)
+    start = random_poses(rng, 3000, 38.0)
+    rolled = part.roll_out(start, part.sample(3000, rng))
+    model = Kcde.fit(
+        Rolled(start, rolled.poses, rolled.width_mm), part.outline, JAWS, part.surface.rho_mm, order=2
+    )
+    poses = random_poses(rng, 3000, 60.0)
+    before = poses.copy()
+    drawn = model.sample(poses, rng)
+    direct = part.roll_out(poses, part.sample(3000, rng))
+    verdict = classify_contact(part.outline, JAWS, poses)
+    still = verdict != TOUCHES
+    assert np.array_equal(poses, before)
+    assert np.array_equal(drawn.poses[still], poses[still])
+    assert np.array_equal(direct.poses[still], poses[still])
+    assert np.array_equal(drawn.width_mm[still], direct.width_mm[still])
+    assert np.all((drawn.source < 0) == still)
+    assert np.array_equal(verdict == MISSES, direct.status == 0)
+    assert np.all(direct.width_mm[verdict == STANDS_ON] == JAWS[0])
+    assert np.any(verdict == MISSES)
+    assert np.any(verdict == STANDS_ON)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_touch_is_what_the_simulator_calls_one(share):
+    part = simulator(l_shape(), np.append(JAWS[:3], share))
+    poses = random_poses(np.random.default_rng(7), 2000, 40.0)
+    direct = part.roll_out(poses, part.nominal(2000, 0.5))
+    assert np.array_equal(classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0)
+
+
+def test_the_number_of_workers_does_not_matter():
+    model = fitted(made_up(3000, 8))
+    poses = random_poses(np.random.default_rng(9), 5000, 8.0)
+    one, four = (model.sample(poses, np.random.default_rng(10), workers) for workers in (1, 4))
+    assert all(np.array_equal(a, b) for a, b in zip(one, four, strict=True))
+
+
+def test_turns_that_nobody_can_tell_apart_make_no_difference():
+    model = fitted(made_up(3000, 11), order=3)
+    poses = random_poses(np.random.default_rng(12), 500, 8.0)
+    turned = poses + np.array([0.0, 0.0, math.tau / 3])
+    ours = model.sample(poses, np.random.default_rng(13))
+    theirs = model.sample(turned, np.random.default_rng(13))
+    assert np.array_equal(ours.source, theirs.source)
+    assert np.allclose(theirs.poses - ours.poses, [0.0, 0.0, math.tau / 3], atol=1e-9)
+
+
+def test_half_turns_of_the_hand_double_the_data():
+    rolled = made_up(500, 14)
+    model = fitted(rolled, order=1, share=0.5)
+    assert len(model.initial) == 1000
+    assert sorted(model.source.tolist()) == sorted([*range(500), *range(500)])
+    poses = random_poses(np.random.default_rng(16), 300, 8.0)
+    half_turn = poses * [-1.0, -1.0, 1.0] + [0.0, 0.0, math.pi]
+    exact = fitted(rolled, order=1, h1=1e-3, h2=0.0, share=0.5)
+    ours, theirs = (exact.sample(asked, np.random.default_rng(17)) for asked in (poses, half_turn))
+    assert np.array_equal(ours.source, theirs.source)
+    assert np.allclose(theirs.width_mm, ours.width_mm)
+    back = theirs.poses * [-1.0, -1.0, 1.0] - ours.poses - [0.0, 0.0, math.pi]
+    assert np.allclose(np.cos(back[:, 2]), 1.0)
+    assert np.allclose(back[:, :2], 0.0, atol=1e-9)
+
+
+def test_what_cannot_be_estimated_is_refused():
+    with pytest.raises(ValueError, match="h1 = 0"):
+        fitted(made_up(10, 19), h1=0.0)
+    far = made_up(10, 20)
+    with pytest.raises(ValueError, match="no roll-out touches"):
+        Kcde.fit(far._replace(initial=far.initial + np.array([500.0, 0.0, 0.0])), rectangle(), JAWS, RHO, 2)

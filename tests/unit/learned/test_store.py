@@ -1,0 +1,138 @@
+"""Entries are read back whole or not at all, whatever was done to their folder."""
+
+import os
+import time
+import warnings
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from planner.learned.store import STALE_S, Store, StoreWarning
+
+KEY, OTHER = "00" * 32, "ab" * 32
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "entries")
+
+
+def files(store):
+    return sorted(path for path in store.folder.rglob("*") if path.is_file())
+
+
+def test_an_entry_is_what_was_put_and_others_are_absent(store):
+    assert store.get(KEY) is None
+    store.put(KEY, b"content")
+    assert store.get(KEY) == b"content"
+    assert store.get(OTHER) is None
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@given(data=st.binary(max_size=3000))
+def test_any_bytes_come_back(store, data):
+    store.put(KEY, data)
+    assert store.get(KEY) == data
+
+
+def test_only_whole_entries_lie_in_the_folder(store):
+    store.put(KEY, b"one")
+    store.put(OTHER, b"two")
+    store.put(KEY, b"one")
+    assert len(files(store)) == 2
+
+
+def damage_flip(content):
+    return content[:40] + bytes([content[40] ^ 1]) + content[41:]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [damage_flip, lambda c: c[:-1], lambda c: c + b"x", lambda c: b"", lambda c: c[:9], lambda c: bytes(99)],
+    ids=["a bit", "cut short", "longer", "empty", "no digest", "zeros"],
+)  # fmt: skip
+def test_a_damaged_entry_is_absent_with_one_warning_and_can_be_made_again(store, damage):
+    store.put(KEY, b"content" * 10)
+    store.put(OTHER, b"content" * 10)
+    for path in files(store):
+        path.write_bytes(damage(path.read_bytes()))
+    with pytest.warns(StoreWarning, match="damaged") as caught:
+        found = [store.get(key) for key in (KEY, OTHER)]
+    assert found == [None, None]
+    assert len(caught) == 1
+    assert str(caught[0].message).isprintable()
+    store.put(KEY, b"content" * 10)
+    assert store.get(KEY) == b"content" * 10
+
+
+def test_an_entry_under_another_name_is_damaged(store):
+    store.put(KEY, b"content")
+    store.put(OTHER, b"else")
+    first, second = files(store)
+    first.write_bytes(second.read_bytes())
+    with pytest.warns(StoreWarning, match="damaged"):
+        assert store.get(KEY) is None
+
+
+def test_a_folder_that_cannot_be_made_costs_a_warning_and_nothing_else(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    store = Store(tmp_path / "file" / "entries")
+    with pytest.warns(StoreWarning, match="going on without the cache") as caught:
+        [store.put(key, b"content") for key in (KEY, OTHER)]
+    assert len(caught) == 1
+
+
+def test_an_entry_that_cannot_be_read_is_absent_with_one_warning(store):
+    store.put(KEY, b"content")
+    files(store)[0].unlink()
+    (store.folder / KEY[:2] / KEY[2:]).mkdir()
+    with pytest.warns(StoreWarning, match="cannot be read") as caught:
+        found = [store.get(KEY) for _ in range(2)]
+    assert found == [None, None]
+    assert len(caught) == 1
+
+
+def test_a_full_disk_leaves_no_draft_behind(store, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.warns(StoreWarning, match="No space left"):
+        store.put(KEY, b"content")
+    assert files(store) == []
+
+
+@pytest.mark.parametrize("key", ["", "../../etc", "AB" * 32, "ab/cd", "short"])
+def test_a_name_that_is_no_digest_is_refused(store, key):
+    with pytest.raises(ValueError, match="hexadecimal"):
+        store.get(key)
+
+
+def test_trimming_removes_what_was_not_used_for_longest(store):
+    keys = [f"{k:02x}" * 32 for k in range(10)]
+    for age, key in enumerate(keys):
+        store.put(key, bytes(1000))
+        path = store.folder / key[:2] / key[2:]
+        os.utime(path, (time.time() - 1000 + age,) * 2)
+    assert store.get(keys[0]) is not None  # used just now
+    store.trim(limit_bytes=4 * 1032)
+    assert [key for key in keys if store.get(key) is not None] == [keys[0], *keys[-3:]]
+
+
+def test_trimming_within_the_limit_removes_nothing_but_old_drafts(store):
+    store.put(KEY, b"content")
+    old, new = (store.folder / "00" / name for name in (".old.part", ".new.part"))
+    for draft in (old, new):
+        draft.write_bytes(b"half")
+    os.utime(old, (time.time() - 2 * STALE_S,) * 2)
+    store.trim()
+    assert not old.exists()
+    assert new.exists()
+    assert store.get(KEY) == b"content"
+
+
+def test_trimming_a_folder_that_is_not_there_is_no_error(store):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        store.trim()

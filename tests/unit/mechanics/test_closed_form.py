@@ -1,0 +1,152 @@
+"""One and two contacts in closed form, against Lemke's method and all modes on the same problem."""
+
+import numpy as np
+import pytest
+from contact_problems import (
+    ContactProblem,
+    flush_push,
+    goals,
+    jamming,
+    lcp,
+    random_contacts,
+    rows,
+    sliding,
+    sticking,
+    wrenches,
+)
+from reference.lcp_twin import motions
+
+from planner.mechanics.closed_form import motion, one_contact, two_contacts
+from planner.mechanics.contacts import FN, FT
+from planner.mechanics.lcp import RAY, SOLVED, residual, solve
+from planner.mechanics.step import solve as solve_step
+from planner.mechanics.step import workspace
+
+
+def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
+    """Status, motion (3,) and forces (m, 2) of the one or two contacts, all of them pressed."""
+    C, _ = rows(problem)
+    m = len(problem.gap)
+    if m == 1:
+        status = one_contact(problem.A, C, 0, problem.mu[0])
+    else:
+        status = two_contacts(problem.A, C, 0, 1, problem.mu[0], problem.mu[1], np.zeros((4, 4)))
+    V = np.zeros(3)
+    motion(problem.A, C, np.arange(m), m, V)
+    return status, V, C[:m, [FN, FT]]
+
+
+def assert_coulomb(problem: ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
+    """Eqs 1-5 for contacts that are all pressed, in words: touch, push, stay in the cone, oppose the slip."""
+    N, T = wrenches(problem)
+    normal, tangential = goals(problem)
+    fn, ft = forces.T
+    slip = T @ V - tangential
+    assert np.allclose(V, problem.A @ (N.T @ fn + T.T @ ft), atol=1e-12)
+    assert np.allclose(N @ V, normal, atol=1e-8)
+    assert fn.min() >= 0.0
+    assert (np.abs(ft) <= problem.mu * fn + 1e-10).all()
+    assert (ft * slip <= 1e-9).all()
+    # A contact slips only where its friction is spent.
+    assert (np.minimum(np.abs(slip), problem.mu * fn - np.abs(ft)) <= 1e-8).all()
+
+
+def as_lcp(forces: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """The forces as the unknowns of the LCP."""
+    fn, ft = forces.T
+    return np.concatenate([fn, np.maximum(ft, 0.0), np.maximum(-ft, 0.0), np.abs(slip)])
+
+
+def pressed_alone(rng: np.random.Generator) -> ContactProblem:
+    """One random contact that its finger really pushes."""
+    while True:
+        problem = random_contacts(rng, 1)
+        if goals(problem)[0][0] > 1e-3:
+            return problem
+
+
+def test_one_contact_has_the_one_solution_of_the_lcp():
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        problem = pressed_alone(rng)
+        status, V, forces = closed_form(problem)
+        assert status == SOLVED
+        assert_coulomb(problem, V, forces)
+        assert np.allclose(motions(problem), V, atol=1e-9)
+        N, T = wrenches(problem)
+        lcp_status, z = solve(*lcp(problem))
+        assert lcp_status == SOLVED
+        assert np.allclose(problem.A @ (N[0] * z[0] + T[0] * (z[1] - z[2])), V, atol=1e-9)
+
+
+def test_two_contacts_are_solved_where_both_press_and_only_there():
+    """Where no solution has both pressed the closed form says so; where one has, it finds one."""
+    rng = np.random.default_rng(2)
+    outcomes = []
+    for _ in range(2000):
+        problem = random_contacts(rng, 2)
+        N, T = wrenches(problem)
+        normal, tangential = goals(problem)
+        all_motions = motions(problem)
+        both = np.abs(all_motions @ N.T - normal).max(axis=1, initial=0.0) < 1e-9
+        status, V, forces = closed_form(problem)
+        outcomes.append(status)
+        if status == SOLVED:
+            assert_coulomb(problem, V, forces)
+            assert np.abs(all_motions[both] - V).max(axis=1).min() < 1e-7
+            z = as_lcp(forces, T @ V - tangential)
+            assert residual(*lcp(problem), z, 8) < 1e-7
+        else:
+            assert status == RAY
+            assert not both.any()
+    assert 0.1 < np.mean(np.array(outcomes) == SOLVED) < 0.9
+
+
+def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
+    """Whichever of closed form and Lemke's method answers: same verdict, and a motion of eqs 1-5."""
+    rng = np.random.default_rng(3)
+    work, V = workspace(), np.zeros(3)
+    for k in range(3000):
+        problem = random_contacts(rng, 1 + k % 3)
+        problem = problem._replace(gap=np.zeros(1 + k % 3))
+        C, I = rows(problem)
+        mu_top = problem.mu[0]
+        mu_bottom = problem.mu[1] if k % 3 else 0.0
+        status = solve_step(problem.A, mu_top, mu_bottom, C, I, 1 + k % 3, work, V)
+        all_motions = motions(problem)
+        if status == SOLVED:
+            assert np.abs(all_motions - V).max(axis=1).min() < 1e-6
+        else:
+            assert status == RAY
+            assert solve(*lcp(problem))[0] == RAY
+
+
+def test_a_sticking_contact_keeps_its_place_on_the_finger():
+    problem = sticking()
+    status, V, forces = closed_form(problem)
+    _, T = wrenches(problem)
+    assert status == SOLVED
+    assert abs(forces[0, 1]) < problem.mu[0] * forces[0, 0]
+    assert pytest.approx(goals(problem)[1], abs=1e-12) == T @ V
+
+
+def test_a_sliding_contact_pushes_along_the_edge_of_its_cone():
+    problem = sliding()
+    status, _, forces = closed_form(problem)
+    assert status == SOLVED
+    assert abs(forces[0, 1]) == pytest.approx(problem.mu[0] * forces[0, 0], rel=1e-12)
+
+
+def test_a_face_pushed_by_a_face_does_not_turn():
+    status, V, _ = closed_form(flush_push())
+    assert status == SOLVED
+    assert np.allclose(V, [0.0, 0.1, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.5, 0.8])
+def test_a_diagonal_is_held_exactly_within_the_friction_angle(mu):
+    limit = np.degrees(np.arctan(mu))
+    assert closed_form(jamming(limit - 0.01, mu))[0] == RAY
+    status, V, forces = closed_form(jamming(limit + 0.01, mu))
+    assert status == SOLVED
+    assert_coulomb(jamming(limit + 0.01, mu), V, forces)

@@ -1,0 +1,243 @@
+"""Convex quartics: Euler's identities, certificates, fits to known loads, and draws that stay convex."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from planner.mechanics import limit_surface, quartic, quartic_fit
+from planner.mechanics.quartic import QuarticSurface
+from planner.part import outline, quartic_form
+from planner.part.pressure import Pressure, support
+
+RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+RHO = outline.radius_of_gyration(RECTANGLE)
+TWISTS = limit_surface.twist_directions()
+
+
+def random_ellipsoid(rng: np.random.Generator) -> np.ndarray:
+    root = rng.normal(size=(3, 3))
+    return root @ root.T + 0.3 * np.eye(3)
+
+
+def least_curvature(coefficients: np.ndarray, directions: np.ndarray) -> float:
+    """Least eigenvalue of the Hessian over many wrenches, whatever a certificate says."""
+    surface = QuarticSurface(coefficients, np.eye(9), 1.0)
+    return float(np.linalg.eigvalsh(surface.hessian(directions)).min())
+
+
+@pytest.fixture(scope="module", params=["boundary", "uniform"])
+def load(request):
+    return support(Pressure(request.param, 100), RECTANGLE)
+
+
+@pytest.fixture(scope="module")
+def fitted(load):
+    return quartic_fit.fit_pressure(*load, RHO)
+
+
+def test_an_ellipsoid_squared_has_its_value_and_gradient():
+    rng = np.random.default_rng(0)
+    A, F = random_ellipsoid(rng), rng.normal(size=(20, 3))
+    surface = quartic.of_ellipsoid(A, 10.0)
+    level = np.einsum("ki,ij,kj->k", F, A, F)
+    assert np.allclose(surface.value(F), level**2, rtol=1e-12)
+    assert np.allclose(surface.gradient(F), 4 * level[:, None] * (F @ A), rtol=1e-10, atol=1e-12)
+    assert np.allclose(surface.twist(F), limit_surface.twist(A, F), atol=1e-12)
+
+
+def test_eulers_theorem_makes_the_quartic_a_local_ellipsoid(fitted):
+    """F . grad H = 4 H and hess H F = 3 grad H: so V = s A(F) F with A(F) = hess H / 3, positive definite."""
+    F = np.random.default_rng(1).normal(size=(50, 3))
+    gradient = fitted.gradient(F)
+    assert np.allclose((F * gradient).sum(axis=1), 4 * fitted.value(F), rtol=1e-12)
+    local = fitted.hessian(F) / 3
+    assert np.allclose(np.einsum("kij,kj->ki", local, F), gradient, rtol=1e-9, atol=1e-9)
+    for A, f, v in zip(local, F, fitted.twist(F), strict=True):
+        assert np.allclose(limit_surface.twist(A, f), v, atol=1e-12)
+
+
+def test_gradient_and_hessian_are_derivatives(fitted):
+    F = np.random.default_rng(2).normal(size=(10, 3))
+    for k, e in enumerate(1e-5 * np.eye(3)):
+        slope = (fitted.value(F + e) - fitted.value(F - e)) / 2e-5
+        assert np.allclose(fitted.gradient(F)[:, k], slope, rtol=1e-6, atol=1e-7)
+        slopes = (fitted.gradient(F + e) - fitted.gradient(F - e)) / 2e-5
+        assert np.allclose(fitted.hessian(F)[:, k], slopes, rtol=1e-6, atol=1e-6)
+
+
+def test_the_certificate_is_the_hessian_and_positive_definite(fitted):
+    rng = np.random.default_rng(3)
+    z, F = rng.normal(size=(2, 40, 3))
+    y = np.einsum("ka,ki->kai", z, F).reshape(-1, 9)
+    curvature = np.einsum("ka,kab,kb->k", z, fitted.hessian(F), z)
+    assert np.allclose(np.einsum("ki,ij,kj->k", y, fitted.certificate, y), curvature, rtol=1e-9)
+    assert np.linalg.eigvalsh(fitted.certificate)[0] > 0
+    assert quartic_form.certifies(fitted.certificate, fitted.coefficients)
+    assert np.allclose(quartic_form.coefficients_of(fitted.certificate), fitted.coefficients, rtol=1e-12)
+    assert not fitted.coefficients.flags.writeable
+
+
+def test_a_fit_is_convex_in_random_directions(fitted):
+    directions = np.random.default_rng(4).normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    assert least_curvature(fitted.coefficients, directions) >= -1e-9
+
+
+def test_the_quartic_foretells_twists_better_than_the_ellipsoid(load, fitted):
+    F = limit_surface.wrenches(*load, RHO, TWISTS)
+    ellipsoid = limit_surface.mean_twist_error(limit_surface.fit_ellipsoid(*load, RHO).A, F, TWISTS)
+    assert fitted.mean_twist_error(F, TWISTS) < 0.5 * ellipsoid
+    assert np.abs(fitted.value(F) - 1).max() < 0.2
+
+
+def test_a_fit_recovers_a_quartic_from_its_own_pairs():
+    rng = np.random.default_rng(5)
+    truth = quartic.of_ellipsoid(random_ellipsoid(rng), 10.0)
+    truth = quartic.from_certificate(quartic.sample(truth, 20, rng, 1).certificates[0], 10.0)
+    F = rng.normal(size=(60, 3))
+    F /= truth.value(F)[:, None] ** 0.25
+    V = truth.gradient(F) * rng.uniform(0.1, 10.0, size=(60, 1))
+    found = quartic_fit.fit(F, V, 10.0)
+    assert np.allclose(found.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max())
+    assert found.mean_twist_error(F, V) < 1e-3
+
+
+def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
+    """No mixture with another convex quartic fits better: convex combinations stay in the feasible set."""
+    F = limit_surface.wrenches(*load, RHO, TWISTS)
+
+    def cost(coefficients: np.ndarray) -> float:
+        gradient = quartic_form.gradient_rows(F) @ coefficients / 4
+        across = gradient - TWISTS * (gradient * TWISTS).sum(axis=1, keepdims=True)
+        return float(((quartic_form.monomials(F) @ coefficients - 1) ** 2).sum() + (across**2).sum())
+
+    others = quartic.sample(fitted, 100, np.random.default_rng(6), 20).coefficients
+    least = cost(fitted.coefficients)
+    for other in others:
+        assert cost(0.99 * fitted.coefficients + 0.01 * other) > least - 1e-6 * len(F)
+
+
+def test_a_strong_ridge_gives_the_ellipsoid_back(load):
+    F = limit_surface.wrenches(*load, RHO, TWISTS)
+    squared = quartic.of_ellipsoid(limit_surface.fit(F, TWISTS), RHO).coefficients
+    far, near = (
+        np.abs(quartic_fit.fit(F, TWISTS, RHO, ridge=r).coefficients - squared).max() for r in (0, 1e7)
+    )
+    assert near < 1e-3 < far
+
+
+def test_a_robust_fit_heeds_wrong_pairs_less(load):
+    F = limit_surface.wrenches(*load, RHO, TWISTS)[::5]
+    clean, V = TWISTS[::5], TWISTS[::5].copy()
+    V[3::10] = np.roll(V[3::10], 1, axis=1)
+    plain, robust = (quartic_fit.fit(F, V, RHO, robust=r).mean_twist_error(F, clean) for r in (False, True))
+    assert robust < 0.7 * plain
+
+
+def test_a_pair_of_weight_two_counts_like_two():
+    rng = np.random.default_rng(7)
+    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)[:40]
+    V = TWISTS[:40] + rng.normal(scale=0.1, size=(40, 3))
+    weights = np.ones(40)
+    weights[:10] = 2.0
+    weighted = quartic_fit.fit(F, V, RHO, weights)
+    doubled = quartic_fit.fit(np.concatenate([F, F[:10]]), np.concatenate([V, V[:10]]), RHO)
+    assert np.allclose(weighted.coefficients, doubled.coefficients, atol=1e-4)
+    assert np.allclose(
+        limit_surface.fit(F, V, weights),
+        limit_surface.fit(np.concatenate([F, F[:10]]), np.concatenate([V, V[:10]])),
+    )
+
+
+def test_nonsense_still_gives_a_certified_quartic():
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        surface = quartic_fit.fit(rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), 1.0, robust=True)
+        assert quartic_form.certifies(surface.certificate, surface.coefficients)
+
+
+def test_a_force_through_the_centre_of_pressure_does_not_turn_the_part():
+    angle = np.arange(24) * math.tau / 24
+    centre = np.array([4.0, -3.0])
+    surface = quartic_fit.fit_pressure(
+        8.0 * np.column_stack([np.cos(angle), np.sin(angle)]) + centre, np.full(24, 1 / 24), 10.0
+    )
+    for direction in np.linspace(0, math.tau, 9):
+        force = np.array([math.cos(direction), math.sin(direction)])
+        torque = centre[0] * force[1] - centre[1] * force[0]
+        assert abs(surface.twist(np.array([*force, torque / 10.0]))[2]) < 1e-3
+
+
+def test_other_coordinates_describe_the_same_surface(fitted):
+    rng = np.random.default_rng(9)
+    S, F = np.eye(3) + 0.3 * rng.normal(size=(3, 3)), rng.normal(size=(10, 3))
+    moved = fitted.in_coordinates(S)
+    assert np.allclose(moved.value(F), fitted.value(F @ S.T), rtol=1e-9)
+    assert np.allclose(
+        moved.in_coordinates(np.linalg.inv(S)).certificate, fitted.certificate, rtol=1e-6, atol=1e-6
+    )
+
+
+def test_what_is_not_convex_is_not_certified(fitted):
+    bent = quartic_form.coefficients_of(np.diag([0.0, 1, 0, 0, 0, 0, 0, 0, 0]))  # fx^2 fy^2 is not convex
+    assert least_curvature(bent, TWISTS) < 0
+    for Q in (fitted.certificate, quartic_form.gram(bent)):
+        assert not quartic_form.certifies(Q, bent)
+    with pytest.raises(ValueError, match="not positive definite"):
+        quartic.from_certificate(quartic_form.gram(bent), 1.0)
+
+
+def test_the_certificate_is_drawn_with_the_variance_of_the_footnote(fitted):
+    Q, dof, n = fitted.certificate, 100, 20_000
+    draws = limit_surface.wishart(Q, dof, np.random.default_rng(10), n)
+    variance = (Q**2 + np.outer(np.diag(Q), np.diag(Q))) / dof
+    assert np.abs((draws.mean(axis=0) - Q) / np.sqrt(variance / n)).max() < 5.0
+    assert np.allclose(draws.var(axis=0), variance, rtol=0.08)
+
+
+def test_samples_are_convex_and_have_the_nominal_mean(fitted):
+    n = 20_000
+    draws = quartic.sample(fitted, 100, np.random.default_rng(11), n)
+    assert draws.drawn_in <= 1e-3 * n
+    deviation = draws.coefficients.mean(axis=0) - fitted.coefficients
+    assert np.abs(deviation / draws.coefficients.std(axis=0) * math.sqrt(n)).max() < 5.0
+    assert (np.linalg.eigvalsh(draws.certificates)[:, 0] > 0).all()
+    for Q, coefficients in zip(draws.certificates[:100], draws.coefficients, strict=False):
+        assert quartic_form.certifies(0.5 * (Q + Q.T), coefficients)
+        assert least_curvature(coefficients, TWISTS) > 0
+
+
+def test_plain_averaging_of_the_draws_would_lose_convexity(fitted):
+    """Why `sample` projects in the metric of the certificate."""
+    raw = limit_surface.wishart(fitted.certificate, 9, np.random.default_rng(12), 200)
+    averaged = quartic_form.coefficients_of(raw)
+    assert min(least_curvature(c, TWISTS) for c in averaged) < 0
+    projected = quartic.sample(fitted, 9, np.random.default_rng(12), 200).coefficients
+    assert min(least_curvature(c, TWISTS) for c in projected) > 0
+
+
+def test_samples_have_the_variance_that_the_footnote_gives_after_projection(fitted):
+    """A second way: the covariance of the Wishart draw, pushed through the projection as a matrix."""
+    dof = 100
+    factor = np.linalg.cholesky(fitted.certificate)
+    inverse = np.linalg.inv(factor)
+    basis = np.linalg.qr((inverse @ quartic_form.CERTIFICATES @ inverse.T).reshape(-1, 81).T)[0]
+    rows = quartic_form.COEFFICIENT_ROWS @ np.kron(factor, factor) @ basis @ basis.T
+    swap = np.eye(81).reshape(9, 9, 81).transpose(1, 0, 2).reshape(81, 81)
+    variance = np.diag(rows @ (np.eye(81) + swap) @ rows.T) / dof  # of a white Wishart matrix
+    draws = quartic.sample(fitted, dof, np.random.default_rng(13), 40_000)
+    seen = variance > 1e-12
+    assert np.allclose(draws.coefficients.var(axis=0)[seen], variance[seen], rtol=0.08)
+
+
+def test_samples_depend_on_the_generator_alone(fitted):
+    first, second = (quartic.sample(fitted, 50, np.random.default_rng(9), 5) for _ in range(2))
+    assert np.array_equal(first.coefficients, second.coefficients)
+    assert quartic.sample(fitted, 50, np.random.default_rng(9), 0).coefficients.shape == (0, 15)
+
+
+def test_surfaces_are_frozen(fitted):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        fitted.rho_mm = 1.0

@@ -1,0 +1,73 @@
+"""A step laid open: what the solver returns fulfils the paper's eqs 3-5, contact by contact."""
+
+import numpy as np
+import pytest
+import shapely
+from contact_solutions import contact_solution
+
+from planner.mechanics import quartic
+from planner.mechanics.clearance import clearance
+from planner.mechanics.lcp import RAY, SOLVED
+from planner.part.outline import simplified
+
+JAWS = np.array([85.0, 27.5, 9.5, 0.5])
+RECTANGLE = np.array([[-15.0, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
+A = np.diag([1.05, 1.06, 0.58])
+RHO = 10.57
+
+
+def place(pose):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return RECTANGLE @ np.array([[c, s], [-s, c]]) + pose[:2]
+
+
+def touching(pose):
+    points = place(pose)
+    return points, tuple(f * (100.0 - clearance(points, f, f * 100.0, 13.75)) for f in (1, -1))
+
+
+@pytest.mark.parametrize(
+    "surface", [A, quartic.of_ellipsoid(A, RHO).hessian_table()], ids=["ellipsoid", "quartic"]
+)
+def test_solutions_fulfil_complementarity_and_coulombs_law(surface):
+    rng = np.random.default_rng(3)
+    solved = pressed = 0
+    for _ in range(300):
+        pose = np.array([rng.uniform(-8, 8), 0.0, rng.uniform(-np.pi, np.pi)])
+        points, faces = touching(pose)
+        mu = tuple(rng.uniform(0.1, 0.7, 2))
+        solution = contact_solution(points, pose, faces, JAWS, surface, RHO, mu, 0.1)
+        if solution.status != SOLVED:
+            assert solution.status == RAY
+            continue
+        solved += 1
+        pressed += int((solution.force[:, 0] > 0.0).sum() > 1)
+        assert max(solution.residuals()) < 1e-6
+    assert solved > 100
+    assert pressed > 20
+
+
+def test_residuals_see_a_force_outside_the_cone_and_an_overlap():
+    pose = np.array([0.0, 0.0, 0.3])
+    points, faces = touching(pose)
+    solution = contact_solution(points, pose, faces, JAWS, A, RHO, (0.3, 0.3), 0.1)
+    assert solution.status == SOLVED
+    wrong = solution._replace(
+        force=solution.force * [1.0, 2.0] + [0.0, 0.5], slack_mm=solution.slack_mm - 0.1
+    )
+    assert wrong.residuals().cone > 0.1
+    assert wrong.residuals().overlap_mm == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_flush_rectangle_is_a_ray():
+    points, faces = touching(np.zeros(3))
+    assert contact_solution(points, np.zeros(3), faces, JAWS, A, RHO, (0.5, 0.5), 0.1).status == RAY
+
+
+def test_a_dense_curve_is_simplified_to_the_tolerance_and_no_further():
+    angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+    dense = np.column_stack([18 * np.cos(angle), 11 * np.sin(angle)])
+    plain = simplified(dense, 0.005)
+    assert len(plain) < 240
+    assert shapely.hausdorff_distance(shapely.LinearRing(dense), shapely.LinearRing(plain), 0.05) < 0.0051
+    np.testing.assert_array_equal(np.sort(simplified(RECTANGLE, 0.005), axis=0), np.sort(RECTANGLE, axis=0))

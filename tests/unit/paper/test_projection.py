@@ -1,0 +1,135 @@
+"""Projection onto subspaces: nearest by brute force, on the manifold, at rest there, for both surfaces."""
+
+import math
+
+import numpy as np
+import problems
+import pytest
+
+from planner.belief.observation import Encoder
+from planner.frames import wrap
+from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.mechanics.quartic_fit import fit_pressure
+from planner.paper.projection import Projection
+from planner.paper.subspaces import subspaces_of
+from planner.part.outline import radius_of_gyration
+from planner.part.pressure import Pressure, support
+
+ENCODER = Encoder(85.0, 3, 230, 0.15)
+OUTLINE = problems.rectangle()
+RHO = radius_of_gyration(OUTLINE)
+
+
+def quartic():
+    points, weights = support(Pressure("boundary", 100), OUTLINE)
+    return fit_pressure(points, weights, RHO)
+
+
+def learned(surface=None, n=9000):
+    simulator = problems.simulator(OUTLINE, workers=2, surface=surface)
+    rng = np.random.default_rng(5)
+    poses = problems.random_poses(rng, n, 38.25)
+    poses = poses[classify_contact(OUTLINE, simulator.jaws, poses) != STANDS_ON]
+    rolled = simulator.roll_out(poses, simulator.sample(len(poses), rng))
+    subspaces = subspaces_of(rolled.width_mm, ENCODER)
+    label = subspaces.label(rolled.width_mm)
+    return rolled, label, Projection.fit(rolled.poses, label, RHO, 2)
+
+
+@pytest.fixture(scope="module", params=["ellipsoid", "quartic"])
+def case(request):
+    return learned(quartic() if request.param == "quartic" else None)
+
+
+def shaken(poses, seed=0, scale=0.8):
+    return poses + scale * np.random.default_rng(seed).standard_normal(poses.shape) / np.array([1, 1, RHO])
+
+
+def distance(a, b):
+    turn = wrap(a[..., 2] - b[..., 2], 2)
+    return np.sqrt((a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2 + (RHO * turn) ** 2)
+
+
+def test_particles_move_to_the_nearest_pose_of_their_subspace(case):
+    rolled, label, projection = case
+    particles, asked = shaken(rolled.poses[:400]), label[:400]
+    projected = projection.project(particles, asked)
+    for pose, k, end, moved in zip(particles, asked, *projected, strict=True):
+        if k == 0:
+            assert np.array_equal(end, pose)
+            continue
+        every = distance(pose, rolled.poses[label == k])
+        assert moved == pytest.approx(every.min(), abs=1e-9)
+        assert distance(pose, end) == pytest.approx(every.min(), abs=1e-9)
+        assert distance(end, rolled.poses[label == k]).min() < 1e-9
+
+
+def test_angles_stay_on_the_particle_s_own_turn(case):
+    rolled, label, projection = case
+    turns = np.arange(len(label)) % 5 - 2
+    particles = shaken(rolled.poses + np.outer(turns * math.pi, [0.0, 0.0, 1.0]))
+    projected = projection.project(particles, label)
+    assert np.all(np.abs(projected.poses[:, 2] - particles[:, 2]) <= math.pi / 2 + 1e-9)
+
+
+def test_projecting_twice_is_projecting_once(case):
+    rolled, label, projection = case
+    once = projection.project(shaken(rolled.poses), label)
+    twice = projection.project(once.poses, label)
+    assert np.array_equal(twice.poses, once.poses)
+    assert not np.any(twice.moved_mm)
+
+
+def test_what_is_on_the_manifold_stays(case):
+    rolled, label, projection = case
+    projected = projection.project(rolled.poses, label)
+    assert np.array_equal(projected.poses, rolled.poses)
+    assert not np.any(projected.moved_mm)
+
+
+def test_other_poses_of_the_manifold_hardly_move_and_blurred_ones_come_back(case):
+    rolled, label, _ = case
+    half = len(label) // 2
+    projection = Projection.fit(rolled.poses[:half], label[:half], RHO, 2)
+    held = label[half:] > 0
+    truth, asked = rolled.poses[half:][held], label[half:][held]
+    moved = projection.project(truth, asked).moved_mm
+    assert np.median(moved) < 0.35  # some hundred poses stand for all of a subspace
+    particles = truth + np.random.default_rng(1).standard_normal(truth.shape) * [0.0, 1.5, 0.0]
+    back = projection.project(particles, asked).poses
+    # Centred squeezes: y is what the fingers decide, so the blur in y is what the projection takes away.
+    assert np.median(np.abs(back - truth)[:, 1]) < 0.2 * np.median(np.abs(particles - truth)[:, 1])
+
+
+def test_free_particles_are_not_moved(case):
+    _, _, projection = case
+    particles = shaken(np.zeros((50, 3)), scale=20.0)
+    projected = projection.project(particles, np.zeros(50, np.int64))
+    assert np.array_equal(projected.poses, particles)
+    assert projected.poses is not particles
+
+
+def test_a_pose_at_the_seam_is_near_its_neighbour_beyond_it():
+    stored = np.array([[0.0, 0.0, math.pi - 1e-3], [0.0, 0.0, 1.5]])
+    projection = Projection.fit(stored, np.ones(2, np.int64), RHO, 2)
+    for angle in (1e-3, -1e-17, 0.0, math.pi, 7 * math.pi):
+        projected = projection.project(np.array([[0.0, 0.0, angle]]), np.ones(1, np.int64))
+        assert projected.moved_mm[0] < 3e-3 * RHO
+        assert abs(projected.poses[0, 2] - angle) < 3e-3
+
+
+def test_subspaces_without_gaps_are_asked_for():
+    with pytest.raises(ValueError, match="subspace 1"):
+        Projection.fit(np.zeros((3, 3)), np.array([0, 2, 2]), RHO, 2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5, 6])
+def test_an_angle_just_below_a_period_is_stored_and_found(order):
+    period = math.tau / order
+    below = [np.nextafter(period, 0.0), period, -1e-300, np.nextafter(-period, 0.0), 3.0 * period]
+    poses = np.array([[float(k), 0.0, angle] for k, angle in enumerate(below)])
+    for rho in np.random.default_rng(order).uniform(5.0, 20.0, 300):
+        stored = Projection.fit(poses, np.ones(len(poses), np.int64), rho, order)
+        found = stored.project(poses + np.array([0.1, 0.0, 0.0]), np.ones(len(poses), np.int64)).poses
+        assert np.array_equal(found[:, :2], poses[:, :2])
+        assert np.allclose(wrap(found[:, 2] - poses[:, 2], order), 0.0, atol=1e-12)

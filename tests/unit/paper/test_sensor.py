@@ -1,0 +1,69 @@
+"""The sensor model against geometry, and what its error means."""
+
+import math
+
+import numpy as np
+import problems
+import pytest
+
+from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.paper.sensor import HELD_OUT, SensorModel, features
+
+
+def rolled(outline, n, seed):
+    simulator = problems.simulator(outline, workers=2)
+    rng = np.random.default_rng(seed)
+    poses = problems.random_poses(rng, n, 30.0)
+    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
+    return simulator.roll_out(poses, simulator.sample(len(poses), rng)._replace(release=None))
+
+
+@pytest.fixture(scope="module")
+def rectangle():
+    return rolled(problems.rectangle(), 15_000, 1)
+
+
+@pytest.fixture(scope="module")
+def model(rectangle):
+    return SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
+
+
+def test_the_model_predicts_widths_it_never_saw(model):
+    fresh = rolled(problems.rectangle(), 6000, 2)
+    error = np.abs(model.predict(fresh.poses) - fresh.width_mm)
+    # The encoder's noise is 0.15 mm and its counts are 0.37 mm wide.
+    assert np.median(error) < 0.05
+    assert np.quantile(error, 0.95) < 0.25
+    # The error that the model states is the error it has.
+    assert np.quantile(error, 0.95) == pytest.approx(model.error.q95_mm, rel=0.3)
+    assert model.error.median_mm <= model.error.q95_mm <= model.error.worst_mm
+    assert model.error.rms_mm <= model.error.worst_mm
+
+
+def test_flush_grasps_and_jams_show_the_widths_that_geometry_says(model):
+    # Between the fingers the rectangle at angle t is 30 |sin t| + 21 |cos t| wide; it rests flush, or jams
+    # where friction holds it on a diagonal.
+    for turn, width in ((0.0, 21.0), (math.pi / 2, 30.0), (math.pi - 0.95, math.hypot(30.0, 21.0))):
+        for copy in (turn, turn + math.pi, turn - math.pi):
+            assert model.predict(np.array([[0.0, 0.0, copy]]))[0] == pytest.approx(width, abs=0.5)
+    far = np.array([[40.0, 0.0, 0.3], [-45.0, 3.0, 1.0]])
+    assert np.array_equal(model.predict(far), [0.0, 0.0])
+
+
+def test_equal_turns_are_one_place(model, rectangle):
+    poses = rectangle.poses[:500]
+    turned = poses + np.array([0.0, 0.0, math.pi])
+    differ = np.abs(model.predict(turned) - model.predict(poses)) > 0.0
+    assert np.mean(differ) < 0.01  # rounding on a threshold alone
+    assert np.allclose(features(turned, 2), features(poses, 2), atol=1e-5)
+
+
+def test_too_few_roll_outs_are_refused():
+    with pytest.raises(ValueError, match="9 roll-outs"):
+        SensorModel.fit(np.zeros((HELD_OUT - 1, 3)), np.zeros(HELD_OUT - 1), 1)
+
+
+def test_same_roll_outs_give_the_same_model(model, rectangle):
+    again = SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
+    assert np.array_equal(again.predict(rectangle.poses), model.predict(rectangle.poses))
+    assert again.error == model.error

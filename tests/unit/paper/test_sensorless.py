@@ -1,0 +1,156 @@
+"""Goldberg's squeeze function and plans: his theorems, and our simulator where his assumptions hold."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from problems import (
+    LONG_JAWS,
+    OUTLINES,
+    bar,
+    disc,
+    ellipse,
+    hexagon,
+    l_shape,
+    random_convex,
+    random_poses,
+    random_star,
+    rectangle,
+    regular_polygon,
+    right_triangle,
+    simulator,
+)
+
+from planner.frames import to_hand, to_world
+from planner.mechanics.simulator import Parameters
+from planner.paper.sensorless import SqueezeFunction, chain, plan
+from planner.paper.width import width_function
+from planner.part.outline import convex_hull
+
+
+def outlines():
+    rng = np.random.default_rng(1)
+    stars = [random_star(rng, int(rng.integers(3, 14))) for _ in range(60)]
+    return [make() for make in OUTLINES.values()] + stars
+
+
+def carried_out(outline, angles, rng):
+    """Angles of parts in the world after frictionless squeezes, by the squeeze function alone."""
+    function = SqueezeFunction.of(outline)
+    theta = rng.uniform(-4.0, 4.0, 300)
+    for angle in angles:
+        theta = angle + 0.5 * math.pi - function(angle + 0.5 * math.pi - theta)
+    return theta
+
+
+def apart(angles, period):
+    return np.abs(angles - period * np.round(angles / period))
+
+
+def test_the_squeeze_function_is_a_rising_staircase():
+    for outline in outlines():
+        function = SqueezeFunction.of(outline)
+        direction = np.linspace(-5.0, 5.0, 4001)
+        after = function(direction)
+        assert np.all(np.diff(after) >= -1e-12)
+        assert np.all(np.abs(after - direction) < math.pi)
+        assert function(after) == pytest.approx(after)
+        assert function(direction + function.period) == pytest.approx(after + function.period)
+
+
+def test_squeezing_never_widens_the_part():
+    for outline in outlines():
+        function, width = SqueezeFunction.of(outline, ripple_mm=0.0), width_function(outline)
+        direction = np.linspace(0.0, 3.0, 500)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            further = direction + share * (function(direction) - direction)
+            assert np.all(width(further) <= width(direction) + 1e-9)
+
+
+def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
+    rng = np.random.default_rng(2)
+    for outline in outlines():
+        result = plan(outline)
+        assert apart(carried_out(outline, result.angles, rng) - result.final, result.period).max() < 1e-9
+
+
+def test_no_plan_is_longer_than_2n_minus_1():
+    for outline in outlines():
+        assert len(plan(outline).angles) <= 2 * len(convex_hull(outline)) - 1
+
+
+def test_each_interval_is_squeezed_to_less_than_the_next():
+    for outline in outlines():
+        function = SqueezeFunction.of(outline)
+        intervals = chain(function)
+        assert intervals[0].length == pytest.approx(function.period)
+        assert intervals[-1].spread == pytest.approx(0.0, abs=1e-9)
+        for before, after in pairwise(intervals):
+            assert before.length > after.length > before.spread
+
+
+def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
+    rng = np.random.default_rng(3)
+    for outline in outlines()[:30]:
+        result = plan(outline)
+        errors = 0.98 * result.slack * rng.uniform(-0.5, 0.5, len(result.angles))
+        errors[-1] = 0.0
+        if len(result.angles) > 1:
+            angles = result.angles + errors
+            assert apart(carried_out(outline, angles, rng) - result.final, result.period).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("outline", "degrees"),
+    [
+        (rectangle(), 180),
+        (hexagon(), 60),
+        (regular_polygon(4, 14.0), 90),
+        (regular_polygon(5, 14.0), 36),
+        (right_triangle(), 180),
+        (disc(), 180),
+    ],
+)
+def test_periods_of_known_shapes(outline, degrees):
+    assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
+
+
+def test_facets_of_a_sampled_curve_are_no_steps():
+    assert len(SqueezeFunction.of(ellipse()).minima) == 1
+    assert len(SqueezeFunction.of(ellipse(), ripple_mm=0.0).minima) == 2
+
+
+def frictionless(outline, n, rng):
+    model = simulator(outline, jaws=LONG_JAWS)
+    parameters = model.sample(n, rng)
+    return model, Parameters(parameters.surfaces, np.zeros((n, 2)))
+
+
+def scalene():
+    """No edge is square to a chord: every equilibrium is stable or unstable, none is indifferent."""
+    return random_convex(np.random.default_rng(6), 5)
+
+
+@pytest.mark.parametrize("make", [rectangle, scalene, hexagon, l_shape, bar])
+def test_our_simulator_ends_at_local_minima_without_friction(make):
+    outline, rng = make(), np.random.default_rng(4)
+    model, parameters = frictionless(outline, 400, rng)
+    final = model.roll_out(random_poses(rng, 400, 5.0), parameters)
+    minima = width_function(outline).minima
+    direction = 0.5 * math.pi - final.poses[:, 2]
+    off = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
+    assert np.mean(np.degrees(off) < 0.5) > 0.99
+    assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
+
+
+@pytest.mark.parametrize("make", [rectangle, hexagon, l_shape])
+def test_plans_work_in_our_simulator_without_friction(make):
+    outline, rng, n = make(), np.random.default_rng(5), 400
+    result = plan(outline)
+    poses = random_poses(rng, n, 5.0)
+    for angle in result.angles:
+        model, parameters = frictionless(outline, n, rng)
+        place = np.array([0.0, 0.0, angle])
+        poses = to_world(model.roll_out(to_hand(poses, place), parameters).poses, place)
+    assert np.mean(np.degrees(apart(poses[:, 2] - result.final, result.period)) < 1.0) > 0.98
