@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from drivers.ports import Arm, Gripper
     from drivers.robotiq.modbus import ModbusLink
     from drivers.robotiq.probe import Answered
-    from drivers.sim.eye import Scene
+    from drivers.sim.physics.scene_protocol import Scene
 
 TTY = "tty"  # the scheme of a port without one
 
@@ -139,7 +139,7 @@ def scene(url: str) -> "Scene":
     Raises:
         PortError: nobody accepts the connection.
     """
-    from drivers.sim.eye import Scene
+    from drivers.sim.physics.scene_protocol import Scene
 
     if not url.startswith("tcp://"):
         raise _not_understood(url, ["tcp"])

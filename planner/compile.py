@@ -17,25 +17,25 @@ from planner.belief.particles import initial_with_friction
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
-from planner.evaluate import Evaluation, evaluate
+from planner.evaluation.evaluate import Evaluation, evaluate
+from planner.evaluation.measured import predicting, with_figures
 from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
-from planner.job import Job
+from planner.evaluation.untried import tried, without_untried
+from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store
 from planner.lower import lower
-from planner.measured import predicting, with_figures
 from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
-from planner.progress import Report, silent
-from planner.scheduler import Scheduler, Threads
 from planner.search.actions import actions_of
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
-from planner.untried import tried, without_untried
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld
 from runtime.table import Table, refuted
 

@@ -10,7 +10,7 @@ from planner.arrays import Array
 from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import Encoder, encoder_of
 from planner.frames import wrap
-from planner.job import Job
+from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of

@@ -15,14 +15,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner import documents
-from planner import job as job_file
 from planner.compile import Plan, compile_job
 from planner.errors import PlannerError, UsageError
+from planner.job import documents
+from planner.job import model as job_file
+from planner.job.overrides import job_with, split
 from planner.learned.store import Store
-from planner.overrides import job_with, split
-from planner.progress import Report
-from planner.scheduler import Cluster, Scheduler
+from planner.work.progress import Report
+from planner.work.scheduler import Cluster, Scheduler
 from runtime.table import dumps
 
 MOST_JOBS = 10_000

@@ -15,7 +15,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from planner.arrays import Array
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
 

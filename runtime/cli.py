@@ -14,29 +14,31 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
-from runtime import carry, crash, dry_run, held, interrupts, options, session
-from runtime.audit import AuditProcess
-from runtime.cell_process import CellProcess
-from runtime.clock import SystemClock
-from runtime.console import Console, Lines, Objects
+from runtime.commands import options
+from runtime.commands.options import SIMULATED, parser
+from runtime.devices.audit import AuditProcess
+from runtime.devices.cell_process import CellProcess
+from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
+from runtime.devices.ports import Arm, Gripper, Scene
 from runtime.errors import BrokenRunError, CalibrationError, StoppedError
-from runtime.executor import Cell, Plan
-from runtime.hand import check_arc
-from runtime.held import Held
-from runtime.incidents import Incidents, Report
-from runtime.interrupts import StopRequests
-from runtime.journal import Journal
-from runtime.lock import PortLock
-from runtime.monitor import Monitor
-from runtime.options import SIMULATED, parser
-from runtime.ports import Arm, Gripper, Scene
-from runtime.safe_state import DECLARED
-from runtime.safety import check_table, ready_gripper
-from runtime.shell import command
+from runtime.execution import carry, dry_run, held, session
+from runtime.execution.executor import Cell, Plan
+from runtime.execution.hand import check_arc
+from runtime.execution.held import Held
+from runtime.execution.safe_state import DECLARED
+from runtime.execution.safety import check_table, ready_gripper
+from runtime.journal import crash
+from runtime.journal.chain import Journal
+from runtime.journal.incidents import Incidents, Report
+from runtime.monitoring.console import Console, Lines, Objects
+from runtime.monitoring.monitor import Monitor
+from runtime.shell import command, interrupts
 from runtime.shell.command import Parser, say
+from runtime.shell.interrupts import StopRequests
 from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
 
-REHEARSAL = "runtime.rehearsal:make"
+REHEARSAL = "runtime.devices.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
 PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
 
@@ -64,14 +66,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def doctor(argv: Sequence[str] | None = None) -> int:
     """Run `grasp-doctor`; returns its exit code."""
-    from runtime import doctor_command  # another command's modules are not loaded into a run
+    from runtime.commands import (
+        doctor as doctor_command,
+    )  # another command's modules are not loaded into a run
 
     return guarded(doctor_command.parser(), argv, lambda given: doctor_command.run(given, connect))
 
 
 def calibrate(argv: Sequence[str] | None = None) -> int:
     """Run `grasp-calibrate`; returns its exit code."""
-    from runtime import calibrate_command
+    from runtime.commands import calibrate as calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)
     if next((word for word in words if not word.startswith("-")), "") in calibrate_command.OF_THE_AUDIT:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from runtime.journal import records
+from runtime.journal.chain import records
 from runtime.table import Table
 
 ROOT = Path(__file__).parents[1]
@@ -44,7 +44,7 @@ def mixed(table: Table) -> Table:
 
 def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: float) -> list[str]:
     """The command; `folder` holds camera.json and tag.json, and gets the journal."""
-    audit = [sys.executable, "-m", "drivers.camera.cli", "judge", "--tree", str(tree)]
+    audit = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(tree)]
     audit += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
     audit += ["--deadline", "9.5"]
     words = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]

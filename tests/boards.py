@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from cameras import SIZE, camera, true_view
 
-from drivers.camera.board import Board, BoardView
+from drivers.camera.vision.board import Board, BoardView
 from drivers.sim.camera.cards import Card, board_cells, lying
 
 OPTICS = camera()

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from drivers.camera.calibration import CameraCalibration, Reference, Trust
-from drivers.camera.lens import Lens
-from drivers.camera.plane import View
-from drivers.camera.tag_file import PartTag
+from drivers.camera.calibration.file import CameraCalibration, Reference, Trust
+from drivers.camera.vision.lens import Lens
+from drivers.camera.vision.plane import View
+from drivers.camera.vision.tag_file import PartTag
 from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws
 from drivers.sim.camera.rig import Rig

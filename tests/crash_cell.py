@@ -13,13 +13,15 @@ from pathlib import Path
 
 from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
-from drivers.sim.gripper import GripperModel
-from drivers.sim.jaws import Jaws
-from runtime import crash, journal, session
-from runtime.console import Console
-from runtime.executor import Cell, Plan
-from runtime.geometry import placement
-from runtime.journal import Journal
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.jaws import Jaws
+from runtime.execution import session
+from runtime.execution.executor import Cell, Plan
+from runtime.execution.geometry import placement
+from runtime.journal import chain as journal
+from runtime.journal import crash
+from runtime.journal.chain import Journal
+from runtime.monitoring.console import Console
 from runtime.table import Calibration, Node, Table, dumps
 
 REACH_MM = 35.0

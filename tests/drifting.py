@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.evaluate import evaluate
 from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.worlds import DEFAULT_WORLD, supply
 from planner.frames import wrap
-from planner.job import Job
-from planner.scheduler import Threads
-from planner.worlds import DEFAULT_WORLD, supply
-from runtime.quality.history import Part, Squeezed
+from planner.job.model import Job
+from planner.work.scheduler import Threads
+from runtime.spc.history import Part, Squeezed
 from runtime.table import REJECT, Calibration, Table, predicted_pose
 
 SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad

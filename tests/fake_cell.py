@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from runtime.executor import Cell
+from runtime.execution.executor import Cell
 
 
 class State(NamedTuple):

@@ -2,7 +2,7 @@
 
 import math
 
-from drivers.sim.scene import Geometry, Setting
+from drivers.sim.physics.scene import Geometry, Setting
 
 GEOMETRY = Geometry(
     opening_mm=85.0,

@@ -13,9 +13,9 @@ from drivers.clock import Pace
 from drivers.errors import LinkError
 from drivers.robotiq.frames import RTU, TCP, Framing, RtuFraming, TcpFraming, Wiring
 from drivers.robotiq.modbus import ModbusLink
-from drivers.sim.gripper import GripperModel
-from drivers.sim.modbus import GripperRegisters, crc16, frame_length
-from drivers.sim.rtu import RtuSlave
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.wire.modbus import GripperRegisters, crc16, frame_length
+from drivers.sim.wire.rtu import RtuSlave
 
 READ = bytes.fromhex("09 03 07D0 0003 040E")
 READ_REPLY = bytes.fromhex("09 03 06 B900 00FF BD00 1D7C")

@@ -12,13 +12,13 @@ import other_make
 
 from drivers import connect
 from drivers.robotiq.canopen import CanMap
-from drivers.sim.can_node import CanNode
-from drivers.sim.gripper import GripperModel
-from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
-from drivers.sim.jaws import Jaws
-from drivers.sim.modbus import GripperRegisters
-from drivers.sim.rtu import PtyPort, RtuSlave
-from drivers.sim.timing import SimulatedTime
+from drivers.sim.devices.can_node import CanNode
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.devices.jaws import Jaws
+from drivers.sim.wire.modbus import GripperRegisters
+from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.timing import SimulatedTime
 
 SCALE = 20.0
 
@@ -54,7 +54,7 @@ class Robotiq:
             port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
         return port, f"{bus}://{port.address}"
 
-    # what the fingers meet: drivers.sim.jaws.Surroundings
+    # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):
         return self.contact_counts if self.holds else None
 

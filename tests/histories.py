@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.quality.expectation import bin_of
-from runtime.quality.history import History, Part, Squeezed
-from runtime.quality.monitor import branch_shares, sigmas
+from runtime.spc.expectation import bin_of
+from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.monitor import branch_shares, sigmas
 from runtime.table import PPM, Calibration, Table, by_count, decision_map, load
 
 TREE = Path(__file__).parents[1] / "trees" / "rectangle" / "rectangle.msgpack"

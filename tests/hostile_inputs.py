@@ -35,7 +35,7 @@ from sample_tables import small_table, with_job
 from written_journals import write_run
 
 from drivers.camera import documents
-from runtime import calibration
+from runtime.execution import calibration
 from runtime.table import dumps, load
 
 ROOT = Path(__file__).parents[1]
@@ -53,8 +53,8 @@ INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REPORT = (
 RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
     (f"{name}", "main")
     for name in (
-        "runtime.cli", "runtime.journal_command", "runtime.quality.command",
-        "drivers.camera.calibrate_command", "drivers.sim.cli",
+        "runtime.cli", "runtime.commands.journal", "runtime.spc.command",
+        "drivers.camera.calibration.command", "drivers.sim.cli",
     )
 )  # fmt: skip
 LOOKS = (
@@ -102,7 +102,7 @@ def table(data: bytes, random: Random) -> bytes:
 @cache
 def job_text() -> bytes:
     """The rectangle's job as tables carry it."""
-    from planner import job
+    from planner.job import model as job
 
     return job.load(RECTANGLE / "job.toml").canonical().encode()
 
@@ -165,7 +165,7 @@ def lens() -> bytes:
     """A camera's calibration as `grasp-calibrate camera` writes it."""
     from cameras import camera, true_calibration
 
-    from drivers.camera import calibration
+    from drivers.camera.calibration import file as calibration
 
     with tempfile.TemporaryDirectory() as name:
         calibration.save(true_calibration(camera()), Path(name) / "c.json")
@@ -229,7 +229,7 @@ FAULTS = b'[[fault]]\nkind = "reply_lost"\npart = 0\nat = 2\nlength = 1\nvalue =
 @cache
 def gauged() -> bytes:
     """A gripper's calibration as `grasp-calibrate width` writes it."""
-    from runtime.calibration import Gauge, fit, save
+    from runtime.execution.calibration import Gauge, fit, save
 
     with tempfile.TemporaryDirectory() as name:
         gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(90.0, (3, 3))]
@@ -307,7 +307,7 @@ def _as_process(made: Case) -> tuple[int, str]:
 @cache
 def documented(entry: tuple[str, str]) -> frozenset[int]:
     """The codes that a command's --help lists, but for that of a bug."""
-    module = "runtime.options" if entry[0] == "runtime.cli" else entry[0]
+    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
     listed = (importlib.import_module(module).parser().epilog or "").partition("exit codes")[2]
     each = re.sub(r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed)
     return frozenset(map(int, re.findall(r"\b\d{1,3}\b(?=\s)", each))) - {INTERNAL}
@@ -315,7 +315,7 @@ def documented(entry: tuple[str, str]) -> frozenset[int]:
 
 def err_name(entry: tuple[str, str]) -> str:
     """What a command's errors begin with."""
-    module = "runtime.options" if entry[0] == "runtime.cli" else entry[0]
+    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
     return str(importlib.import_module(module).parser().prog)
 
 

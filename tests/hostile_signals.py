@@ -39,9 +39,9 @@ from running_cells import (
 from sample_tables import small_table
 
 from drivers import connect
-from runtime.interrupts import SIGNALS
-from runtime.journal import records, verify
-from runtime.replay import Replay
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
+from runtime.shell.interrupts import SIGNALS
 from runtime.table import dump
 
 WORKERS = 4

@@ -11,7 +11,7 @@ from problems import rectangle, simulator
 from planner.errors import ValueRangeError
 from planner.learned.rollouts import RollOuts, roll_outs
 from planner.learned.store import Store
-from planner.scheduler import Threads
+from planner.work.scheduler import Threads
 
 PART = simulator(rectangle())
 RADIUS_MM, COUNT = 10.0, 12_000

@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 WAIT_S = 90
-REHEARSAL = "runtime.rehearsal:make"
+REHEARSAL = "runtime.devices.rehearsal:make"
 
 
 class RunningCell:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from sample_tables import small_table
 
-from drivers.sim.scene import Setting, table_geometry
-from runtime import rehearsal
-from runtime.executor import Plan
+from drivers.sim.physics.scene import Setting, table_geometry
+from runtime.devices import rehearsal
+from runtime.execution.executor import Plan
 
 SCRIPT = Path(__file__).parents[1] / "tools" / "soak"
 
@@ -19,7 +19,7 @@ soak_run = importlib.import_module("soak_run")
 def small_setting() -> Setting:
     """A rehearsal of the small table."""
     table = small_table()
-    return Setting(table, table_geometry(table), "runtime.rehearsal:make", rehearsal.make)
+    return Setting(table, table_geometry(table), "runtime.devices.rehearsal:make", rehearsal.make)
 
 
 def small_soak(parts: int = 1, *, faults: bool = False, handled: tuple[Plan, ...] = (Plan(),)) -> object:

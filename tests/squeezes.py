@@ -3,10 +3,10 @@
 from fake_cell import FakeCell, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime.executor import Executor, Plan
-from runtime.results import PartResult
+from runtime.execution.executor import Executor, Plan
+from runtime.execution.results import PartResult
+from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Table
-from runtime.tips import TipArc
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3

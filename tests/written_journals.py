@@ -5,12 +5,12 @@ from pathlib import Path
 from fake_cell import fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime import session
-from runtime.clock import SystemClock
-from runtime.console import Objects
-from runtime.decision import Policy
-from runtime.executor import Cell, Plan
-from runtime.journal import Journal
+from runtime.devices.clock import SystemClock
+from runtime.execution import session
+from runtime.execution.decision import Policy
+from runtime.execution.executor import Cell, Plan
+from runtime.journal.chain import Journal
+from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 
 CALIBRATION = Calibration.linear(GRIPPER)

@@ -11,20 +11,20 @@ from dataclasses import dataclass, field
 
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults import SCENE_KINDS, Schedule, Seeded
-from drivers.sim.scene import Setting
-from drivers.sim.virtual import VirtualCell
-from drivers.sim.virtual_clock import VirtualClock
-from runtime import strokes
-from runtime.decision import Policy
-from runtime.delivery import Delivery
-from runtime.executor import Cell, Executor, Plan
-from runtime.hand import Handling
-from runtime.phases import Phase
-from runtime.ports import TURN_RADIUS_MM
-from runtime.replay import Replay
-from runtime.results import Outcome, PartResult, Step
-from runtime.session import sight
+from drivers.sim.faults.schedule import SCENE_KINDS, Schedule, Seeded
+from drivers.sim.physics.scene import Setting
+from drivers.sim.virtual.cell import VirtualCell
+from drivers.sim.virtual.clock import VirtualClock
+from runtime.devices.ports import TURN_RADIUS_MM
+from runtime.execution import strokes
+from runtime.execution.decision import Policy
+from runtime.execution.delivery import Delivery
+from runtime.execution.executor import Cell, Executor, Plan
+from runtime.execution.hand import Handling
+from runtime.execution.phases import Phase
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.session import sight
+from runtime.journal.replay import Replay
 from runtime.table import PPM, Table, dumps
 
 FRESH_S = 0.5  # a reading older than this says nothing about now

@@ -7,8 +7,8 @@ from importlib import import_module
 
 from runtime.shell.command import entry
 
-AUDIT, CALIBRATE = "drivers.camera.cli", "drivers.camera.calibrate_command"
-REPORT = "runtime.quality.command"
+AUDIT, CALIBRATE = "drivers.camera.audit.command", "drivers.camera.calibration.command"
+REPORT = "runtime.spc.command"
 # Read on import: a missing camera is told with the verdict, and would be logged once a second.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 

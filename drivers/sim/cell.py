@@ -5,17 +5,17 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from drivers.abb.codec import Pose
-from drivers.sim.arm_logger import ArmLogger
-from drivers.sim.arm_server import ArmServer
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.eye import SceneServer
-from drivers.sim.faults import Schedule
-from drivers.sim.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
-from drivers.sim.modbus import GripperRegisters
-from drivers.sim.rtu import PtyPort, RtuSlave
-from drivers.sim.scene import Setting
-from drivers.sim.tabletop import Look
-from drivers.sim.timing import SimulatedTime
+from drivers.sim.devices.arm_logger import ArmLogger
+from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.faults.schedule import Schedule
+from drivers.sim.physics.scene import Setting
+from drivers.sim.physics.scene_protocol import SceneServer
+from drivers.sim.physics.tabletop import Look
+from drivers.sim.wire.modbus import GripperRegisters
+from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.timing import SimulatedTime
 from drivers.sim.workcell import ARM_BASE, Workcell
 
 

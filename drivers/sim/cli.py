@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.sim.cell import Cell
-from drivers.sim.faults import parse
-from drivers.sim.scene import REHEARSAL, CellError, Setting, load, warm_up
+from drivers.sim.faults.schedule import parse
+from drivers.sim.physics.scene import REHEARSAL, CellError, Setting, load, warm_up
 from runtime.shell.command import Parser, one_line, positive, run, tell
 
 EPILOG = """example:

@@ -4,16 +4,16 @@ import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
-from drivers.sim.arm import ArmModel, Controller
-from drivers.sim.faults import Desk, Listed, Schedule
-from drivers.sim.faulty_arm import FaultyArm
-from drivers.sim.faulty_gripper import FaultyGripper
-from drivers.sim.gripper import GripperModel
-from drivers.sim.jaws import Jaws
-from drivers.sim.line import CleanLine, FaultyLine
-from drivers.sim.modbus import Device
-from drivers.sim.scene import Pose2, Setting
-from drivers.sim.tabletop import Look, TableTop
+from drivers.sim.devices.arm import ArmModel, Controller
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.jaws import Jaws
+from drivers.sim.faults.arm import FaultyArm
+from drivers.sim.faults.gripper import FaultyGripper
+from drivers.sim.faults.schedule import Desk, Listed, Schedule
+from drivers.sim.physics.scene import Pose2, Setting
+from drivers.sim.physics.tabletop import Look, TableTop
+from drivers.sim.wire.line import CleanLine, FaultyLine
+from drivers.sim.wire.modbus import Device
 
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
 
@@ -50,7 +50,7 @@ class Workcell:
         """A line to the gripper; `checked`: its frames end in a CRC."""
         return FaultyLine(self.desk, self._noise, checked=checked) if self._faulty else CleanLine()
 
-    # -- what the fingers meet: drivers.sim.jaws.Surroundings -------------------------------------
+    # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
     def closing(self) -> int | None:
         """The jaws start to close: where they will stop, given where the arm really is."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray
 from planner.frames import wrap
-from planner.job import Job
+from planner.job.model import Job
 from planner.kernel import kernel
 
 CANDIDATES = 48

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.job import Job
+from planner.job.model import Job
 from planner.kernel import kernel
 
 COUNTS = 256

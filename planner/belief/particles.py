@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.job import Job
+from planner.job.model import Job
 
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
 """How far doubted friction lies outside the job's bounds, in units of them."""

@@ -15,7 +15,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.observation import Encoder, Partition, partition
 from planner.belief.particles import frictions
 from planner.frames import to_hand, to_world
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
 

@@ -9,16 +9,16 @@ import sys
 import time
 from pathlib import Path
 
-from planner import job as job_file
 from planner.cli import models_report, shell, sweep
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
-from planner.job import Job
-from planner.job_checks import TIP_MARGIN_MM
+from planner.job import model as job_file
+from planner.job.checks import TIP_MARGIN_MM
+from planner.job.model import Job
 from planner.paper import baseline
-from planner.scheduler import scheduler_of
 from planner.sweep import Settings, figures_of, orders_of
+from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.table import dump

@@ -8,19 +8,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from planner import job as job_file
 from planner.cli import shell
 from planner.errors import InputFileError, UsageError
-from planner.evaluate import evaluate
 from planner.evaluation import text
 from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.mistakes import confusions, worst
 from planner.evaluation.reliability import reliability
 from planner.evaluation.sweep import Line, standard_cases, sweep
-from planner.job import Job
-from planner.overrides import job_with
-from planner.scheduler import Scheduler, scheduler_of
-from planner.worlds import DEFAULT_WORLD, supply
+from planner.evaluation.worlds import DEFAULT_WORLD, supply
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.job.overrides import job_with
+from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.table import Table, load
 

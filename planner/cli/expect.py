@@ -7,11 +7,11 @@ import json
 import sys
 from pathlib import Path
 
-from planner import job as job_file
 from planner.cli import shell
 from planner.cli.evaluate import job_of
-from planner.expectation import document, expected
-from planner.scheduler import scheduler_of
+from planner.evaluation.expectation import document, expected
+from planner.job import model as job_file
+from planner.work.scheduler import scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
 from runtime.table import load

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from planner import surface_file
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.identification import pushes
 from planner.identification.identify import Identified, Kind, Normalised, identify, normalise
+from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable, writing

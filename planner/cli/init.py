@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from planner.cli import shell
-from planner.drafts import Answers, draft, room_mm
 from planner.errors import UsageError
+from planner.job.drafts import Answers, draft, room_mm
+from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
-from planner.presets import FINGERS, GRIPPERS
 from runtime.shell.command import Parser, number, positive_int
 from runtime.shell.files import usable, writing
 

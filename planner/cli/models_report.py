@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from planner.diagnosis.model_quality import ActionQuality, Quality, quality
 from planner.errors import UsageError
-from planner.job import Job
+from planner.job.model import Job
 from planner.learned.model import learned_model
 from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.progress import Report
-from planner.scheduler import Scheduler
+from planner.work.progress import Report
+from planner.work.scheduler import Scheduler
 from runtime.shell.files import writing
 
 PICTURES = (".png", ".svg", ".pdf")

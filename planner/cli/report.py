@@ -6,10 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from planner import job as job_file
 from planner.cli import shell
 from planner.cli.evaluate import job_of
 from planner.errors import UsageError
+from planner.job import model as job_file
 from planner.report import dossier, models, run_log
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing

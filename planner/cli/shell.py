@@ -24,7 +24,7 @@ from rich.progress import (
 
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
-from planner.progress import Report, silent
+from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
@@ -83,7 +83,7 @@ def store_of(arguments: argparse.Namespace) -> Store | None:
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """The option that moves the work to a cluster; `planner.scheduler.scheduler_of` takes its value."""
+    """The option that moves the work to a cluster; `planner.work.scheduler.scheduler_of` takes its value."""
     parser.add_argument(
         "--scheduler", metavar="tcp://HOST:PORT",
         help="work on the Dask cluster of this scheduler (default: threads of this machine)",

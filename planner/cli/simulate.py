@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner import job as job_file
 from planner.arrays import Array
 from planner.cli import shell
 from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
+from planner.job import model as job_file
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, words_of, writing

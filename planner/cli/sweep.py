@@ -16,8 +16,8 @@ from rich.table import Table
 
 from planner.cli import shell
 from planner.errors import UsageError
-from planner.scheduler import Scheduler
 from planner.sweep import Order, Outcome, Settings, outcomes
+from planner.work.scheduler import Scheduler
 from runtime.shell.command import INTERRUPTED
 from runtime.shell.files import folder, usable, writing
 

@@ -13,11 +13,11 @@ from planner.belief.observation import encoder_of
 from planner.diagnosis.ambiguity import Ambiguity, ambiguities
 from planner.diagnosis.delay import Delay, delays
 from planner.evaluation.outcome import Evaluation
-from planner.job import Job
-from planner.progress import Report, silent
-from planner.scheduler import Scheduler
+from planner.evaluation.sensitivity import EVERYTHING, Gain, sensitivity
+from planner.job.model import Job
 from planner.search.expand import TreeNode
-from planner.sensitivity import EVERYTHING, Gain, sensitivity
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler
 from runtime.table import Calibration, Table, by_count, decision_map
 
 CLOSE_COUNTS = 4.0
@@ -109,7 +109,7 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
         table: the table, with the leaves' `resolved` as the runtime will see it.
         evaluation: of this table.
         job: the job it was compiled from.
-        gains: what `planner.sensitivity.sensitivity` measured.
+        gains: what `planner.evaluation.sensitivity.sensitivity` measured.
     """
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(

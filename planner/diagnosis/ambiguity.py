@@ -14,7 +14,7 @@ from planner.belief.observation import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.frames import to_hand, wrap
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
 from runtime.table import HELD_UM, Table

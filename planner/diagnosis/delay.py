@@ -9,7 +9,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.diagnosis.ambiguity import pose_text, whereabouts
-from planner.job import Job
+from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 

@@ -15,7 +15,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.particles import initial
 from planner.belief.transition import Simulation
 from planner.frames import to_hand
-from planner.job import Job
+from planner.job.model import Job
 from planner.learned.energy import Comparison, compare
 from planner.learned.model import LearnedModel
 from planner.learned.rollouts import COLLIDES, RollOuts, region_radius
@@ -24,8 +24,8 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.models import CollisionTree
 from planner.paper.sensor import SensorError, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
-from planner.progress import Report, silent
 from planner.search.actions import actions_of
+from planner.work.progress import Report, silent
 
 PARTICLES = 2000
 RUNS = 4

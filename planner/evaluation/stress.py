@@ -17,13 +17,13 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import ROUGH, SLIPPERY, without_friction
-from planner.evaluate import evaluate
 from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
-from planner.job import Job
-from planner.scheduler import Scheduler
+from planner.job.model import Job
 from planner.search.expand import TreeNode, breadth_first
+from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 

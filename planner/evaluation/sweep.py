@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.evaluate import evaluate
 from planner.evaluation.disturbance import NONE, Disturbance
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
-from planner.job import Job
-from planner.overrides import job_with
+from planner.job.model import Job
+from planner.job.overrides import job_with
 from planner.part.outline import convex_hull, min_width
-from planner.scheduler import Scheduler
+from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.table import Table
 

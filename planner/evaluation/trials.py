@@ -18,7 +18,7 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.world import World
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map

@@ -30,7 +30,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray
 from planner.errors import ValueRangeError
-from planner.fields import shown
+from planner.job.fields import shown
 
 MARKER_TO_PART_MM = np.array([50.0, 50.0])
 FACES = np.array([[-1.0, 0.0], [0.0, -1.0], [math.sqrt(0.5), math.sqrt(0.5)]])

@@ -21,14 +21,14 @@ from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import frictions
 from planner.belief.transition import Outcomes, split
 from planner.frames import to_hand
-from planner.job import Job
+from planner.job.model import Job
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import RollOuts, region_radius, roll_outs
 from planner.learned.store import Store
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED, UNTOUCHED
-from planner.progress import Report, silent
-from planner.scheduler import Scheduler, Threads
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler, Threads
 
 FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""

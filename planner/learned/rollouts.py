@@ -25,14 +25,14 @@ from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.errors import ClusterError
-from planner.job import Job
+from planner.job.model import Job
 from planner.learned.store import Store
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
 from planner.mechanics.quartic import QuarticSurface
 from planner.mechanics.simulator import Simulator
-from planner.progress import Report, silent
-from planner.scheduler import Scheduler, Threads
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler, Threads
 
 COLLIDES = -1
 DEFAULT_COUNT = 100_000

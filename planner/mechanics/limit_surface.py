@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.job import Job
+from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import support
 

@@ -15,7 +15,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
 from planner.mechanics.squeeze import (

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from planner.arrays import Array
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface

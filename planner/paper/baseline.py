@@ -10,13 +10,13 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.particles import initial
-from planner.evaluate import Chunk, chunks_of
+from planner.evaluation.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
-from planner.job import Job
-from planner.overrides import job_with
+from planner.job.model import Job
+from planner.job.overrides import job_with
 from planner.paper.sensorless import SqueezePlan, plan
 from planner.part.outline import convex_hull, radius_of_gyration
-from planner.scheduler import Scheduler, Threads
+from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorlds
 
 ORIENTED_DEG = 5.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
-from planner.job import Job
+from planner.job.model import Job
 from planner.learned.rollouts import PAPER_COUNT, region_radius, roll_outs
 from planner.learned.store import Store
 from planner.mechanics.clearance import least_clearance
@@ -14,10 +14,10 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.models import learn
 from planner.paper.search import Models, PaperPlanner, search_depth
 from planner.part.outline import radius_of_gyration
-from planner.progress import Report, silent
-from planner.scheduler import Scheduler
 from planner.search.actions import actions_of
 from planner.search.expand import TreeNode
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler
 
 
 def plan_paper(

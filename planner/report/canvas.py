@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
-from planner.job import Job
+from planner.job.model import Job
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.

@@ -16,10 +16,10 @@ import numpy as np
 
 from planner.compile import Plan, compile_job
 from planner.errors import NoPlanError
-from planner.evaluate import evaluate
-from planner.job import Job
-from planner.overrides import job_with
-from planner.statistics import wilson_interval
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.statistics import wilson_interval
+from planner.job.model import Job
+from planner.job.overrides import job_with
 from planner.world import ContactWorld
 
 SEED_WORLD = 0x5431
@@ -95,7 +95,7 @@ def zoo_rows(trees: Path) -> list[Row]:
 
 
 def pairs(assignments: Iterable[str]) -> list[tuple[str, str]]:
-    """Names and values of "section.key=value", as `planner.overrides.job_with` takes them."""
+    """Names and values of "section.key=value", as `planner.job.overrides.job_with` takes them."""
     return [(name, value) for name, _, value in (text.partition("=") for text in assignments)]
 
 

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluate import evaluate
-from planner.job import Job
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.statistics import wilson_interval
+from planner.job.model import Job
 from planner.part import outline as outlines
 from planner.report import canvas, tree
 from planner.report.details import leaf_details, node_details, runs
@@ -24,7 +25,6 @@ from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.sensitivity import sensitivity
 from planner.report.templating import template
-from planner.statistics import wilson_interval
 from planner.world import make
 from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.belief.particles import subsample
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.paper.subspaces import subspaces_of
 from planner.report import canvas, trajectory

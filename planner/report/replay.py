@@ -15,7 +15,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.trials import Program, step
-from planner.job import Job
+from planner.job.model import Job
 from planner.world import ContactWorld
 from runtime.table import REJECT, Table
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planner.evaluate import evaluate
-from planner.job import Job
-from planner.overrides import job_with
-from planner.statistics import wilson_interval
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.statistics import wilson_interval
+from planner.job.model import Job
+from planner.job.overrides import job_with
 from planner.world import make
 from runtime.table import Table
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
-from planner.evaluate import placement_of
+from planner.evaluation.evaluate import placement_of
 from planner.frames import to_world
-from planner.job import Job
+from planner.job.model import Job
 from planner.report import canvas
 from planner.report.layout import Sizes, Spot, tidy
 from planner.report.replay import Replay, replay

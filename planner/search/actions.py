@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric
-from planner.job import Job
+from planner.job.model import Job
 from planner.search.proposals import Proposals, proposals_of
 
 MAIN_MODES = 2

@@ -14,7 +14,7 @@ from planner.arrays import Array
 from planner.belief.observation import Encoder, encoder_of
 from planner.belief.transition import Outcomes
 from planner.frames import to_hand
-from planner.job import Job
+from planner.job.model import Job
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of, least_clearance
 from runtime.table import HELD_UM
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.frames import wrap
-from planner.job import Job
+from planner.job.model import Job
 
 ANGLES_DEG = np.arange(0.0, 180.0, 1.0)
 MOST_ANGLES = 4

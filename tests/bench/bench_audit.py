@@ -31,11 +31,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 import audit_loops  # noqa: E402
 import drift_trials  # noqa: E402
 
-from drivers.camera import calibration, tag_file  # noqa: E402
+from drivers.camera.calibration import file as calibration  # noqa: E402
+from drivers.camera.vision import tag_file  # noqa: E402
 from drivers.sim.camera.rig import standard_rig  # noqa: E402
-from planner import job as job_file  # noqa: E402
 from planner.cli import expect  # noqa: E402
-from runtime.quality import expectation  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from runtime.spc import expectation  # noqa: E402
 from runtime.table import dump, load  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "audit.json"

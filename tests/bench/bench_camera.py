@@ -28,10 +28,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: E402
 
-from drivers.camera import calibrate_command, calibration, measure  # noqa: E402
+from drivers.camera.calibration import command as calibrate_command  # noqa: E402
+from drivers.camera.calibration import file as calibration  # noqa: E402
 from drivers.camera.errors import TagError  # noqa: E402
-from drivers.camera.plane import View  # noqa: E402
-from drivers.camera.tags import Finder  # noqa: E402
+from drivers.camera.vision import measure  # noqa: E402
+from drivers.camera.vision.plane import View  # noqa: E402
+from drivers.camera.vision.tags import Finder  # noqa: E402
 from drivers.sim.camera import album  # noqa: E402
 from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
 from drivers.sim.camera.optics import Array  # noqa: E402

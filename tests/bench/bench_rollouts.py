@@ -27,8 +27,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from problems import OUTLINES, simulator  # noqa: E402
 
-from planner import job as job_file  # noqa: E402
 from planner.cli import compile as plan_compile  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
 from planner.learned.rollouts import (  # noqa: E402
     BLOCK,
     RollOuts,
@@ -37,7 +37,7 @@ from planner.learned.rollouts import (  # noqa: E402
 )
 from planner.learned.store import Store  # noqa: E402
 from planner.mechanics.simulator import STATUS_NAMES, Simulator  # noqa: E402
-from planner.scheduler import Cluster, Scheduler, Threads  # noqa: E402
+from planner.work.scheduler import Cluster, Scheduler, Threads  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "rollouts.json"
 JOB = ROOT / "trees" / "rectangle" / "job.toml"

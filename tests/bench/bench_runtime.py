@@ -34,7 +34,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from tapped_devices import TappedArm, TappedGripper  # noqa: E402
 
-from runtime.decision import Course, Policy, advance, decide  # noqa: E402
+from runtime.execution.decision import Course, Policy, advance, decide  # noqa: E402
 from runtime.table import REJECT, Calibration, decision_map, load  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "runtime.json"
@@ -68,7 +68,7 @@ def first_frame_s(tree: Path, folder: Path) -> float:
 def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, float]]:
     """Memory and descriptors, time after time, of a process that squeezes parts with the serial driver."""
     cell = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json", "--until-stdin-closes"]
-    cell += ["--world", "runtime.rehearsal:make", "--time-scale", CELL_SPEED]
+    cell += ["--world", "runtime.devices.rehearsal:make", "--time-scale", CELL_SPEED]
     with subprocess.Popen(
         cell, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as simulated:

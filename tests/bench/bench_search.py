@@ -20,9 +20,9 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from planner import job as job_file  # noqa: E402
 from planner.compile import compile_job  # noqa: E402
-from planner.overrides import job_with  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.job.overrides import job_with  # noqa: E402
 from planner.search import closed_loop  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "search.json"

@@ -21,12 +21,12 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from planner import job as job_file  # noqa: E402
 from planner.compile import compile_job  # noqa: E402
 from planner.evaluation.sweep import standard_cases, sweep  # noqa: E402
-from planner.job import Job  # noqa: E402
-from planner.overrides import job_with  # noqa: E402
-from planner.scheduler import Threads  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.job.model import Job  # noqa: E402
+from planner.job.overrides import job_with  # noqa: E402
+from planner.work.scheduler import Threads  # noqa: E402
 from planner.world import ContactWorlds  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "worlds.json"

@@ -13,12 +13,12 @@ import numpy as np
 from drifting import HEALTHY, Drift, parts, squeezed
 
 from planner.arrays import Array
+from planner.evaluation.expectation import readings
 from planner.evaluation.outcome import Evaluation
-from planner.expectation import readings
-from planner.job import Job
-from runtime.quality.expectation import COUNTS, PRIOR, Expectation
-from runtime.quality.history import Part
-from runtime.quality.monitor import Monitor
+from planner.job.model import Job
+from runtime.spc.expectation import COUNTS, PRIOR, Expectation
+from runtime.spc.history import Part
+from runtime.spc.monitor import Monitor
 from runtime.table import Table
 
 BEFORE, WITHIN = 300, 50

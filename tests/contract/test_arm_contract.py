@@ -13,9 +13,9 @@ import pytest
 from drivers import connect, ports
 from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
-from drivers.sim.arm import Answer, ArmModel
-from drivers.sim.arm_server import ArmServer
-from runtime.ports import TURN_RADIUS_MM
+from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.arm_server import ArmServer
+from runtime.devices.ports import TURN_RADIUS_MM
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))

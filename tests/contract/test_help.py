@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.completion import _subcommands, parsers
+from runtime.commands.completion import _subcommands, parsers
 
 RECORD = Path(__file__).parents[2] / "tools" / "decisions" / "0003-one-list-of-exit-codes.md"
 RECORDED = {int(code) for code in re.findall(r"^\| (\d+) \|", RECORD.read_text(), re.MULTILINE)}

@@ -23,12 +23,14 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "runtime/shell/command.py": "",
     "runtime/table/__init__.py": "import runtime.table.codec\n",
     "runtime/table/codec.py": "",
-    "runtime/executor.py": "import runtime.table\n",
-    "runtime/cli.py": "import drivers.camera.commands\nimport drivers.connect\nimport runtime.executor\n",
+    "runtime/execution/executor.py": "import runtime.table\n",
+    "runtime/cli.py": (
+        "import drivers.camera.commands\nimport drivers.connect\nimport runtime.execution.executor\n"
+    ),
     "drivers/__init__.py": "",
     "drivers/camera/__init__.py": "",
     "drivers/camera/commands.py": "import runtime.shell.command\n",
-    "drivers/camera/judge.py": "import runtime.table\n",
+    "drivers/camera/audit/judge.py": "import runtime.table\n",
     "drivers/connect.py": "import drivers.robotiq\n",
     "drivers/robotiq.py": "",
     "drivers/sim/__init__.py": "",
@@ -37,7 +39,7 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
 
 BROKEN = [
     pytest.param(
-        "planner/compile.py", "import runtime.executor", "planner knows only", id="planner-executor"
+        "planner/compile.py", "import runtime.execution.executor", "planner knows only", id="planner-executor"
     ),
     pytest.param(
         "planner/compile.py", "import runtime.table.codec", "planner knows only", id="planner-codec"
@@ -46,14 +48,24 @@ BROKEN = [
     pytest.param("planner/learned.py", "import planner.search", "the planner's rooms", id="layers-sideways"),
     pytest.param("planner/compile.py", "import drivers.robotiq", "planner knows only", id="planner-drivers"),
     pytest.param(
-        "runtime/executor.py", "import planner.compile", "runtime is numpy-free", id="runtime-planner"
+        "runtime/execution/executor.py",
+        "import planner.compile",
+        "runtime is numpy-free",
+        id="runtime-planner",
     ),
     pytest.param("runtime/table/codec.py", "import numpy", "runtime is numpy-free", id="table-numpy"),
     pytest.param("drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"),
-    pytest.param("runtime/executor.py", "import drivers.connect", "only runtime.cli", id="executor-drivers"),
+    pytest.param(
+        "runtime/execution/executor.py", "import drivers.connect", "only runtime.cli", id="executor-drivers"
+    ),
     pytest.param("runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"),
     pytest.param("drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"),
-    pytest.param("drivers/camera/judge.py", "import runtime.executor", "drivers know", id="camera-executor"),
+    pytest.param(
+        "drivers/camera/audit/judge.py",
+        "import runtime.execution.executor",
+        "drivers know",
+        id="camera-executor",
+    ),
     pytest.param(
         "drivers/robotiq.py", "import runtime.shell.command", "drivers know neither", id="driver-shell"
     ),

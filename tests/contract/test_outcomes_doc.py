@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from soaking import soak_run
 
-from drivers.sim.faults import KINDS
+from drivers.sim.faults.schedule import KINDS
 from runtime import errors
-from runtime.decision import Policy, Response
-from runtime.options import parser
-from runtime.phases import Phase
-from runtime.results import EXIT_CODES, Outcome
+from runtime.commands.options import parser
+from runtime.execution.decision import Policy, Response
+from runtime.execution.phases import Phase
+from runtime.execution.results import EXIT_CODES, Outcome
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()

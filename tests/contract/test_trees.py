@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
-from planner.overrides import job_with
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.part.outline import diameter
 from planner.report.comparison import pairs, table_rows
 

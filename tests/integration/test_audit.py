@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from cameras import camera, part_tag, rig, true_calibration
 
-from drivers.camera import calibration, service, tag_file
-from drivers.camera.auditor import Answer
-from drivers.camera.judge import PASS, UNKNOWN
+from drivers.camera.audit import service
+from drivers.camera.audit.auditor import Answer
+from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.calibration import file as calibration
+from drivers.camera.vision import tag_file
 from drivers.sim.camera.server import CameraServer
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +35,7 @@ class Asked:
         self.code = code
         arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "drivers.camera.cli", "judge", *arguments, *words],
+            [sys.executable, "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

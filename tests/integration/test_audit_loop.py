@@ -11,11 +11,12 @@ from audit_loops import agreement, loop, mixed
 from cameras import part_tag, true_calibration
 
 from drivers import connect
-from drivers.camera import calibration, tag_file
-from drivers.camera.calibration import Reference
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration.file import Reference
 from drivers.camera.commands import audit as grasp_audit
+from drivers.camera.vision import tag_file
 from drivers.sim.camera.rig import standard_rig
-from runtime.cell_process import CellProcess
+from runtime.devices.cell_process import CellProcess
 from runtime.table import dump, load
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +51,16 @@ def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
 
 def test_cell_tells_its_camera_and_shows_where_the_part_is(folder):
     with CellProcess(TREE, world="planner.world:make", seed=3, time_scale=10.0, camera=True) as cell:
-        words = [sys.executable, "-m", "drivers.camera.cli", "judge", "--tree", str(TREE), "--deadline", "60"]
+        words = [
+            sys.executable,
+            "-m",
+            "drivers.camera.audit.command",
+            "judge",
+            "--tree",
+            str(TREE),
+            "--deadline",
+            "60",
+        ]
         words += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
         scene = connect.scene(cell.endpoints.scene)
         try:

@@ -251,7 +251,7 @@ def test_broken_inputs(tmp_path):
         ("fake_world:missing", "no function missing"),
         ("fake_world:not_callable", "no function"),
         ("fake_world:broken", "this world is broken"),
-        ("runtime.rehearsal:make", "--tree"),
+        ("runtime.devices.rehearsal:make", "--tree"),
     ],
 )
 def test_worlds_that_cannot_be_had(world, says):

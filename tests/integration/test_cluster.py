@@ -15,10 +15,10 @@ import rolling
 from distributed import LocalCluster
 
 from planner.cli import compile as plan_compile
-from planner.cluster import AHEAD
 from planner.errors import ClusterError, UsageError, ValueRangeError
 from planner.learned.store import Store
-from planner.scheduler import Cluster, Threads, scheduler_of
+from planner.work.cluster import AHEAD
+from planner.work.scheduler import Cluster, Threads, scheduler_of
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {
@@ -262,7 +262,7 @@ def test_the_command_says_in_one_line_that_nothing_answers(tmp_path, capsys):
     words = [str(ROOT / "trees" / "rectangle" / "job.toml"), "-o", str(tmp_path / "t.msgpack")]
     assert plan_compile.main([*words, "--scheduler", "here:8786"]) == 2
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.cluster.Cluster.__init__.__defaults__", (0.5, 0.5))
+        patch.setattr("planner.work.cluster.Cluster.__init__.__defaults__", (0.5, 0.5))
         assert plan_compile.main([*words, "--scheduler", "tcp://127.0.0.1:9"]) == 32
     assert capsys.readouterr().err.count("\n") == 2
     assert not (tmp_path / "t.msgpack").exists()

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.compile import compile_job
 from planner.errors import NoPlanError
-from planner.evaluate import REJECTED, evaluate
+from planner.evaluation.evaluate import REJECTED, evaluate
+from planner.evaluation.statistics import wilson_interval
 from planner.evaluation.stress import stress_cases
 from planner.evaluation.sweep import sweep
 from planner.frames import wrap
-from planner.overrides import job_with
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.search.expand import breadth_first
-from planner.statistics import wilson_interval
 from planner.world import ContactWorlds, make
 from runtime.table import Calibration, by_count, decision_map, dumps, load, loads
 

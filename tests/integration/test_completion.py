@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime import completion
+from runtime.commands import completion
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 30
@@ -134,7 +134,8 @@ def test_the_documented_line_is_one_that_bash_takes(script: str, tmp_path: Path)
 
 
 def test_commands_whose_libraries_are_not_installed_are_left_out() -> None:
-    code = "import sys; sys.modules['numpy'] = None; from runtime.completion import main; sys.exit(main())"
+    code = "import sys; sys.modules['numpy'] = None; from runtime.commands import completion"
+    code += "; sys.exit(completion.main())"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
     )
@@ -144,7 +145,8 @@ def test_commands_whose_libraries_are_not_installed_are_left_out() -> None:
 
 
 def test_without_shtab_one_line_names_the_extra() -> None:
-    code = "import sys; sys.modules['shtab'] = None; from runtime.completion import main; sys.exit(main())"
+    code = "import sys; sys.modules['shtab'] = None; from runtime.commands import completion"
+    code += "; sys.exit(completion.main())"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
     )

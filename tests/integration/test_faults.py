@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from soaking import small_soak, soak_run
 
-from drivers.sim.faults import KINDS, Channel, Fault, Listed
-from runtime.executor import Plan
-from runtime.hand import Handling
+from drivers.sim.faults.schedule import KINDS, Channel, Fault, Listed
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Handling
 
 TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
 ROWS = {

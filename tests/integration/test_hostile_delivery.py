@@ -18,14 +18,14 @@ from soaking import small_setting, soak_run
 from tapped_devices import TappedArm, TappedGripper
 
 from drivers.abb.kinematics import LAST_AXIS_DEG
-from drivers.sim.faults import Fault, Listed
-from drivers.sim.virtual import VirtualCell
+from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
-from runtime.delivery import from_text
-from runtime.executor import Plan
-from runtime.hand import Handling
-from runtime.journal import records
-from runtime.results import Outcome
+from runtime.execution.delivery import from_text
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Handling
+from runtime.execution.results import Outcome
+from runtime.journal.chain import records
 from runtime.table import Table, dump
 
 ROOT = Path(__file__).parents[2]
@@ -61,7 +61,7 @@ def simulated(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
         "--journal",
         str(tree.with_name("j")),
     ]
-    command += ["--port", "sim", "--world", "runtime.rehearsal:make", "--time-scale", "50", *words]
+    command += ["--port", "sim", "--world", "runtime.devices.rehearsal:make", "--time-scale", "50", *words]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 
 
@@ -85,8 +85,8 @@ def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
     monkeypatch.setattr("drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000)))
-    monkeypatch.setattr("runtime.geometry.MOST_TURNS", 9)
-    monkeypatch.setattr("runtime.safety.MOST_TURNS", 9)
+    monkeypatch.setattr("runtime.execution.geometry.MOST_TURNS", 9)
+    monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     told = soaked(60)
     assert (told.halts, told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)
 

@@ -15,8 +15,8 @@ from sample_tables import small_table
 from written_journals import write_run
 
 from runtime import cli
-from runtime.journal import verify
-from runtime.lock import PortLock
+from runtime.devices.lock import PortLock
+from runtime.journal.chain import verify
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ class Command(NamedTuple):
 CAMERA = "camera --name S --board charuco:12x9:14:10.5 --views . --table {view} --touched {touched}"
 TAG = "tag --part p --number 7 --side 9 --calibration {expected} --poses {touched}"
 SIMULATE = "{job} --poses {poses} -o t.csv"
-CALIBRATE = "drivers.camera.calibrate_command"
+CALIBRATE = "drivers.camera.calibration.command"
 COMMANDS = {
     "plan-compile": Command("planner.cli.compile", "{job} -o {out}", ".msgpack"),
     "plan-compile, picture": Command(
@@ -75,11 +75,9 @@ COMMANDS = {
     "plan-report": Command(
         "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
     ),
-    "grasp-journal export": Command("runtime.journal_command", "export {journal} -o {out}", ".csv"),
-    "grasp-audit report": Command(
-        "runtime.quality.command", "{journal} --expected {expected} -o {out}", ".html"
-    ),
-    "grasp-audit report --export": Command("runtime.quality.command", "{journal} --export {out}", ".csv"),
+    "grasp-journal export": Command("runtime.commands.journal", "export {journal} -o {out}", ".csv"),
+    "grasp-audit report": Command("runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"),
+    "grasp-audit report --export": Command("runtime.spc.command", "{journal} --export {out}", ".csv"),
     "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),
     "grasp-calibrate camera": Command(CALIBRATE, f"{CAMERA} -o {{out}}", ".json"),
     "grasp-calibrate camera, picture": Command(CALIBRATE, f"{CAMERA} -o {{json}}", ".svg"),
@@ -229,7 +227,7 @@ def test_what_is_no_journal_is_not_written_to(
         paths = list(odd_files(desk.folder, ".jsonl").values())
     else:
         path.write_bytes(contents[kind])
-    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.rehearsal:make"]
+    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.devices.rehearsal:make"]
     for path in paths:
         before = desk.seen()
         assert cli.main([*words, "--journal", str(path)]) == 24
@@ -245,7 +243,7 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk, record_property: Record) -> 
     path = desk.files["journal"]
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"seq":99')
-    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.rehearsal:make"]
+    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.devices.rehearsal:make"]
     assert cli.main([*words, "--journal", str(path)]) == 24
     assert path.read_bytes() == whole + b'{"seq":99'
     number = whole.count(b"\n")
@@ -273,8 +271,8 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
 @pytest.mark.parametrize(
     ("module", "words"),
     [
-        ("runtime.journal_command", "export {journal} -o -"),
-        ("runtime.journal_command", "export {journal} -o /dev/stdout"),
+        ("runtime.commands.journal", "export {journal} -o -"),
+        ("runtime.commands.journal", "export {journal} -o /dev/stdout"),
         ("planner.cli.simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
     ],
     ids=["-", "/dev/stdout", "plan-simulate"],

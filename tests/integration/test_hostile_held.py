@@ -13,10 +13,10 @@ from sample_tables import small_table
 
 from drivers import connect
 from drivers.sim.cell import Cell
-from drivers.sim.line import CleanLine
-from drivers.sim.scene import REHEARSAL, load
-from runtime.journal import records, verify
-from runtime.replay import Replay
+from drivers.sim.physics.scene import REHEARSAL, load
+from drivers.sim.wire.line import CleanLine
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]

@@ -13,22 +13,22 @@ import trimesh
 from fake_cell import fake_cell
 from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
 
-from planner import job as job_file
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
-from planner.evaluate import REJECTED, evaluate
+from planner.evaluation.evaluate import REJECTED, evaluate
+from planner.evaluation.untried import tried, without_untried
+from planner.job import model as job_file
 from planner.report import canvas, labels
 from planner.report.tree import leaf_label, leaf_lines
 from planner.search.expand import TreeNode
-from planner.untried import tried, without_untried
 from planner.world import ContactWorlds
-from runtime.console import Lines, as_object
-from runtime.executor import Executor
-from runtime.replay import Replay
-from runtime.results import Outcome, PartResult, Step
+from runtime.execution.executor import Executor
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.journal.replay import Replay
+from runtime.monitoring.console import Lines, as_object
 from runtime.table import (
     REJECT,
     Branch,

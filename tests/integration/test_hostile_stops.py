@@ -14,7 +14,7 @@ import pytest
 from hostile_signals import Bench, Case, Ended, campaign, usual_signals
 from running_cells import ROOT, WAIT_S, Notices, calibrate_command, runtime_command
 
-from runtime.journal import records, verify
+from runtime.journal.chain import records, verify
 
 Record = Callable[[str, object], None]
 

@@ -13,8 +13,8 @@ import pytest
 from sample_tables import every_field_table, small_table, with_job
 from written_journals import write_run
 
-from runtime.completion import _subcommands, parsers
-from runtime.journal import verify
+from runtime.commands.completion import _subcommands, parsers
+from runtime.journal.chain import verify
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
@@ -23,8 +23,8 @@ WAIT_S = 120
 Seen = tuple[int, str, str]
 
 RUNTIME = ("runtime.cli", "main")
-JOURNAL = ("runtime.journal_command", "main")
-REPORT = ("runtime.quality.command", "main")
+JOURNAL = ("runtime.commands.journal", "main")
+REPORT = ("runtime.spc.command", "main")
 EVALUATE = ("planner.cli.evaluate", "main")
 CELL = ("drivers.sim.cli", "main")
 DOCTOR = ("runtime.cli", "doctor")
@@ -68,7 +68,16 @@ def journal(tmp_path: Path) -> Path:
 
 def simulated(tmp_path: Path, *words: str) -> list[object]:
     dump(small_table(), tmp_path / "t.msgpack")
-    given = ("--port", "sim", "--world", "runtime.rehearsal:make", "--time-scale", "100", "--count", "2")
+    given = (
+        "--port",
+        "sim",
+        "--world",
+        "runtime.devices.rehearsal:make",
+        "--time-scale",
+        "100",
+        "--count",
+        "2",
+    )
     return ["--tree", "t.msgpack", *given, *words]
 
 
@@ -235,7 +244,8 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
     pytest.importorskip("cv2")
     from cameras import camera, part_tag, true_calibration
 
-    from drivers.camera import calibration, tag_file
+    from drivers.camera.calibration import file as calibration
+    from drivers.camera.vision import tag_file
 
     calibration.save(true_calibration(camera()), tmp_path / "calibration")
     tag_file.save(part_tag(), tmp_path / "tag", "2026-01-01T00:00:00+00:00")

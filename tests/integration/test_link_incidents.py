@@ -7,12 +7,12 @@ from sample_tables import small_table
 from soaking import small_setting
 
 from drivers.sim.cell import Cell
-from drivers.sim.faults import Fault, Listed
+from drivers.sim.faults.schedule import Fault, Listed
 from runtime import cli
+from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
-from runtime.incidents import MOST_KEPT, Incidents
-from runtime.journal import Journal, records, verify
-from runtime.journal_command import main as grasp_journal
+from runtime.journal.chain import Journal, records, verify
+from runtime.journal.incidents import MOST_KEPT, Incidents
 from runtime.table import dump
 
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast

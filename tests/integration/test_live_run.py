@@ -27,7 +27,7 @@ LOADED = """
 import sys
 import runtime.cli
 code = runtime.cli.main(sys.argv[1:])
-watched = ("rich", "runtime.live", "numpy")
+watched = ("rich", "runtime.monitoring.live", "numpy")
 print([name for name in watched if name in sys.modules], file=sys.stderr)
 sys.exit(code)
 """
@@ -37,7 +37,14 @@ sys.exit(code)
 def words(tmp_path: Path) -> list[str]:
     dump(small_table(), tmp_path / "small.msgpack")
     return [
-        *("--tree", str(tmp_path / "small.msgpack"), "--port", "sim", "--world", "runtime.rehearsal:make"),
+        *(
+            "--tree",
+            str(tmp_path / "small.msgpack"),
+            "--port",
+            "sim",
+            "--world",
+            "runtime.devices.rehearsal:make",
+        ),
         *("--journal", str(tmp_path / "journal.jsonl"), "--time-scale", "5"),
     ]
 

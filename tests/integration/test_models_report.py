@@ -13,11 +13,11 @@ from planner.cli import compile as plan_compile
 from planner.cli import models_report
 from planner.compile import compile_job
 from planner.diagnosis.model_quality import quality
+from planner.job.overrides import job_with
 from planner.learned.model import learned_model, learns
 from planner.learned.rollouts import COLLIDES
 from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.overrides import job_with
 from planner.report.subspaces import figure
 from runtime.table import dumps
 

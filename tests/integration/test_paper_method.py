@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.compile import compile_job
-from planner.overrides import job_with
+from planner.job.overrides import job_with
 from planner.paper.search import METHODS, SINGLETON_SHARE
 from planner.search.expand import breadth_first
 from runtime.table import REJECT, Calibration, by_count, decision_map, dumps

@@ -9,15 +9,15 @@ import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
 from sample_tables import small_table
 
-from runtime.decision import Policy
 from runtime.errors import BrokenRunError
-from runtime.executor import Plan
-from runtime.hand import Handling
-from runtime.journal import records, verify
-from runtime.replay import Replay
-from runtime.results import Outcome
+from runtime.execution.decision import Policy
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Handling
+from runtime.execution.results import Outcome
+from runtime.execution.tips import TipArc
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
 from runtime.table import Table
-from runtime.tips import TipArc
 
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
 PLAIN = Plan(Policy.of("next", "next"), Handling())

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from sample_tables import small_table
 
-from runtime.journal import records, verify
+from runtime.journal.chain import records, verify
 from runtime.table import REJECT, Calibration, by_count, decision_map, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +28,7 @@ def command(tree: Path, *arguments: str) -> list[str]:
     journal = str(tree.with_name("journal.jsonl"))
     return [
         *(sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim"),
-        *("--world", "runtime.rehearsal:make", "--journal", journal, *arguments),
+        *("--world", "runtime.devices.rehearsal:make", "--journal", journal, *arguments),
     ]
 
 
@@ -99,7 +99,7 @@ def test_same_seed_same_parts_at_any_speed(tree: Path) -> None:
 def test_plain_lines_say_what_is_behind_them(tree: Path) -> None:
     code, out, err = finish(start(tree, "--count", "2", "--time-scale", "60"))
     assert code in (0, 10, 11), err
-    assert "simulated cell (runtime.rehearsal:make)" in out
+    assert "simulated cell (runtime.devices.rehearsal:make)" in out
     assert "activating the gripper" in out
     assert out.splitlines()[-1].startswith("2 parts: ")
     assert str(tree.with_name("journal.jsonl")) in out.splitlines()[-1]

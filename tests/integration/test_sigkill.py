@@ -10,8 +10,8 @@ import pytest
 from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
 from sample_tables import small_table
 
-from runtime.journal import records, verify
-from runtime.replay import Replay
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
 from runtime.table import dump
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from documents import DOCS, ROOT, blocks, matches, run, shims
 
-from planner.statistics import wilson_interval
-from runtime import calibration
+from planner.evaluation.statistics import wilson_interval
+from runtime.execution import calibration
 
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 

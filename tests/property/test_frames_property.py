@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request, write_request
-from drivers.sim.gripper_tcp import MbapSlave
-from drivers.sim.modbus import answer, crc16
-from drivers.sim.rtu import RtuSlave
+from drivers.sim.devices.gripper_tcp import MbapSlave
+from drivers.sim.wire.modbus import answer, crc16
+from drivers.sim.wire.rtu import RtuSlave
 
 FRAMING = RtuFraming()
 READ, WRITE = read_request(RTU, 3), write_request(RTU, (0x0900, 0x00FF, 0xFFFF))

@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import job
 from planner.errors import JobError
+from planner.job import model as job
 from planner.part import outline, symmetry
 
 RECTANGLE = job.load(Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml")

@@ -13,9 +13,9 @@ import time
 import pytest
 
 from drivers.abb.codec import Pose
-from drivers.sim import rapid
-from drivers.sim.arm import ArmModel
-from drivers.sim.arm_server import ArmServer
+from drivers.sim.devices import rapid
+from drivers.sim.devices.arm import ArmModel
+from drivers.sim.devices.arm_server import ArmServer
 
 SCALE = 50.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))

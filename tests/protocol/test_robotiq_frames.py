@@ -10,9 +10,9 @@ import pytest
 from drivers.clock import Pace, WallClock
 from drivers.robotiq.modbus import rtu_link
 from drivers.robotiq.registers import to_bytes
-from drivers.sim.gripper import GripperModel
-from drivers.sim.modbus import GripperRegisters
-from drivers.sim.rtu import RtuSlave
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.wire.modbus import GripperRegisters
+from drivers.sim.wire.rtu import RtuSlave
 
 RESET = "09 10 03E8 0003 06 0000 0000 0000 7330"
 ACTIVATE = "09 10 03E8 0003 06 0100 0000 0000 72E1"

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError
-from drivers.sim.rapid import Message
+from drivers.sim.devices.rapid import Message
 
 
 def test_the_space_before_the_hash_is_there():

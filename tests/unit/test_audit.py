@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.audit import AuditProcess, answer_of
-from runtime.clock import SystemClock
+from runtime.devices.audit import AuditProcess, answer_of
+from runtime.devices.clock import SystemClock
 from runtime.errors import UsageError
 
 POSE = (1.0, 2.0, 0.5)
@@ -78,7 +78,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(auditor: AuditProcess) -> 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
 def test_a_deaf_one_is_killed(auditor: AuditProcess, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.audit.END_S", 0.05)
+    monkeypatch.setattr("runtime.devices.audit.END_S", 0.05)
     auditor.close()
     assert auditor._process.returncode == -9
 

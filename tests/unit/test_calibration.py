@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import pytest
 from sample_tables import GRIPPER
 
-from runtime import calibrate_command, calibration
-from runtime.calibrate_command import parser, report, run
-from runtime.calibration import Gauge, fit, load, residuals_mm, save
+from runtime.commands import calibrate as calibrate_command
+from runtime.commands.calibrate import parser, report, run
 from runtime.errors import CalibrationError, GripperStateError, UsageError
+from runtime.execution import calibration
+from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.table import Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)

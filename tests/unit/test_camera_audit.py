@@ -22,10 +22,10 @@ from cameras import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.camera.auditor import Auditor, Subject
+from drivers.camera.audit.auditor import Auditor, Subject
+from drivers.camera.audit.judge import COVERAGE, FAIL, PASS, UNKNOWN, judge
+from drivers.camera.audit.overlay import MEASURED, PREDICTED, Album
 from drivers.camera.errors import SourceError
-from drivers.camera.judge import COVERAGE, FAIL, PASS, UNKNOWN, judge
-from drivers.camera.overlay import MEASURED, PREDICTED, Album
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render

@@ -10,10 +10,12 @@ import pytest
 from boards import OPTICS, cards, corners_on_board, places
 from cameras import NUMBER, SIDE_MM, angle_between, part_tag, rig
 
-from drivers.camera import calibrate_command, calibration, tag_file
-from drivers.camera.calibrate import read_poses
+from drivers.camera.calibration import command as calibrate_command
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration.fit import read_poses
 from drivers.camera.errors import CameraFileError
-from drivers.camera.plane import compose
+from drivers.camera.vision import tag_file
+from drivers.camera.vision.plane import compose
 from drivers.sim.camera.render import Flaws, render
 
 

@@ -8,11 +8,13 @@ import pytest
 from boards import ON_TABLE, OPTICS, VIEW, cards, corners_on_board, held, places, seen
 from cameras import SIZE, angle_between, camera, part_tag, true_calibration, true_view
 
-from drivers.camera import calibration, lens_fit, table_fit, tag_file
-from drivers.camera.board import Board, parse
-from drivers.camera.calibrate import load_picture
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration import lens_fit, table_fit
+from drivers.camera.calibration.fit import load_picture
 from drivers.camera.errors import CameraFileError, RefusedError
-from drivers.camera.plane import compose, inverse
+from drivers.camera.vision import tag_file
+from drivers.camera.vision.board import Board, parse
+from drivers.camera.vision.plane import compose, inverse
 from drivers.sim.camera.cards import board_cells, lying
 
 

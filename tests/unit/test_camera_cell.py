@@ -10,15 +10,17 @@ import pytest
 from cameras import GOAL, NUMBER, camera, part_tag, rig, true_calibration
 from soaking import small_setting
 
-from drivers.camera import calibrate_command, calibration, tag_file
-from drivers.camera.auditor import Auditor, Subject
-from drivers.camera.judge import PASS, UNKNOWN
-from drivers.camera.sources import decoded
+from drivers.camera.audit.auditor import Auditor, Subject
+from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.calibration import command as calibrate_command
+from drivers.camera.calibration import file as calibration
+from drivers.camera.vision import tag_file
+from drivers.camera.vision.sources import decoded
 from drivers.sim import cli
 from drivers.sim.camera import album
-from drivers.sim.faults import Channel, Desk, Fault, Listed
-from drivers.sim.scene import CellError
-from drivers.sim.tabletop import BESIDE, Look, TableTop, compose
+from drivers.sim.faults.schedule import Channel, Desk, Fault, Listed
+from drivers.sim.physics.scene import CellError
+from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
 
 OPTICS = camera()
 RIG = rig(OPTICS)

@@ -7,8 +7,8 @@ from cameras import RECTANGLE, camera, true_view
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.camera.lens import Lens
-from drivers.camera.plane import as_it_lies, compose, inverse, rigid_fit
+from drivers.camera.vision.lens import Lens
+from drivers.camera.vision.plane import as_it_lies, compose, inverse, rigid_fit
 
 LENS = Lens(1920, 1080, (1105.0, 1090.0), (950.0, 548.0), (0.10, -0.19, 0.0006, -0.0004, 0.06))
 POSES = st.tuples(st.floats(-300, 300), st.floats(-300, 300), st.floats(-3.1, 3.1))

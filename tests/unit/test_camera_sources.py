@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from cameras import camera, rig
 
-from drivers.camera import sources
 from drivers.camera.errors import PictureError, SourceError
-from drivers.camera.sources import Folder, Still, Stream, open_source
+from drivers.camera.vision import sources
+from drivers.camera.vision.sources import Folder, Still, Stream, open_source
 from drivers.sim.camera.render import jpeg
 from drivers.sim.camera.server import CameraServer
 

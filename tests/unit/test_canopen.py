@@ -18,8 +18,8 @@ from drivers.clock import Pace, WallClock
 from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq import canopen as driver
 from drivers.robotiq.canopen import CanLink, CanMap, parse
-from drivers.sim.can_node import CanNode
-from drivers.sim.gripper import GripperModel
+from drivers.sim.devices.can_node import CanNode
+from drivers.sim.devices.gripper import GripperModel
 
 CHANNEL = "unit"
 WHERE = CanMap(CHANNEL, "virtual")

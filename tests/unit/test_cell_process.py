@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime import cell_process
-from runtime.cell_process import CellProcess
+from runtime.devices import cell_process
+from runtime.devices.cell_process import CellProcess
 from runtime.errors import CellStartError
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
@@ -25,7 +25,7 @@ def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
     monkeypatch.setattr(subprocess, "Popen", Noted)
     monkeypatch.setattr(sys, "executable", executable)
     with pytest.raises(CellStartError) as error:
-        CellProcess(TREE, world="runtime.rehearsal:make", seed=1, time_scale=10.0)
+        CellProcess(TREE, world="runtime.devices.rehearsal:make", seed=1, time_scale=10.0)
     assert error.value.exit_code == 31
     assert all(process.poll() is not None for process in started)
     return str(error.value)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.overrides import job_with
+from planner.job.overrides import job_with
 from planner.report.comparison import METHODS, Row, markdown, pairs, run, table_rows, zoo_rows
 
 TREES = Path(__file__).parents[2] / "trees"

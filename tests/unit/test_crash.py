@@ -8,10 +8,10 @@ import pytest
 from sample_tables import small_table
 from written_journals import Quiet, write_run
 
-from runtime import crash
-from runtime.clock import SystemClock
+from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.journal import Journal, records, verify
+from runtime.journal import crash
+from runtime.journal.chain import Journal, records, verify
 from runtime.table import dumps
 
 STAMP = SystemClock().stamp

@@ -7,10 +7,10 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime import decision
-from runtime.decision import Course, Decision, Policy, Response, advance, decide, release_point
 from runtime.errors import GripperStateError, UsageError
-from runtime.results import Outcome
+from runtime.execution import decision
+from runtime.execution.decision import Course, Decision, Policy, Response, advance, decide, release_point
+from runtime.execution.results import Outcome
 from runtime.table import REJECT, Calibration, decision_map
 
 CALIBRATION = Calibration.linear(GRIPPER)

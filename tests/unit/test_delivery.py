@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.delivery import Delivery, from_file, from_job, from_keys, from_text
 from runtime.errors import UsageError
+from runtime.execution.delivery import Delivery, from_file, from_job, from_keys, from_text
 
 FULL = """
 drop_mm = [50.0, -10]

@@ -13,9 +13,9 @@ import pytest
 from fake_cell import FakeClock, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime import doctor
-from runtime.doctor import Finding, System, Verdict
-from runtime.doctor_command import _failed, findings, parser, run
+from runtime.commands import checks as doctor
+from runtime.commands.checks import Finding, System, Verdict
+from runtime.commands.doctor import _failed, findings, parser, run
 from runtime.errors import CellCheckError
 from runtime.table import Calibration, dump
 

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from sample_tables import random_table
 
-from planner import job as job_file
 from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
-from planner.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
 from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
 from planner.evaluation.outcome import NOWHERE, Evaluation
 from planner.evaluation.trials import Program
+from planner.evaluation.worlds import NamedWorlds
 from planner.frames import to_hand, to_world
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
-from planner.overrides import job_with
-from planner.scheduler import Threads
+from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
-from planner.worlds import NamedWorlds
 from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
 
 TREES = Path(__file__).parents[2] / "trees" / "rectangle"

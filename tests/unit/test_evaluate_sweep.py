@@ -9,11 +9,11 @@ import pytest
 import shapely
 from problems import OUTLINES
 
-from planner import job as job_file
-from planner.evaluate import evaluate
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.sweep import standard_cases, sweep, three_feet
 from planner.evaluation.text import SWEEP_HEAD, sweep_row
-from planner.overrides import job_with
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
 

@@ -7,8 +7,8 @@ from fake_cell import FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
 from sample_tables import GRIPPER, random_table, small_table, with_node
 
 from runtime.errors import JournalError, TableError
-from runtime.executor import Executor
-from runtime.results import Outcome, PartResult, Step
+from runtime.execution.executor import Executor
+from runtime.execution.results import Outcome, PartResult, Step
 from runtime.table import Calibration, Table
 
 CALIBRATION = Calibration.linear(GRIPPER)

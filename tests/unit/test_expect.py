@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from drifting import Drift, parts, squeezed
 
-from planner import expectation
-from planner import job as job_file
 from planner.cli import expect
-from planner.scheduler import Threads
-from runtime.quality.expectation import load as load_expectation
-from runtime.quality.history import History
-from runtime.quality.monitor import watch
+from planner.evaluation import expectation
+from planner.job import model as job_file
+from planner.work.scheduler import Threads
+from runtime.spc.expectation import load as load_expectation
+from runtime.spc.history import History
+from runtime.spc.monitor import watch
 from runtime.table import load
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"

@@ -4,11 +4,11 @@ import random
 
 import pytest
 
-from drivers.sim.faults import KINDS, Channel, Desk, Fault, Listed, parse
-from drivers.sim.line import CleanLine, FaultyLine, Piece, UnpluggedError
-from drivers.sim.modbus import crc16
-from drivers.sim.scene import CellError, CellFileError
-from drivers.sim.timing import Outbox
+from drivers.sim.faults.schedule import KINDS, Channel, Desk, Fault, Listed, parse
+from drivers.sim.physics.scene import CellError, CellFileError
+from drivers.sim.wire.line import CleanLine, FaultyLine, Piece, UnpluggedError
+from drivers.sim.wire.modbus import crc16
+from drivers.sim.wire.timing import Outbox
 
 REQUEST = bytes.fromhex("090307D00003040E")
 BODY = bytes.fromhex("090306B90000FFBD00")

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from planner import job as job_file
+from planner.job import model as job_file
 from planner.report import canvas, charts, paper_figures
 from planner.report.comparison import table_rows
 from planner.report.replay import replay

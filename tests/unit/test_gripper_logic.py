@@ -9,8 +9,8 @@ from drivers.errors import GripperFault, LinkError, LinkTimeout
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import LinkCounters
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
-from drivers.sim.gripper import GripperModel
-from drivers.sim.jaws import Jaws
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.jaws import Jaws
 
 TRANSACTION_S = 0.006
 

@@ -6,8 +6,8 @@ import pytest
 
 from drivers.robotiq.registers import OUTPUT_FIELDS, pack, speed_mm_s
 from drivers.robotiq.state import decode
-from drivers.sim.gripper import CYCLE_S, GripperModel
-from drivers.sim.jaws import Jaws
+from drivers.sim.devices.gripper import CYCLE_S, GripperModel
+from drivers.sim.devices.jaws import Jaws
 
 
 class Bench:

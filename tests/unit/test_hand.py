@@ -7,13 +7,13 @@ from fake_cell import Log, State, fake_cell
 from sample_tables import LIMITS, small_table, with_node
 from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
 
-from runtime.decision import Policy
 from runtime.errors import GripperStateError
-from runtime.executor import Plan
-from runtime.hand import Hand, Handling
-from runtime.phases import Phase
-from runtime.results import Outcome
-from runtime.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
+from runtime.execution.decision import Policy
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.phases import Phase
+from runtime.execution.results import Outcome
+from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
 
 # -- force ----------------------------------------------------------------------------------------
 

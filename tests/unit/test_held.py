@@ -5,13 +5,13 @@ from fake_cell import FakeCell, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 from written_journals import Quiet
 
-from runtime import dry_run, held, session
-from runtime.delivery import Delivery
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.executor import Plan
-from runtime.hand import Handling
+from runtime.execution import dry_run, held, session
+from runtime.execution.delivery import Delivery
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Handling
+from runtime.execution.tips import TipArc
 from runtime.table import Calibration
-from runtime.tips import TipArc
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_30 = CALIBRATION.count(30_000)

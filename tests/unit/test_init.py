@@ -13,12 +13,12 @@ import ezdxf
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.cli import init
-from planner.fields import REQUIRED
+from planner.job import model as job_file
+from planner.job.fields import REQUIRED
+from planner.job.presets import FINGERS, GRIPPERS
+from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import Options, read_outline
-from planner.presets import FINGERS, GRIPPERS
-from planner.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 
 ROOT = Path(__file__).parents[2]
 BRACKET = [(0, 0), (32, 0), (32, 12), (12, 12), (12, 24), (0, 24)]

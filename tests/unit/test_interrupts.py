@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime import interrupts
-from runtime.interrupts import SIGNALS, StopRequests, stoppable, whole
+from runtime.shell import interrupts
+from runtime.shell.interrupts import SIGNALS, StopRequests, stoppable, whole
 
 WAIT_S = 30.0
 

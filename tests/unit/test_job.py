@@ -14,8 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import errors, fields, job, schema
-from runtime import delivery
+from planner import errors
+from planner.job import fields, schema
+from planner.job import model as job
+from runtime.execution import delivery
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")
@@ -193,7 +195,7 @@ def test_the_jobs_defaults_are_valid_and_the_example_states_only_known_keys():
 
 def test_reading_a_job_loads_no_heavy_package():
     heavy = ("numba", "sklearn", "scipy", "matplotlib")
-    code = f"import planner.job, sys; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import planner.job.model, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=RECTANGLE.parents[2], capture_output=True, text=True, check=True
     )

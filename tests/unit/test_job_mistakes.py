@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from planner import errors, fields, job, schema
+from planner import errors
+from planner.job import fields, schema
+from planner.job import model as job
 from planner.part import outline
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"

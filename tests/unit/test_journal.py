@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from runtime.clock import SystemClock
+from runtime.devices.clock import SystemClock
 from runtime.errors import JournalError
-from runtime.journal import Journal, records, verify
+from runtime.journal.chain import Journal, records, verify
 
 TABLE = b"the table's bytes"
 STAMP = SystemClock().stamp

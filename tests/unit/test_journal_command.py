@@ -11,9 +11,9 @@ import pytest
 from pyarrow import parquet
 from written_journals import ENDS, write_run
 
-from runtime.clock import SystemClock
-from runtime.journal import Journal, records
-from runtime.journal_command import main
+from runtime.commands.journal import main
+from runtime.devices.clock import SystemClock
+from runtime.journal.chain import Journal, records
 
 ROOT = Path(__file__).parents[2]
 
@@ -159,7 +159,7 @@ def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
     journal: Path, output: str | None, code: int, told: str
 ) -> None:
     """On a disk that is full, and into a pipe whose reader has seen enough, as with `| head`."""
-    command = [sys.executable, "-m", "runtime.journal_command", "show", str(journal)]
+    command = [sys.executable, "-m", "runtime.commands.journal", "show", str(journal)]
     if output is None:
         reader, writer = os.pipe()
         os.close(reader)

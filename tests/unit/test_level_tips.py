@@ -20,12 +20,12 @@ from squeezes import (
 )
 
 from runtime.errors import TableError
-from runtime.executor import Plan
-from runtime.hand import Hand, Handling
-from runtime.results import Outcome
-from runtime.strokes import GENTLE_FORCE, opening_counts
+from runtime.execution.executor import Plan
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.results import Outcome
+from runtime.execution.strokes import GENTLE_FORCE, opening_counts
+from runtime.execution.tips import TipArc
 from runtime.table import Calibration
-from runtime.tips import TipArc
 
 
 @pytest.mark.parametrize(

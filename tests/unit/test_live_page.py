@@ -9,10 +9,10 @@ from html_pages import Page
 from sample_tables import every_field_table, small_table, with_job
 
 from runtime.errors import UsageError
-from runtime.live import address, page
-from runtime.live.address import Address
-from runtime.live.answers import Answers
-from runtime.status import Status
+from runtime.monitoring.live import address, page
+from runtime.monitoring.live.address import Address
+from runtime.monitoring.live.answers import Answers
+from runtime.monitoring.status import Status
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
 LOCAL = Answers(PAGES, local=True)

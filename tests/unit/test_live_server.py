@@ -13,11 +13,11 @@ import pytest
 from sample_tables import small_table
 
 from runtime.errors import UsageError
-from runtime.live import page, server
-from runtime.live.address import Address
-from runtime.live.answers import Answers
-from runtime.live.server import MOST_CLIENTS, PageServer
-from runtime.status import Status
+from runtime.monitoring.live import page, server
+from runtime.monitoring.live.address import Address
+from runtime.monitoring.live.answers import Answers
+from runtime.monitoring.live.server import MOST_CLIENTS, PageServer
+from runtime.monitoring.status import Status
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000

@@ -12,15 +12,15 @@ from rich.console import Console as Terminal
 from sample_tables import random_table, small_table
 from written_journals import Quiet
 
-from runtime import options
-from runtime.console import Lines, Sighting
+from runtime.commands import options
 from runtime.errors import UsageError
-from runtime.live.rows import Outline, Row
-from runtime.live.terminal import View, picture
-from runtime.phases import Phase
-from runtime.results import Outcome, PartResult, Step
-from runtime.status import Status
-from runtime.tally import Tally
+from runtime.execution.phases import Phase
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.tally import Tally
+from runtime.monitoring.console import Lines, Sighting
+from runtime.monitoring.live.rows import Outline, Row
+from runtime.monitoring.live.terminal import View, picture
+from runtime.monitoring.status import Status
 
 TABLE = random_table(3, 40)
 OUTLINE = Outline(TABLE)
@@ -94,7 +94,7 @@ def test_the_picture_tells_node_width_outcomes_and_parts(encoding: str, here: st
 
 
 def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.live.terminal.END_S", 0.1)
+    monkeypatch.setattr("runtime.monitoring.live.terminal.END_S", 0.1)
     monkeypatch.setenv("TERM", "xterm")
     ours, theirs = pty.openpty()  # whose other end is never read
     result = PartResult.of(1, Outcome.REJECT, [], "nothing")
@@ -171,7 +171,7 @@ def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
 def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     given = options.parser().parse_args(["--tree", "t", "--port", "sim", "--watch"])
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr("runtime.options.find_spec", lambda name: None)
+    monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
     options.check_usage(given)  # in a pipe it is not needed
     monkeypatch.setattr("sys.stdout", Screen())
     with pytest.raises(UsageError, match=r"pip install 'squeezetree\[watch\]'"):

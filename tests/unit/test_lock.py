@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from runtime import lock as locks
+from runtime.devices import lock as locks
+from runtime.devices.lock import PortLock
 from runtime.errors import PortBusyError
-from runtime.lock import PortLock
 
 ROOT = Path(__file__).parents[2]
 PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machine's, not a test's
@@ -19,7 +19,7 @@ CONTENDER = """
 import os, sys, time
 from pathlib import Path
 from runtime.errors import PortBusyError
-from runtime.lock import PortLock
+from runtime.devices.lock import PortLock
 
 port, folder, held, refused = sys.argv[1], Path(sys.argv[2]), 0, 0
 print("ready", flush=True)
@@ -39,7 +39,7 @@ print(refused)
 
 def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Take a lock in a process with folders for its files of its own."""
-    words = "import sys; from runtime.lock import PortLock; PortLock(sys.argv[1])"
+    words = "import sys; from runtime.devices.lock import PortLock; PortLock(sys.argv[1])"
     own = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
     command = [sys.executable, "-c", words, port]
     return subprocess.run(command, cwd=ROOT, env=own, capture_output=True, text=True, timeout=60, check=False)

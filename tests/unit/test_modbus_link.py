@@ -10,8 +10,8 @@ from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
 from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request
 from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link
-from drivers.sim.modbus import crc16
-from drivers.sim.virtual_clock import VirtualClock
+from drivers.sim.virtual.clock import VirtualClock
+from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
 

@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner import documents, errors, job
-from planner.overrides import apply, job_with, split, value_of
+from planner import errors
+from planner.job import documents
+from planner.job import model as job
+from planner.job.overrides import apply, job_with, split, value_of
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from runtime.quality import distributions
-from runtime.quality.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
-from runtime.quality.history import Squeezed
-from runtime.quality.monitor import COORDINATES, MEANING, branch_counts, branch_shares, deviation, watch
+from runtime.spc import distributions
+from runtime.spc.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
+from runtime.spc.history import Squeezed
+from runtime.spc.monitor import COORDINATES, MEANING, branch_counts, branch_shares, deviation, watch
 
 TABLE = table()
 BEFORE = 300

@@ -8,10 +8,10 @@ import pytest
 from histories import LESS, drawn, expectation_document, history, table
 
 from runtime.errors import UsageError
-from runtime.quality import expectation
-from runtime.quality.expectation import CLIP, COUNTS, Likelihood, bin_of, load
-from runtime.quality.history import History, Part, Squeezed
-from runtime.quality.monitor import watch
+from runtime.spc import expectation
+from runtime.spc.expectation import CLIP, COUNTS, Likelihood, bin_of, load
+from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.monitor import watch
 from runtime.table import Calibration
 
 TABLE = table()

@@ -15,11 +15,11 @@ from histories import LESS, TREE, drawn, expectation_document, history, table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import JournalError, UsageError
-from runtime.quality import export
-from runtime.quality import history as reading
-from runtime.quality.page import page
-from runtime.quality.series import GROUP, all_series, failures, thinned
-from runtime.quality.summary import moments, summarise
+from runtime.spc import export
+from runtime.spc import history as reading
+from runtime.spc.page import page
+from runtime.spc.series import GROUP, all_series, failures, thinned
+from runtime.spc.summary import moments, summarise
 from runtime.table import dumps, load
 
 TABLE = table()

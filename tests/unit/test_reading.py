@@ -7,7 +7,7 @@ from fake_cell import Settled
 from sample_tables import GRIPPER
 
 from runtime.errors import GripperStateError
-from runtime.reading import (
+from runtime.execution.reading import (
     UNDETECTED_UM,
     CurrentBand,
     check_closed,

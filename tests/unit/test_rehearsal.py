@@ -7,9 +7,9 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
+from runtime.devices.rehearsal import Rehearsal, make
 from runtime.errors import UsageError
-from runtime.geometry import compose, placement
-from runtime.rehearsal import Rehearsal, make
+from runtime.execution.geometry import compose, placement
 from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
 
 CALIBRATION = Calibration.linear(GRIPPER)

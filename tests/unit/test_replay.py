@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from written_journals import CALIBRATION, write_run
 
-from runtime.clock import SystemClock
-from runtime.decision import Policy
+from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.journal import Journal, records
-from runtime.recovery import broken_run
-from runtime.replay import Finding, Last, Replay
+from runtime.execution.decision import Policy
+from runtime.journal.chain import Journal, records
+from runtime.journal.recovery import broken_run
+from runtime.journal.replay import Finding, Last, Replay
 from runtime.table import Calibration
 
 

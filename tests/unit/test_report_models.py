@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from html_pages import Page
 
-from planner import job as job_file
 from planner.cli import report
 from planner.errors import InputFileError
+from planner.job import model as job_file
 from planner.report import dossier, models
 from runtime.table import dumps, load
 

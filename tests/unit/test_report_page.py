@@ -11,12 +11,12 @@ from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
 
-from planner import job as job_file
 from planner.cli import report
+from planner.evaluation.statistics import wilson_interval
+from planner.job import model as job_file
 from planner.report import details, dossier, run_log
 from planner.report.run_log import RunLog
 from planner.report.sensitivity import changes
-from planner.statistics import wilson_interval
 from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
 
 TABLE_PATH = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"

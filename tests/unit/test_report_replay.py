@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
-from planner.evaluate import evaluate
-from planner.job import Job
+from planner.evaluation.evaluate import evaluate
+from planner.job import model as job_file
+from planner.job.model import Job
 from planner.report.replay import REJECT, replay
 from planner.world import ContactWorld
 from runtime.table import Table, load

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from sample_tables import small_table
 
-from planner import job as job_file
-from planner.job import Job
+from planner.job import model as job_file
+from planner.job.model import Job
 from planner.report import tree
 from planner.report.replay import replay
 from runtime.table import Table, load

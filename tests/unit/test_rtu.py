@@ -5,9 +5,9 @@ import random
 import pytest
 from pymodbus.framer.rtu import FramerRTU
 
-from drivers.sim.gripper import GripperModel
-from drivers.sim.modbus import GripperRegisters, crc16, frame_length
-from drivers.sim.rtu import RtuSlave
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.wire.modbus import GripperRegisters, crc16, frame_length
+from drivers.sim.wire.rtu import RtuSlave
 
 READ = bytes.fromhex("09 03 07D0 0003 040E")
 READ_REPLY_LENGTH = 11

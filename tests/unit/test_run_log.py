@@ -7,7 +7,7 @@ from run_logs import chained, header, part
 
 from planner.errors import InputFileError
 from planner.report import run_log
-from runtime.journal import Journal
+from runtime.journal.chain import Journal
 
 TABLE = b"some table"
 DIGEST = hashlib.sha256(TABLE).hexdigest()

@@ -6,9 +6,9 @@ import pytest
 from fake_cell import Log, State, fake_cell
 from sample_tables import small_table
 
-from runtime import safety
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.safe_state import reach_safe_state
+from runtime.execution import safety
+from runtime.execution.safe_state import reach_safe_state
 
 LIMITS = small_table().limits
 X_MIN, Y_MIN, X_MAX, Y_MAX = (edge / 1000 for edge in LIMITS.work_area_um)

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from planner.errors import UsageError
-from planner.scheduler import Cluster, Threads, scheduler_of
+from planner.work.scheduler import Cluster, Threads, scheduler_of
 
 
 def squared(value):

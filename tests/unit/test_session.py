@@ -11,14 +11,14 @@ import pytest
 from fake_cell import FakeScene, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime import session
 from runtime.cli import main
-from runtime.console import Lines, Objects, say
-from runtime.delivery import Delivery
 from runtime.errors import GripperStateError
-from runtime.executor import Plan
+from runtime.execution import session
+from runtime.execution.delivery import Delivery
+from runtime.execution.executor import Plan
+from runtime.execution.tally import Tally
+from runtime.monitoring.console import Lines, Objects, say
 from runtime.table import Calibration, dump
-from runtime.tally import Tally
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
@@ -183,9 +183,13 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
         (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
-        (["--port", "sim", "--world", "runtime.rehearsal:none"], 31, "grasp-cell ended with exit code 31"),
         (
-            ["--port", "sim", "--world", "runtime.rehearsal:make", "--journal", "/dev/full"],
+            ["--port", "sim", "--world", "runtime.devices.rehearsal:none"],
+            31,
+            "grasp-cell ended with exit code 31",
+        ),
+        (
+            ["--port", "sim", "--world", "runtime.devices.rehearsal:make", "--journal", "/dev/full"],
             24,
             "no regular file",
         ),

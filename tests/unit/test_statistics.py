@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from planner.statistics import wilson_interval
+from planner.evaluation.statistics import wilson_interval
 from runtime.table import refuted
 from runtime.table.proof import wilson_upper
 

@@ -11,12 +11,12 @@ import pytest
 from sample_tables import small_table
 from written_journals import Quiet
 
-from runtime import watchdog
 from runtime.errors import UsageError
-from runtime.monitor import Monitor, Views
-from runtime.phases import Phase
-from runtime.results import Outcome, PartResult, Step
-from runtime.status import Status, StatusServer
+from runtime.execution.phases import Phase
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.monitoring import watchdog
+from runtime.monitoring.monitor import Monitor, Views
+from runtime.monitoring.status import Status, StatusServer
 from runtime.table import dump, load
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.belief.metric import Mode
-from planner.evaluate import evaluate
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.stress import (
     AMPLIFIED,
@@ -21,9 +20,10 @@ from planner.evaluation.stress import (
     stress_cases,
     stressed,
 )
-from planner.overrides import job_with
-from planner.scheduler import Threads
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.search.expand import TreeNode
+from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
 from runtime.table import load
 

@@ -3,9 +3,9 @@
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime import strokes
+from runtime.execution import strokes
+from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Node
-from runtime.tips import TipArc
 
 CALIBRATION = Calibration.linear(GRIPPER)
 NODES = [node for seed in range(3) for node in random_table(seed, 8).nodes]

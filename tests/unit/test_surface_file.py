@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job, surface_file
 from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
+from planner.job import model as job
+from planner.job import surface_file
 from planner.mechanics import limit_surface, quartic
 
 RHO = 10.0

@@ -4,7 +4,7 @@ from math import sqrt
 
 import pytest
 
-from runtime.tips import TipArc
+from runtime.execution.tips import TipArc
 
 ARC = TipArc()
 # Tip height over opening relative to closed fingers, from the link geometry of the published URDF models.

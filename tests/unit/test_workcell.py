@@ -6,9 +6,9 @@ import pytest
 from fake_scene import FakeWorld, setting
 
 from drivers.errors import ArmError, GripperFault, LinkError, PortError
-from drivers.sim.faults import Fault, Listed
-from drivers.sim.virtual import VirtualCell
-from drivers.sim.virtual_clock import VirtualClock
+from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.virtual.cell import VirtualCell
+from drivers.sim.virtual.clock import VirtualClock
 
 LOW, HIGH = 10.0, 60.0
 

@@ -16,7 +16,7 @@ from drivers.sim.camera.cards import Card, board_cells, lying
 from drivers.sim.camera.optics import Optics
 from drivers.sim.camera.render import Flaws, Picture, render
 from drivers.sim.camera.rig import Rig
-from drivers.sim.scene import Pose2
+from drivers.sim.physics.scene import Pose2
 from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9

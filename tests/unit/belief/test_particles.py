@@ -6,7 +6,6 @@ import numpy as np
 import problems
 import pytest
 
-from planner import job as job_file
 from planner.belief.observation import encoder_of
 from planner.belief.particles import (
     ROUGH,
@@ -19,7 +18,8 @@ from planner.belief.particles import (
     without_friction,
 )
 from planner.belief.transition import Simulation
-from planner.overrides import job_with
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 
 TREES = Path(__file__).parents[3] / "trees"
 LOW, HIGH = 0.4, 0.6

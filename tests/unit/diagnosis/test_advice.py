@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from planner import job as job_file
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise
-from planner.evaluate import evaluate
-from planner.overrides import job_with
-from planner.sensitivity import EVERYTHING, noise_sources, sensitivity
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.sensitivity import EVERYTHING, noise_sources, sensitivity
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
 

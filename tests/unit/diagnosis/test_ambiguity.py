@@ -9,10 +9,10 @@ import pytest
 from problems import l_shape
 
 from planner.diagnosis.ambiguity import ambiguities
-from planner.evaluate import evaluate
+from planner.evaluation.evaluate import evaluate
 from planner.frames import to_hand, wrap
+from planner.job.overrides import job_with
 from planner.mechanics.simulator import Simulator
-from planner.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
-from planner import job as job_file
 from planner.diagnosis.delay import LATE, delays
+from planner.job import model as job_file
 from planner.lower import lower
 from planner.search.expand import Growth, TreeNode, grow, squeeze_at
 from planner.search.handling import handling_of

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import surface_file
 from planner.cli.identify import main
 from planner.errors import ValueRangeError
 from planner.identification import identify, pushes
+from planner.job import surface_file
 from planner.mechanics import limit_surface
 from planner.part import quartic_form
 from planner.part.pressure import Pressure, support

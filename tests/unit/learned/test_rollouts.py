@@ -10,8 +10,9 @@ import shapely
 from problems import JAWS, OUTLINES, boundary_surface, finger_box, place, random_poses, rectangle, simulator
 from scipy.stats import chi2_contingency, kstest
 
-from planner import job as job_file
 from planner.errors import ClusterError
+from planner.job import model as job_file
+from planner.job.overrides import job_with
 from planner.learned import rollouts
 from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
 from planner.learned.store import Store, StoreWarning
@@ -19,10 +20,9 @@ from planner.mechanics import quartic_fit
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.mechanics.squeeze import UNTOUCHED
-from planner.overrides import job_with
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
-from planner.scheduler import Threads
+from planner.work.scheduler import Threads
 
 JOB = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
 SMALL = {"radius_mm": 10.0, "count": 3000}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job
+from planner.job import model as job
 from planner.mechanics import limit_surface
 from planner.mechanics.limit_surface import LimitSurface
 from planner.part import outline

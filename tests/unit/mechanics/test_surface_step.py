@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.belief.particles import initial
 from planner.errors import ValueRangeError
+from planner.job import model as job_file
 from planner.mechanics import limit_surface, quartic, surface
 from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix

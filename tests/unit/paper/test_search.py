@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.belief.observation import COUNTS, encoder_of
+from planner.job import model as job_file
 from planner.lower import lower
 from planner.paper.search import (
     METHODS,

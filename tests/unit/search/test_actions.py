@@ -6,8 +6,8 @@ import numpy as np
 import problems
 import pytest
 
-from planner import job as job_file
 from planner.belief.metric import Metric
+from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.search.actions import ActionSet, actions_of
 from planner.search.proposals import Proposals

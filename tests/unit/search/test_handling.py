@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import job as job_file
 from planner.belief.observation import encoder_of, partition
 from planner.belief.transition import Outcomes
+from planner.job import model as job_file
 from planner.mechanics.clearance import least_clearance
 from planner.search.handling import SPARE_MM, handling_of
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
-from planner import job as job_file
 from planner.belief.particles import without_friction
+from planner.job import model as job_file
 from planner.search.expand import MOST_WITHOUT_GAIN, Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price

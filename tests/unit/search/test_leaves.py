@@ -8,9 +8,9 @@ from fake_cell import FakeCell, fake_cell
 from sample_tables import small_table, with_job
 from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
-from runtime.delivery import Delivery, from_text
-from runtime.executor import Executor, Plan
-from runtime.results import Outcome
+from runtime.execution.delivery import Delivery, from_text
+from runtime.execution.executor import Executor, Plan
+from runtime.execution.results import Outcome
 from runtime.table import Table
 
 # -- audit ----------------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ import numpy as np
 import problems
 import pytest
 
-from planner import job as job_file
 from planner.frames import to_hand
+from planner.job import model as job_file
 from planner.search.proposals import proposals_of, refined, stable_angles
 
 RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"

@@ -1,0 +1,1 @@
+"""The audit: predicted poses judged by a picture."""

@@ -1,0 +1,146 @@
+"""`grasp-audit judge`: judge parts by a camera; `report` is only told of here, for it needs none."""
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import cv2
+
+from drivers.camera.audit import service, subject
+from drivers.camera.audit.auditor import Auditor, Subject
+from drivers.camera.calibration import drift
+from drivers.camera.calibration import file as calibration
+from drivers.camera.vision import tag_file
+from drivers.camera.vision.sources import open_source
+from runtime.shell.command import Parser, positive, run
+from runtime.shell.files import folder
+
+T = TypeVar("T")
+
+EXIT_CODES = """\
+exit codes:
+  0  done (the questions ended)     2  usage            3  table missing  23  no camera
+  13 a chart of the report alarms  24  a journal does not verify
+  30 table refused                 33  calibration or tag file refused
+  130 interrupted (Ctrl-C)
+"""
+EPILOG = (
+    """\
+examples:
+  grasp-runtime --tree T.msgpack --port ... \\
+      --audit "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
+  grasp-audit report runs/*.jsonl -o report.html
+
+judge reads questions from its standard input, one JSON object a line, and answers each by one line:
+  {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0} -> {"verdict": "pass", "reason": "...", ...}
+
+"""
+    + EXIT_CODES
+)
+
+
+def parser() -> Parser:
+    """The command line of `grasp-audit judge`; `report` has its own."""
+    built = Parser(prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG)
+    commands = built.add_subparsers(required=True, metavar="judge | report", dest="command")
+    told = "answer questions about parts, one a line"
+    example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
+    made = commands.add_parser(
+        "judge",
+        help=told,
+        description=f"{told[0].upper()}{told[1:]}: JSON in, JSON out.",
+        epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+    )
+    add = made.add_argument
+    add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table: its goal and its part")
+    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp://, http:// or a folder")
+    add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
+    add("--tag", type=Path, required=True, metavar="F", help="from grasp-calibrate tag")
+    add("--pictures", type=Path, metavar="DIR", help="keep an overlay of every part that does not pass")
+    add(
+        "--moved-mm",
+        type=positive,
+        default=drift.LIMIT_MM,
+        help="limit of reference tags (default: %(default)s)",
+    )
+    add("--deadline", type=positive, default=5.0, metavar="S", help="for an answer (default: %(default)s)")
+    add("--memory-mb", type=positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
+    made.add_debug()
+    commands.add_parser("report", help="success, residuals and control charts from journals", add_help=False)
+    return built
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run grasp-audit; returns its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    code = run(parser(), words, lambda options: judge(options, words))
+    # A thread that hangs in a camera's driver would keep an ordinary exit waiting.
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
+    """Answer questions to their end; start anew where the process has grown too large.
+
+    Nothing that is wrong with the files or the camera keeps the cell from running: every verdict is then
+    "unknown" for that reason, and the command ends with it.
+
+    Returns:
+        0.
+
+    Raises:
+        Exception: why there was nobody to judge, to the end.
+    """
+    cv2.setNumThreads(1)
+    full = service.limit_memory(options.memory_mb)
+    why_not: list[Exception] = []
+
+    def noted(step: Callable[[argparse.Namespace], T]) -> T:
+        why_not.clear()
+        try:
+            return step(options)
+        except Exception as error:
+            why_not.append(error)
+            raise
+
+    with contextlib.suppress(Exception):
+        noted(read)  # by the end it is known, also where nothing is asked
+    worker = service.Worker(lambda: noted(make))
+    lines = service.Lines(sys.stdin.fileno())
+    if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full):
+        os.execv(sys.executable, [sys.executable, "-m", "drivers.camera.audit.command", *words])
+    if why_not:
+        raise why_not[0]
+    return 0
+
+
+def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, Subject]:
+    """What the files of a command line say.
+
+    Raises:
+        CameraError: a file about the camera is refused.
+        Exception: the table's reader's own errors.
+    """
+    return calibration.load(options.calibration), subject.from_table(options.tree, tag_file.load(options.tag))
+
+
+def make(options: argparse.Namespace) -> Auditor:
+    """The auditor of a command line.
+
+    Raises:
+        Exception: those of `read`, or there is no camera.
+    """
+    if options.pictures is not None:
+        folder(options.pictures, Path(options.camera))
+    known, about = read(options)
+    lens = known.view.lens
+    source = open_source(options.camera, (lens.width, lens.height))
+    return Auditor(source, known, about, options.moved_mm, options.pictures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

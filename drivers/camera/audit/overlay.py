@@ -1,0 +1,100 @@
+"""The picture of an audit: where the part should lie, where it does, and the sentence, over what was seen."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from drivers.camera.vision.arrays import Array, Picture
+from drivers.camera.vision.measure import Measured, print_corners
+from drivers.camera.vision.plane import View, as_it_lies
+from drivers.camera.vision.tag_file import Pose
+from runtime.shell.files import writing
+
+if TYPE_CHECKING:
+    from drivers.camera.audit.auditor import Subject
+
+# Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
+PREDICTED = (0, 94, 213)
+MEASURED = (178, 114, 0)
+WHITE = (255, 255, 255)
+FRACTION_BITS = 4
+MOST_PICTURES = 1000
+QUALITY = 85
+
+
+class Album:
+    """A folder of overlays; the oldest go when there are too many.
+
+    Args:
+        folder: made where it is missing.
+        most: how many are kept.
+    """
+
+    def __init__(self, folder: Path, most: int = MOST_PICTURES) -> None:
+        self._folder = folder
+        self._most = most
+
+    def keep(self, part: int, verdict: str, drawn: Picture) -> Path | None:
+        """Write one; None where the disk refuses, for an audit does not depend on it."""
+        path = self._folder / f"part-{part:07d}-{verdict}.jpg"
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            kept = sorted(self._folder.glob("part-*.jpg"))
+            for old in kept[: max(0, len(kept) - self._most + 1)]:
+                old.unlink(missing_ok=True)
+            _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+            with writing(path) as draft:
+                draft.write_bytes(coded.tobytes())
+        except OSError:
+            return None
+        return path
+
+
+def draw(
+    picture: Picture, view: View, subject: Subject, predicted: Pose, found: Measured | None, sentence: str
+) -> Picture:
+    """Lay outlines and the sentence over a picture.
+
+    Args:
+        picture: (h, w) as it was taken.
+        view: of the camera.
+        subject: the part's outline and tag.
+        predicted: where the leaf says it lies.
+        found: where it was measured, None: nowhere.
+        sentence: of the answer.
+
+    Returns:
+        (h, w, 3).
+    """
+    canvas = np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), np.uint8)
+    outline = subject.outline_mm
+    if outline is None:
+        outline = as_it_lies(print_corners(subject.tag.side_mm), view.from_below)
+    _polygon(canvas, view, outline, predicted, PREDICTED)
+    if found is not None:
+        _polygon(canvas, view, outline, found.pose, MEASURED)
+        _closed(canvas, found.tag.corners, MEASURED)
+    # A band, not letters with a rim: letters of another weight run wider in some versions of OpenCV.
+    size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
+    canvas[height - round(60 * size) :] //= 4
+    where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))
+    cv2.putText(canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE, width, cv2.LINE_AA)
+    return canvas
+
+
+def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose, colour: tuple[int, int, int]) -> None:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    places = outline @ np.array([[c, s], [-s, c]]) + pose[:2]
+    _closed(canvas, view.pixels_at(places), colour)
+
+
+def _closed(canvas: Picture, pixels: Array, colour: tuple[int, int, int]) -> None:
+    if np.isfinite(pixels).all() and np.abs(pixels).max() < 1e5:
+        points = np.rint(pixels * (1 << FRACTION_BITS)).astype(np.int32)
+        with contextlib.suppress(cv2.error):
+            cv2.polylines(canvas, [points], True, colour, 2, cv2.LINE_AA, FRACTION_BITS)

@@ -1,0 +1,180 @@
+"""The audit as a process that answers questions: one JSON line in, one out, each within a deadline.
+
+```
+-> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
+<- {"verdict": "pass", "reason": "within the goal: ...", "measured_x_mm": 0.1, ...}
+```
+
+A question is always answered: by "unknown" where the camera hangs, memory runs out or anything else goes
+wrong. The process may only grow so far; when it has, it starts itself anew between two questions.
+"""
+
+import json
+import os
+import queue
+import resource
+import select
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from drivers.camera.audit.auditor import Answer
+from drivers.camera.audit.judge import UNKNOWN
+from drivers.camera.vision.tag_file import Pose
+from runtime.shell import strict_json
+
+MAX_LINE_BYTES = 65_536
+PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
+RESERVE_BYTES = 1 << 30  # of address space: thread stacks and allocators' pools, most of it never touched
+PAGE_BYTES = resource.getpagesize()
+
+
+class Audits(Protocol):
+    """Judges parts; `drivers.camera.audit.auditor.Auditor`."""
+
+    def audit(self, part: int, predicted: Pose, until: float) -> Answer:
+        """Judge one part, given a picture until then."""
+        ...
+
+
+class Worker:
+    """A thread that judges one part after the other, so that one that hangs cannot hold up an answer."""
+
+    def __init__(self, make: Callable[[], Audits]) -> None:
+        self._make = make
+        self._questions: queue.Queue[tuple[int, Pose, float]] = queue.Queue()
+        self._answers: queue.Queue[Answer] = queue.Queue()
+        self._owed = 0
+        threading.Thread(target=self._work, name="audit", daemon=True).start()
+
+    def ask(self, part: int, predicted: Pose, deadline_s: float) -> Answer:
+        """Judge one part within so many seconds."""
+        start = time.monotonic()
+        if self._owed and not self._caught_up(start + 0.5 * deadline_s):
+            return Answer(UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit")
+        self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s))
+        self._owed += 1
+        try:
+            answer = self._answers.get(timeout=max(start + deadline_s - time.monotonic(), 0.0))
+        except queue.Empty:
+            return Answer(UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera")
+        self._owed -= 1
+        return answer
+
+    def _caught_up(self, until: float) -> bool:
+        while self._owed:
+            try:
+                self._answers.get(timeout=max(until - time.monotonic(), 0.0))
+            except queue.Empty:
+                return False
+            self._owed -= 1
+        return True
+
+    def _work(self) -> None:
+        audits: Audits | None = None
+        while True:
+            part, predicted, until = self._questions.get()
+            try:
+                if audits is None:
+                    audits = self._make()
+                answer = audits.audit(part, predicted, until)
+            except MemoryError:
+                answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
+            except Exception as error:
+                answer = Answer(UNKNOWN, _sentence(error))
+            self._answers.put(answer)
+
+
+class Lines:
+    """Lines of a pipe, read without a buffer of Python's own, so that one knows when nothing waits."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._read = b""
+
+    @property
+    def waiting(self) -> bool:
+        """Whether anything has come that was not given out."""
+        return bool(self._read) or bool(select.select([self._descriptor], [], [], 0.0)[0])
+
+    def next(self) -> bytes | None:
+        """The next line; None at the end."""
+        while b"\n" not in self._read:
+            piece = os.read(self._descriptor, 4096)
+            if not piece or len(self._read) > MAX_LINE_BYTES:
+                return None
+            self._read += piece
+        line, _, self._read = self._read.partition(b"\n")
+        return line
+
+
+def serve(
+    lines: Lines,
+    worker: Worker,
+    write: Callable[[bytes], object],
+    deadline_s: float,
+    full: Callable[[], bool],
+) -> bool:
+    """Answer questions until there are no more.
+
+    Args:
+        lines: the questions.
+        worker: judges.
+        write: takes an answer's line.
+        deadline_s: for each.
+        full: whether the process has grown too large.
+
+    Returns:
+        Whether it ended because it should start anew.
+    """
+    while (line := lines.next()) is not None:
+        answer = _answered(line, worker, deadline_s)
+        try:
+            write(json.dumps(answer.fields()).encode("ascii") + b"\n")
+        except BrokenPipeError:  # who asked has gone
+            return False
+        if full() and not lines.waiting:
+            return True
+    return False
+
+
+def limit_memory(memory_mb: float) -> Callable[[], bool]:
+    """Bound this process's memory.
+
+    Args:
+        memory_mb: resident memory beyond what it uses now at which it should start anew; of address space it
+            gets `RESERVE_BYTES` more, and then none.
+
+    Returns:
+        Whether the first bound is reached.
+    """
+    virtual, resident = _memory()
+    extra = int(memory_mb * (1 << 20))
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = virtual + extra + RESERVE_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
+    return lambda: _memory()[1] > resident + extra
+
+
+def _sentence(error: Exception) -> str:
+    """What an error says; of one that nobody foresaw also what it is."""
+    said = " ".join(str(error).split())
+    return said if hasattr(error, "exit_code") else f"{said} ({type(error).__name__})"
+
+
+def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:
+    try:
+        asked = strict_json.parse(line)
+        part = int(asked["part"])
+        predicted = (float(asked["x_mm"]), float(asked["y_mm"]), float(asked["theta_rad"]))
+    except (ValueError, TypeError, KeyError, OverflowError):
+        return Answer(UNKNOWN, "the question is not understood; it takes part, x_mm, y_mm and theta_rad")
+    return worker.ask(part, predicted, deadline_s)
+
+
+def _memory() -> tuple[int, int]:
+    """Address space and resident memory, bytes."""
+    virtual, resident = Path("/proc/self/statm").read_text().split()[:2]
+    return int(virtual) * PAGE_BYTES, int(resident) * PAGE_BYTES

@@ -1,0 +1,45 @@
+"""What is audited, from a table: its goal, its leaves, and the outline in the job it carries."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drivers.camera.audit.auditor import Subject
+from drivers.camera.vision.arrays import Array
+from drivers.camera.vision.tag_file import PartTag, Pose
+from runtime.table import Table, job_of, load, poses_of
+
+SAME_MM = 1e-3
+SAME_RAD = 2e-6
+
+
+def from_table(path: Path, tag: PartTag) -> Subject:
+    """The subject of a table's file.
+
+    Raises:
+        TableFileError: it cannot be read.
+        TableError: its content is refused.
+    """
+    table = load(path).table
+    return Subject(table.goal, tag, outline_of(table), allowed_by(table))
+
+
+def outline_of(table: Table) -> Array | None:
+    """The part's outline in its own frame, (n, 2) mm; None where the table carries no job."""
+    job = job_of(table)
+    return None if job is None else np.array(job["part"]["outline_mm"], np.float64)
+
+
+def allowed_by(table: Table) -> Callable[[Pose], Sequence[Pose]]:
+    """Finds the leaf of a predicted pose, and all poses that it allows."""
+    known = [poses_of(table.goal, leaf) for leaf in table.leaves]
+
+    def allowed(pose: Pose) -> Sequence[Pose]:
+        for main, *others in known:
+            offset = [abs(a - b) for a, b in zip(main, pose, strict=True)]
+            if max(offset[:2]) < SAME_MM and offset[2] < SAME_RAD:
+                return (pose, *others)
+        return (pose,)
+
+    return allowed

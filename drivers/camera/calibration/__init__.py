@@ -1,0 +1,1 @@
+"""The camera's calibration: lens, place, tags, and their drift."""

@@ -1,0 +1,62 @@
+"""Whether the camera still stands where it was calibrated: fixed tags must be where they were."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.camera.calibration.file import Reference
+from drivers.camera.errors import MovedError
+from drivers.camera.vision.plane import View
+from drivers.camera.vision.tags import Sighting
+
+LIMIT_MM = 0.5
+
+
+def check(
+    references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float = LIMIT_MM
+) -> float:
+    """Check that reference tags are where they were.
+
+    Args:
+        references: where they were; none: nothing is checked.
+        seen: all tags of the picture.
+        view: of the calibration.
+        limit_mm: by how much one may have moved.
+
+    Returns:
+        The greatest motion, mm; 0 without references.
+
+    Raises:
+        MovedError: one moved farther, or none of them is seen.
+    """
+    if not references:
+        return 0.0
+    moved = shifts(references, seen, view)
+    if not moved:
+        names = ", ".join(str(reference.number) for reference in references)
+        raise MovedError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
+    worst = max(moved, key=lambda number: moved[number])
+    if moved[worst] > limit_mm:
+        raise MovedError(
+            f"reference tag {worst} is {moved[worst]:.2f} mm from where it was (limit {limit_mm:g} mm): "
+            "the camera or the tag moved; calibrate again"
+        )
+    return moved[worst]
+
+
+def shifts(references: Sequence[Reference], seen: Sequence[Sighting], view: View) -> dict[int, float]:
+    """How far each reference tag that is seen has moved, mm."""
+    places = {tag.number: place(tag, view) for tag in seen}
+    return {
+        number: float(np.hypot(places[number][0] - x, places[number][1] - y))
+        for number, x, y in references
+        if number in places
+    }
+
+
+def place(tag: Sighting, view: View, height_mm: float = 0.0) -> tuple[float, float]:
+    """The middle of a tag on its plane, mm: where its diagonals cross."""
+    a, b, c, d = view.on_plane(tag.corners, height_mm)
+    (px, py), (qx, qy) = c - a, d - b
+    reach = ((b[0] - a[0]) * qy - (b[1] - a[1]) * qx) / (px * qy - py * qx)
+    return float(a[0] + reach * px), float(a[1] + reach * py)

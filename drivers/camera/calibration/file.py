@@ -1,0 +1,161 @@
+"""What is known of one camera: its lens, its place, how far to trust it, and what shows that it moved."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drivers.camera import documents
+from drivers.camera.errors import CameraFileError, PictureError
+from drivers.camera.vision.arrays import Array
+from drivers.camera.vision.lens import Lens
+from drivers.camera.vision.plane import View
+
+KIND = "camera calibration"
+REMEDY = "make it again with grasp-calibrate camera"
+
+
+class Reference(NamedTuple):
+    """A tag fixed in view, at the table's height: where it was when the camera was calibrated, mm."""
+
+    number: int
+    x_mm: float
+    y_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trust:
+    """Standard deviation of a measured place that comes from the calibration, on a grid of the table.
+
+    Attributes:
+        x_mm: (m,) rising.
+        y_mm: (n,) rising.
+        sigma_mm: (n, m) of the worse of both directions.
+    """
+
+    x_mm: Array
+    y_mm: Array
+    sigma_mm: Array
+
+    def at(self, x_mm: float, y_mm: float) -> float:
+        """Between the grid's points by bilinear interpolation; beyond it, as much more as it is far."""
+        column = float(np.interp(x_mm, self.x_mm, np.arange(len(self.x_mm))))
+        row = float(np.interp(y_mm, self.y_mm, np.arange(len(self.y_mm))))
+        j, i = min(int(column), len(self.x_mm) - 2), min(int(row), len(self.y_mm) - 2)
+        u, v = column - j, row - i
+        s = self.sigma_mm
+        upper = (1.0 - u) * s[i, j] + u * s[i, j + 1]
+        lower = (1.0 - u) * s[i + 1, j] + u * s[i + 1, j + 1]
+        inside_x = float(np.clip(x_mm, self.x_mm[0], self.x_mm[-1]))
+        inside_y = float(np.clip(y_mm, self.y_mm[0], self.y_mm[-1]))
+        beyond = np.hypot(x_mm - inside_x, y_mm - inside_y)
+        span = np.hypot(self.x_mm[-1] - self.x_mm[0], self.y_mm[-1] - self.y_mm[0])
+        return float(((1.0 - v) * upper + v * lower) * (1.0 + 10.0 * beyond / span))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraCalibration:
+    """One camera at one place.
+
+    Attributes:
+        camera: its name or serial number, as the operator gave it.
+        made: when, ISO 8601.
+        view: lens and place, in the frame of the arm's world.
+        rms_px: how well the lens explains the board views.
+        alignment_mm: how well touched poses agree with seen ones, rms; 0 where none were given.
+        trust: how far to trust it where.
+        references: fixed tags.
+        views: number of board views it was made of.
+    """
+
+    camera: str
+    made: str
+    view: View
+    rms_px: float
+    alignment_mm: float
+    trust: Trust
+    references: tuple[Reference, ...] = ()
+    views: int = 0
+
+    def check_size(self, shape: tuple[int, ...]) -> None:
+        """Check that a picture (rows, columns) is of this camera's resolution.
+
+        Raises:
+            PictureError: it is not.
+        """
+        lens = self.view.lens
+        if tuple(shape[:2]) != (lens.height, lens.width):
+            raise PictureError(
+                f"the picture is {shape[1]} x {shape[0]}, the calibration of {self.camera} is for "
+                f"{lens.width} x {lens.height}; set the camera to that size or calibrate at this one"
+            )
+
+
+def save(calibration: CameraCalibration, path: Path) -> None:
+    """Write the file.
+
+    Raises:
+        CameraFileError: it cannot be written.
+    """
+    view, trust = calibration.view, calibration.trust
+    lens = view.lens
+    body = {
+        "version": 1,
+        "camera": calibration.camera,
+        "made": calibration.made,
+        "width_px": lens.width,
+        "height_px": lens.height,
+        "focal_px": list(lens.focal),
+        "centre_px": list(lens.centre),
+        "distortion_k1_k2_p1_p2_k3": list(lens.distortion),
+        "rotation_world_to_camera": view.rotation.tolist(),
+        "translation_mm": view.translation.tolist(),
+        "board_views": calibration.views,
+        "board_rms_px": calibration.rms_px,
+        "alignment_rms_mm": calibration.alignment_mm,
+        "references": [reference._asdict() for reference in calibration.references],
+        "trust_x_mm": trust.x_mm.tolist(),
+        "trust_y_mm": trust.y_mm.tolist(),
+        "trust_sigma_mm": np.round(trust.sigma_mm, 5).tolist(),
+    }
+    documents.save(path, KIND, body)
+
+
+def load(path: Path) -> CameraCalibration:
+    """Read and check a file.
+
+    Raises:
+        CameraFileError: it cannot be read, was changed, or is none.
+    """
+    told = documents.read(path, KIND, REMEDY)
+    try:
+        return _parsed(told)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CameraFileError(f"{KIND} {path}: {error!r}; {REMEDY}") from error
+
+
+def _parsed(told: dict[str, Any]) -> CameraCalibration:
+    if told["version"] != 1:
+        raise ValueError(f"version {told['version']}, this program reads 1")
+    fx, fy = map(float, told["focal_px"])
+    cx, cy = map(float, told["centre_px"])
+    k1, k2, p1, p2, k3 = map(float, told["distortion_k1_k2_p1_p2_k3"])
+    lens = Lens(int(told["width_px"]), int(told["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3))
+    rotation = np.array(told["rotation_world_to_camera"], np.float64).reshape(3, 3)
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
+        raise ValueError("its rotation is none")
+    view = View(lens, rotation, np.array(told["translation_mm"], np.float64).reshape(3))
+    trust = Trust(*(np.array(told[f"trust_{name}_mm"], np.float64) for name in ("x", "y", "sigma")))
+    if trust.sigma_mm.shape != (len(trust.y_mm), len(trust.x_mm)) or min(trust.sigma_mm.shape) < 2:
+        raise ValueError("its grid of trust has another shape than its axes")
+    return CameraCalibration(
+        str(told["camera"]),
+        str(told["made"]),
+        view,
+        float(told["board_rms_px"]),
+        float(told["alignment_rms_mm"]),
+        trust,
+        tuple(Reference(int(r["number"]), float(r["x_mm"]), float(r["y_mm"])) for r in told["references"]),
+        int(told["board_views"]),
+    )

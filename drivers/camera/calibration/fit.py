@@ -1,0 +1,222 @@
+"""A camera's calibration from pictures: lens, place, trust, reference tags; and a part's tag."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from drivers.camera.calibration import lens_fit, table_fit
+from drivers.camera.calibration.drift import place
+from drivers.camera.calibration.file import CameraCalibration, Reference
+from drivers.camera.calibration.table_fit import Residuals
+from drivers.camera.errors import CameraFileError, RefusedError
+from drivers.camera.vision.arrays import Picture
+from drivers.camera.vision.board import Board, BoardView
+from drivers.camera.vision.measure import of_sighting, the_one
+from drivers.camera.vision.plane import View
+from drivers.camera.vision.sources import SUFFIXES, decoded
+from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.tags import Finder
+
+ZERO: Pose = (0.0, 0.0, 0.0)
+
+
+class Touched(NamedTuple):
+    """A pose that the arm knows, and the picture of a tag there."""
+
+    picture: Path
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """The pictures a calibration is made of.
+
+    Attributes:
+        camera: name or serial number of the camera.
+        board: the board.
+        from_below: whether the camera looks up through the table.
+        held: pictures of the board held before the camera.
+        table: pictures of the board on the table; the first one gives the frame.
+        touched: pictures of the part's tag at places that the arm knows; empty: the board is the world.
+        number: id of that tag.
+        references: a picture of the fixed tags, None: there are none.
+        height_mm: of the board's face above the table.
+    """
+
+    camera: str
+    board: Board
+    from_below: bool
+    held: tuple[Path, ...]
+    table: tuple[Path, ...]
+    touched: tuple[Touched, ...] = ()
+    number: int = 0
+    references: Path | None = None
+    height_mm: float = 0.0
+
+
+class Made(NamedTuple):
+    """A calibration, and what it was made of.
+
+    Attributes:
+        calibration: the calibration.
+        residuals: of boards on the table.
+        views: all views of the board, those on the table first.
+        left_out: pictures in which the board was not found.
+    """
+
+    calibration: CameraCalibration
+    residuals: Residuals
+    views: tuple[BoardView, ...]
+    left_out: tuple[str, ...]
+
+
+def calibrate(material: Material, made: str) -> Made:
+    """Calibrate a camera.
+
+    Args:
+        material: the pictures.
+        made: when, ISO 8601.
+
+    Raises:
+        CameraError: a picture cannot be read, or no calibration can be made of them that could be trusted.
+    """
+    size, views, left_out = _views(material)
+    lying = [view for view in views if view.name in {path.name for path in material.table}]
+    if not lying or lying[0].name != material.table[0].name:
+        raise RefusedError(f"{material.table[0].name}: the board on the table is not seen; take it again")
+    found = lens_fit.fit(views, size)
+    height_mm, below = material.height_mm, material.from_below
+    view = table_fit.stand(found.lens, found.poses[0], below, height_mm)
+    world, alignment_mm = ZERO, 0.0
+    if material.touched:
+        seen = [_tag_place(touched.picture, view, material.number) for touched in material.touched]
+        world, alignment_mm = table_fit.align([touched.pose[:2] for touched in material.touched], seen)
+    view = view.moved(world)
+    residuals = table_fit.board_residuals(view, lying, height_mm)
+    trust = table_fit.trust(found, view, below, height_mm, world)
+    references = (
+        () if material.references is None else _references(material.references, view, material.number)
+    )
+    calibration = CameraCalibration(
+        material.camera, made, view, found.rms_px, alignment_mm, trust, references, len(views)
+    )
+    return Made(calibration, residuals, tuple(views), tuple(left_out))
+
+
+def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched]) -> PartTag:
+    """Measure where a tag is on its part, from pictures of the part at known poses.
+
+    Args:
+        calibration: of the camera.
+        tag: what is known of the tag: number, side, height.
+        touched: the part's poses, and their pictures.
+
+    Raises:
+        CameraError: a tag is not seen, or the poses contradict one another.
+    """
+    bare = PartTag(tag.part, tag.number, tag.side_mm, height_mm=tag.height_mm)
+    finder = Finder()
+    fixed = {reference.number for reference in calibration.references}
+    seen = []
+    for known in touched:
+        picture = load_picture(known.picture)
+        calibration.check_size(picture.shape)
+        sighting = the_one(finder.find(picture), tag.number, fixed)
+        if sighting is None:
+            raise RefusedError(f"{known.picture.name}: tag {tag.number} is not seen; take it again")
+        seen.append(of_sighting(sighting, calibration, bare).pose)
+    on_part, sigma_mm, sigma_rad = table_fit.part_offset([known.pose for known in touched], seen)
+    return PartTag(tag.part, tag.number, tag.side_mm, on_part, tag.height_mm, sigma_mm, sigma_rad)
+
+
+def read_poses(path: Path) -> tuple[Touched, ...]:
+    """Poses the arm knows, from a CSV file: `picture,x_mm,y_mm` and, where it matters, `theta_rad`.
+
+    Pictures are named relative to the file.
+
+    Raises:
+        CameraFileError: it cannot be read.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except OSError as error:
+        raise CameraFileError(f"poses {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise CameraFileError(f"poses {path}: is no text; write CSV") from error
+    return tuple(_touched(path, number, row) for number, row in enumerate(rows, start=2))
+
+
+def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
+    try:
+        pose = float(row["x_mm"]), float(row["y_mm"]), float(row.get("theta_rad") or 0.0)
+        return Touched(path.parent / row["picture"], pose)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CameraFileError(
+            f"poses {path}, line {line}: write a picture's name and numbers below the first line "
+            "picture,x_mm,y_mm,theta_rad"
+        ) from error
+
+
+def pictures_in(folder: Path) -> tuple[Path, ...]:
+    """The pictures of a folder in the order of their names.
+
+    Raises:
+        CameraFileError: it cannot be read.
+    """
+    try:
+        return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
+    except OSError as error:
+        raise CameraFileError(f"folder {folder}: {error.strerror}") from error
+
+
+def load_picture(path: Path) -> Picture:
+    """A picture's grey levels.
+
+    Raises:
+        CameraError: it cannot be read, or is none.
+    """
+    try:
+        return decoded(path.read_bytes(), str(path))
+    except OSError as error:
+        raise CameraFileError(f"picture {path}: {error.strerror}") from error
+
+
+def _views(material: Material) -> tuple[tuple[int, int], list[BoardView], list[str]]:
+    """The size of all pictures, the board in each of them, and where it was not found."""
+    views, left_out = [], []
+    size: tuple[int, int] | None = None
+    for path in (*material.table, *(path for path in material.held if path not in material.table)):
+        picture = load_picture(path)
+        found_size = (picture.shape[1], picture.shape[0])
+        if size is not None and size != found_size:
+            raise RefusedError(
+                f"{path.name} is {_words(found_size)}, those before it {_words(size)}; take all at one size"
+            )
+        size = found_size
+        view = material.board.find(picture, path.name)
+        if view is None:
+            left_out.append(path.name)
+        else:
+            views.append(view)
+    return size or (0, 0), views, left_out
+
+
+def _words(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
+
+
+def _tag_place(path: Path, view: View, number: int) -> tuple[float, float]:
+    found = [tag for tag in Finder().find(load_picture(path)) if tag.number == number]
+    if len(found) != 1:
+        raise RefusedError(f"{path.name}: tag {number} is seen {len(found)} times; take it again")
+    return place(found[0], view)
+
+
+def _references(path: Path, view: View, number: int) -> tuple[Reference, ...]:
+    seen = [tag for tag in Finder().find(load_picture(path)) if tag.number != number]
+    if not seen:
+        raise RefusedError(f"{path.name}: no reference tag is seen; take it again")
+    return tuple(Reference(tag.number, *place(tag, view)) for tag in seen)

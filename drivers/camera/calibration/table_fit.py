@@ -1,0 +1,170 @@
+"""Where the camera stands: from a board that lies on the table, and from poses that the arm has touched."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from drivers.camera.calibration.file import Trust
+from drivers.camera.calibration.lens_fit import STEPS, LensFit
+from drivers.camera.errors import RefusedError
+from drivers.camera.vision.arrays import Array
+from drivers.camera.vision.board import BoardView
+from drivers.camera.vision.lens import Lens
+from drivers.camera.vision.plane import View, as_it_lies, compose, inverse, rigid_fit
+from drivers.camera.vision.tag_file import Pose
+
+Place = tuple[float, float]
+
+LEAST_TOUCHED = 3
+LEAST_SPREAD_MM = 50.0
+LARGEST_ALIGNMENT_MM = 1.0
+LARGEST_RESIDUAL_MM = 0.5
+GRID = (17, 11)  # places across and down the picture where trust is worked out
+
+
+class Residuals(NamedTuple):
+    """Corners of boards on the table: where they are, and how far from there they were measured.
+
+    Attributes:
+        places: (n, 2) mm.
+        off: (n, 2) mm.
+    """
+
+    places: Array
+    off: Array
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square over the corners."""
+        return float(np.sqrt(np.mean(np.sum(self.off**2, axis=1))))
+
+
+def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
+    """The view in the frame of the board on the table: its middle, its x to the right of the print.
+
+    Args:
+        lens: the lens.
+        pose: (6,) of the board in the camera.
+        from_below: whether the camera looks up through the table, at a board that lies face down.
+        height_mm: of the board's face above the table.
+    """
+    turn, _ = cv2.Rodrigues(np.asarray(pose[:3], np.float64))
+    # A board's third axis points away from its reader: up for one that lies face down.
+    lies = np.diag([1.0, 1.0, 1.0]) if from_below else np.diag([1.0, -1.0, -1.0])
+    rotation = np.asarray(turn, np.float64) @ lies
+    return View(lens, rotation, pose[3:] - rotation @ np.array([0.0, 0.0, height_mm]))
+
+
+def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose, float]:
+    """The arm's world frame in the board's, and how well they agree.
+
+    Args:
+        touched: places in the arm's world, mm.
+        seen: the same in the board's frame, mm.
+
+    Returns:
+        Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
+
+    Raises:
+        RefusedError: too few places, too near to one another, or in contradiction.
+    """
+    a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
+    if len(a) < LEAST_TOUCHED:
+        raise RefusedError(f"{len(a)} touched places; the arm has to touch at least {LEAST_TOUCHED}")
+    spread = float(np.hypot(*(a.max(axis=0) - a.min(axis=0))))
+    if spread < LEAST_SPREAD_MM:
+        raise RefusedError(
+            f"the touched places are within {spread:.0f} mm; spread them over {LEAST_SPREAD_MM:g} mm and more"
+        )
+    found = rigid_fit(a, b)
+    if found.rms_mm > LARGEST_ALIGNMENT_MM:
+        raise RefusedError(
+            f"touched and seen places disagree by {found.rms_mm:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
+            "check which picture belongs to which place, the arm's tool frame, and --above"
+        )
+    return found.pose, found.rms_mm
+
+
+def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
+    """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
+
+    Raises:
+        RefusedError: too far.
+    """
+    places, off = [], []
+    for board in boards:
+        seen = view.on_plane(board.pixels, height_mm)
+        points = as_it_lies(board.points, view.from_below)
+        x, y, theta = rigid_fit(points, seen).pose
+        c, s = np.cos(theta), np.sin(theta)
+        whole = points @ np.array([[c, s], [-s, c]]) + (x, y)
+        places.append(whole)
+        off.append(seen - whole)
+    found = Residuals(np.concatenate(places), np.concatenate(off))
+    if not found.rms_mm <= LARGEST_RESIDUAL_MM:
+        raise RefusedError(
+            f"boards on the table are measured {found.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
+            " mm); check that they lie flat, and the board's measures"
+        )
+    return found
+
+
+def trust(found: LensFit, view: View, from_below: bool, height_mm: float, world: Pose) -> Trust:
+    """How far places may be trusted, on a grid over all of the table that the camera sees.
+
+    Args:
+        found: lens and the table board's pose, with their covariance.
+        view: of the camera in the arm's world.
+        from_below: as for `stand`.
+        height_mm: as for `stand`.
+        world: pose of the arm's world in the board's frame.
+    """
+    lens = view.lens
+    rim = np.array([(x, y) for x in (0, lens.width - 1) for y in (0, lens.height - 1)], np.float64)
+    corners = view.on_plane(rim)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x_mm, y_mm = (np.linspace(low[k], high[k], GRID[k]) for k in (0, 1))
+    places = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
+    pixels = view.pixels_at(places)
+    slopes = np.empty((len(places), 2, len(STEPS)))
+    values = np.concatenate([lens.parameters, found.poses[0]])
+    for index, step in enumerate(STEPS):
+        ends = []
+        for sign in (1.0, -1.0):
+            at = values.copy()
+            at[index] += sign * step
+            moved = stand(lens.with_parameters(at[:9]), at[9:], from_below, height_mm).moved(world)
+            ends.append(moved.on_plane(pixels))
+        slopes[:, :, index] = (ends[0] - ends[1]) / (2.0 * step)
+    spread = np.einsum("pik,kl,pjl->pij", slopes, found.covariance, slopes)
+    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(spread, nan=1e6))[:, 1])
+    return Trust(x_mm, y_mm, worse.reshape(len(y_mm), len(x_mm)))
+
+
+def part_offset(parts: Sequence[Pose], tags: Sequence[Pose]) -> tuple[Pose, float, float]:
+    """Where a tag is on its part, from poses of the part that are known and of the tag that were seen.
+
+    Returns:
+        Pose of the tag in the part's frame, and the standard deviations of its place (mm) and angle (rad).
+
+    Raises:
+        RefusedError: too few, or they contradict one another.
+    """
+    if len(parts) < LEAST_TOUCHED:
+        raise RefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
+    offsets = [compose(inverse(part), tag) for part, tag in zip(parts, tags, strict=True)]
+    found = np.array(offsets)
+    theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))
+    place = found[:, :2].mean(axis=0)
+    count = len(found)
+    scatter = np.sqrt(np.sum((found[:, :2] - place) ** 2) / (2 * (count - 1)))
+    turned = np.remainder(found[:, 2] - theta + np.pi, 2.0 * np.pi) - np.pi
+    if scatter > LARGEST_ALIGNMENT_MM:
+        raise RefusedError(
+            f"the tag's place on the part scatters by {scatter:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
+            "check the part's poses and the order of the pictures"
+        )
+    sigma_rad = float(np.sqrt(np.sum(turned**2) / (count - 1) / count))
+    return (float(place[0]), float(place[1]), theta), float(scatter / np.sqrt(count)), sigma_rad

@@ -1,0 +1,1 @@
+"""Pictures, tags and lenses: from pixels to poses on the table."""

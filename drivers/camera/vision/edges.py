@@ -1,0 +1,148 @@
+"""Corners of a tag to a few hundredths of a pixel: each side is a line through its edge.
+
+Along a side, profiles are read across the edge from black to white. In each the edge is the centroid of the
+slope within half a square of it, found again until it stays; then a line is fitted to all of them, without
+those that do not belong to it (a stain, a finger's shadow), and the corners are where lines cross. The window
+is symmetric about the edge, so that blur leaves it where it is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers.camera.vision.arrays import Array, Mask, Picture
+
+PROFILES = 28  # along a side
+INSET = 0.10  # of a side, left out at each end: there the profiles meet the next side
+STEP_PX = 0.25  # along a profile
+REACH_SQUARES = 0.95  # of a profile to either side of the edge
+WINDOW_SQUARES = 0.55
+ROUNDS = 3
+RECENTRINGS = 3
+LEAST_CONTRAST = 12.0  # grey levels, from black to white
+OUTLIER_PX = 0.25
+LEAST_SHARE = 0.5  # of the profiles of a side
+
+
+class Corners(NamedTuple):
+    """Refined corners.
+
+    Attributes:
+        pixels: (4, 2) in the order they came in.
+        rms_px: how far the edge's points are from their lines.
+        support: least share of profiles that any of the sides rests on.
+    """
+
+    pixels: Array
+    rms_px: float
+    support: float
+
+
+def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
+    """Refine the corners of a tag's black border.
+
+    Args:
+        picture: (h, w) grey levels.
+        corners: (4, 2) to about two pixels, in order around the tag.
+        squares: of the tag along a side, its border included: 8 for 36h11.
+
+    Returns:
+        The corners, or None where a side has no edge to be found.
+    """
+    corners = np.asarray(corners, np.float64)
+    for _ in range(ROUNDS):
+        found = _refined(picture, corners, squares)
+        if found is None:
+            return None
+        corners = found.pixels
+    return found
+
+
+def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
+    ends = np.roll(corners, -1, axis=0)
+    lengths = np.hypot(*(ends - corners).T)
+    if lengths.min() < 2.0 * squares:
+        return None
+    along = (ends - corners) / lengths[:, None]
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    outwards = np.sign(np.sum(across * (corners - corners.mean(axis=0)), axis=1))
+    across *= outwards[:, None]
+    square = float(lengths.mean()) / squares
+    offsets = np.arange(-REACH_SQUARES * square, REACH_SQUARES * square + 0.5 * STEP_PX, STEP_PX)
+    shares = np.linspace(INSET, 1.0 - INSET, PROFILES)
+    places = corners[:, None] + shares[None, :, None] * (ends - corners)[:, None]  # (4, m, 2)
+    spots = places[:, :, None] + offsets[None, None, :, None] * across[:, None, None]
+    levels = sample(picture, spots)
+    if levels is None:
+        return None
+    edge, sharp = _edges(levels, offsets, WINDOW_SQUARES * square)
+    lines = [_line(shares * n, e, ok) for n, e, ok in zip(lengths, edge, sharp, strict=True)]
+    if any(line is None for line in lines):
+        return None
+    told = [line for line in lines if line is not None]
+    origins = corners + np.array([line[0] for line in told])[:, None] * across
+    headings = along + np.array([line[1] for line in told])[:, None] * across
+    rms = float(np.sqrt(np.mean([line[2] ** 2 for line in told])))
+    support = float(min(line[3] for line in told))
+    return Corners(_crossings(origins, headings), rms, support)
+
+
+def sample(picture: Picture, spots: Array) -> Array | None:
+    """Grey levels between pixels, by bilinear interpolation; None where a spot lies outside the picture.
+
+    Args:
+        picture: (h, w).
+        spots: (..., 2) x and y.
+    """
+    x, y = spots[..., 0], spots[..., 1]
+    height, width = picture.shape
+    if not (x.min() >= 0 and y.min() >= 0 and x.max() < width - 1 and y.max() < height - 1):
+        return None
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    u, v = x - column, y - row
+    upper = (1.0 - u) * picture[row, column] + u * picture[row, column + 1]
+    lower = (1.0 - u) * picture[row + 1, column] + u * picture[row + 1, column + 1]
+    return np.asarray((1.0 - v) * upper + v * lower)
+
+
+def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
+    """Where each profile rises: (..., k) levels -> offset of the edge, and whether there is one."""
+    slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
+    middles = 0.5 * (offsets[1:] + offsets[:-1])
+    near = np.abs(middles) <= window
+    centre = middles[near][np.argmax(_smoothed(slope[..., near]), axis=-1)]
+    for _ in range(RECENTRINGS):
+        # The window's ends fade out, so that the centroid moves smoothly with it.
+        weight = slope * np.clip((window - np.abs(middles - centre[..., None])) / STEP_PX + 0.5, 0.0, 1.0)
+        total = weight.sum(axis=-1)
+        centre = np.where(total > 0.0, (weight * middles).sum(axis=-1) / np.maximum(total, 1e-9), 0.0)
+    return centre, np.asarray(total >= LEAST_CONTRAST)
+
+
+def _smoothed(slope: Array) -> Array:
+    return np.asarray(slope + np.roll(slope, 1, axis=-1) + np.roll(slope, -1, axis=-1))
+
+
+def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float, float] | None:
+    """Offset, slope, rms and support of a line through a side's edge; None: too little of it is seen."""
+    kept = sharp.copy()
+    for _ in range(4):
+        if kept.sum() < LEAST_SHARE * len(edge):
+            return None
+        slope, offset = np.polyfit(along[kept], edge[kept], 1) if kept.any() else (0.0, 0.0)
+        left = np.abs(edge - offset - slope * along)
+        limit = max(OUTLIER_PX, 2.5 * 1.4826 * float(np.median(left[sharp])))
+        kept = np.asarray(sharp & (left <= limit), np.bool_)
+    if kept.sum() < LEAST_SHARE * len(edge):
+        return None
+    rms = float(np.sqrt(np.mean(left[kept] ** 2)))
+    return float(offset), float(slope), rms, float(kept.mean())
+
+
+def _crossings(origins: Array, headings: Array) -> Array:
+    """Where each line cuts the one before it: the corner at which the side begins. (4, 2)."""
+    before, turned = np.roll(origins, 1, axis=0), np.roll(headings, 1, axis=0)
+    gap = before - origins
+    bend = headings[:, 0] * turned[:, 1] - headings[:, 1] * turned[:, 0]
+    reach = (gap[:, 0] * turned[:, 1] - gap[:, 1] * turned[:, 0]) / bend
+    return np.asarray(origins + reach[:, None] * headings)

@@ -1,0 +1,232 @@
+"""Where pictures come from: a device, a network camera, a folder. Every picture has a deadline.
+
+A picture is always of *now*: a stream is read all the time, and what was exposed before the question was
+asked is thrown away.
+"""
+
+import os
+import threading
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from drivers.camera.errors import PictureError, SourceError
+from drivers.camera.vision.arrays import Picture
+
+FRESH_FRAMES = 2  # the first frame after the question may have been exposed before it
+POLL_S = 0.005
+RETRY_S = 1.0
+MAX_PICTURE_BYTES = 64 << 20
+FFMPEG_SAYS_NOTHING = "-8"
+KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
+
+
+class Source(Protocol):
+    """Takes pictures."""
+
+    def picture(self, until: float) -> Picture:
+        """A picture taken after this call began, (h, w) grey levels.
+
+        Args:
+            until: `time.monotonic` at which it must be there.
+
+        Raises:
+            SourceError: there is none in time.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        ...
+
+
+def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
+    """The source of an address.
+
+    Args:
+        address: `/dev/video0` or a device's number; `rtsp://...`; `http://...` (a JPEG, or a stream of them
+            where the path ends in `.mjpg` or `.mjpeg`); a folder.
+        size: width and height to set a device to.
+
+    Raises:
+        SourceError: there is no such thing.
+    """
+    if address.startswith(("http://", "https://")):
+        streams = address.partition("?")[0].endswith((".mjpg", ".mjpeg"))
+        return Stream(address, cv2.CAP_FFMPEG) if streams else Still(address)
+    if address.startswith("rtsp://"):
+        return Stream(address, cv2.CAP_FFMPEG)
+    if not address or "://" in address:
+        raise SourceError(f"camera {address!r} is of no known kind; {KINDS}")
+    path = Path(f"/dev/video{address}" if address.isdecimal() else address)
+    if path.is_dir():
+        return Folder(path)
+    if not path.exists():
+        raise SourceError(f"there is no camera or folder {path}; check the cable and the name")
+    if not path.is_char_device():
+        raise SourceError(f"{path} is neither a camera nor a folder of pictures; {KINDS}")
+    return Stream(str(path), cv2.CAP_V4L2, size)
+
+
+class Folder:
+    """Pictures of a folder, each used once, in the order of their names; later ones are waited for."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._last = ""
+
+    def picture(self, until: float) -> Picture:
+        """The next picture.
+
+        Raises:
+            SourceError: there is none, or it is none.
+        """
+        while (name := self._next()) is None:
+            if time.monotonic() >= until:
+                raise SourceError(f"folder {self._path} has no further picture")
+            time.sleep(POLL_S)
+        self._last = name
+        try:
+            return decoded((self._path / name).read_bytes(), str(self._path / name))
+        except OSError as error:
+            raise SourceError(f"picture {self._path / name}: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _next(self) -> str | None:
+        try:
+            names = (entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES)
+            # Hidden ones are drafts that are still being written.
+            return min((name for name in names if name > self._last and name[0] != "."), default=None)
+        except OSError as error:
+            raise SourceError(f"folder {self._path}: {error.strerror}") from error
+
+
+class Still:
+    """A camera that answers each request with one JPEG: network cameras, and the simulated one."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def picture(self, until: float) -> Picture:
+        """Ask for a picture.
+
+        Raises:
+            SourceError: nobody answers in time, or not with a picture.
+        """
+        left = max(until - time.monotonic(), 1e-3)
+        try:
+            with urllib.request.urlopen(self._address, timeout=left) as answer:
+                data = answer.read(MAX_PICTURE_BYTES)
+        except urllib.error.HTTPError as error:
+            error.close()
+            raise SourceError(f"camera {self._address} answers {error.code} {error.reason}") from error
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "reason", None) or error
+            reason = getattr(reason, "strerror", None) or reason
+            raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
+        return decoded(data, self._address)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Stream:
+    """A device or a stream, read without a pause by a thread of its own, so that its buffers hold no past.
+
+    Args:
+        address: as OpenCV takes it.
+        backend: of OpenCV.
+        size: width and height to set it to.
+    """
+
+    def __init__(self, address: str, backend: int, size: tuple[int, int] | None = None) -> None:
+        self._address, self._backend, self._size = address, backend, size
+        self._changed = threading.Condition()
+        self._frame: Picture | None = None
+        self._frames = 0
+        self._trouble = "has not sent a picture yet"
+        self._closed = threading.Event()
+        _hush()
+        self._thread = threading.Thread(target=self._read, name="camera", daemon=True)
+        self._thread.start()
+
+    def picture(self, until: float) -> Picture:
+        """The second frame from now.
+
+        Raises:
+            SourceError: none came in time.
+        """
+        with self._changed:
+            wanted = self._frames + FRESH_FRAMES
+            while self._frames < wanted:
+                if not self._changed.wait(max(until - time.monotonic(), 0.0)):
+                    raise SourceError(f"camera {self._address} {self._trouble}; check power and cable")
+            assert self._frame is not None
+            return self._frame
+
+    def close(self) -> None:
+        """Stop reading; a read that hangs is left to its thread."""
+        self._closed.set()
+        self._thread.join(RETRY_S)
+
+    def _read(self) -> None:
+        while not self._closed.is_set():
+            capture = self._opened()
+            while capture.isOpened() and not self._closed.is_set():
+                good, frame = capture.read()
+                if not good:
+                    self._trouble = "broke off"
+                    break
+                with self._changed:
+                    self._frame = grey(np.asarray(frame, np.uint8))
+                    self._frames += 1
+                    self._changed.notify_all()
+            capture.release()
+            self._closed.wait(RETRY_S)
+
+    def _opened(self) -> cv2.VideoCapture:
+        if self._backend == cv2.CAP_FFMPEG:
+            limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 3000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 3000]
+            capture = cv2.VideoCapture(self._address, self._backend, limits)
+        else:
+            capture = cv2.VideoCapture(self._address, self._backend)
+        if not capture.isOpened():
+            self._trouble = "cannot be opened"
+        elif self._size is not None:
+            # Full resolution comes through USB 2 only as JPEG; a lens that focuses anew is another lens.
+            capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
+            capture.set(cv2.CAP_PROP_AUTOFOCUS, 0)
+        return capture
+
+
+def _hush() -> None:
+    """Keep OpenCV and FFmpeg from writing beside our own sentences what each attempt to connect came to."""
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
+
+
+def decoded(data: bytes, name: str) -> Picture:
+    """The picture in a file's bytes.
+
+    Raises:
+        PictureError: it is none.
+    """
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+    if picture is None:
+        raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")
+    return np.asarray(picture, np.uint8)
+
+
+def grey(frame: Picture) -> Picture:
+    """A frame in grey levels, whatever it came in."""
+    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8) if frame.ndim == 3 else frame

@@ -1,0 +1,85 @@
+"""Which tag a part carries, and where on the part: measured once for a part, kept in a file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.camera import documents
+from drivers.camera.errors import CameraFileError
+from drivers.camera.vision.tags import FAMILY
+
+KIND = "part tag"
+REMEDY = "make it again with grasp-calibrate tag"
+
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PartTag:
+    """A tag on a part.
+
+    Attributes:
+        part: name of the part.
+        number: the tag's id.
+        side_mm: edge of its black border.
+        on_part: pose of the tag in the part's frame: mm, mm, rad.
+        height_mm: of its face above the table.
+        sigma_mm: standard deviation of `on_part`'s place.
+        sigma_rad: the same of its angle.
+    """
+
+    part: str
+    number: int
+    side_mm: float
+    on_part: Pose = (0.0, 0.0, 0.0)
+    height_mm: float = 0.0
+    sigma_mm: float = 0.0
+    sigma_rad: float = 0.0
+
+
+def save(tag: PartTag, path: Path, made: str) -> None:
+    """Write the file.
+
+    Raises:
+        CameraFileError: it cannot be written.
+    """
+    x_mm, y_mm, theta_rad = tag.on_part
+    body = {
+        "version": 1,
+        "made": made,
+        "part": tag.part,
+        "family": FAMILY,
+        "number": tag.number,
+        "side_mm": tag.side_mm,
+        "x_mm": x_mm,
+        "y_mm": y_mm,
+        "theta_rad": theta_rad,
+        "height_mm": tag.height_mm,
+        "sigma_mm": tag.sigma_mm,
+        "sigma_rad": tag.sigma_rad,
+    }
+    documents.save(path, KIND, body)
+
+
+def load(path: Path) -> PartTag:
+    """Read and check a file.
+
+    Raises:
+        CameraFileError: it cannot be read, was changed, or is of another family.
+    """
+    told = documents.read(path, KIND, REMEDY)
+    try:
+        return _parsed(told)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CameraFileError(f"{KIND} {path}: {error!r}; {REMEDY}") from error
+
+
+def _parsed(told: dict[str, Any]) -> PartTag:
+    if told["version"] != 1 or told["family"] != FAMILY:
+        raise ValueError(f"version {told['version']}, family {told['family']}; 1 and {FAMILY} are known")
+    on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
+    rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
+    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)
+    if not tag.side_mm > 0.0:
+        raise ValueError("side_mm must be positive")
+    return tag

@@ -1,0 +1,93 @@
+"""Finding tags: OpenCV finds and reads them, `drivers.camera.vision.edges` says where exactly they are.
+
+OpenCV's own refinements are not used: the sub-pixel one searches a pixel or so where squares are small, the
+one of AprilTag takes a second a picture and counts pixels from their corners instead of their centres.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from drivers.camera.vision import edges
+from drivers.camera.vision.arrays import Array, Picture
+
+FAMILY = "36h11"
+SQUARES = 8  # of a 36h11 tag along a side, its black border included
+RIM = 24  # pixels put around a picture, for tags near its edge are else overlooked
+OTHER_FAMILIES: dict[str, int] = {
+    "25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "36h10": cv2.aruco.DICT_APRILTAG_36h10,
+    "16h5": cv2.aruco.DICT_APRILTAG_16h5,
+    "ArUco 4x4": cv2.aruco.DICT_4X4_250,
+    "ArUco 5x5": cv2.aruco.DICT_5X5_250,
+    "ArUco 6x6": cv2.aruco.DICT_6X6_250,
+    "ArUco original": cv2.aruco.DICT_ARUCO_ORIGINAL,
+}
+
+
+class Sighting(NamedTuple):
+    """A tag in a picture.
+
+    Attributes:
+        number: its id.
+        corners: (4, 2) pixels: upper left, upper right, lower right, lower left of the print.
+        rms_px: how straight its sides are.
+        support: least share of a side that could be seen.
+    """
+
+    number: int
+    corners: Array
+    rms_px: float
+    support: float
+
+
+class Finder:
+    """Finds tags of one family. Not to be shared between threads."""
+
+    def __init__(self) -> None:
+        self._detector = _detector(cv2.aruco.DICT_APRILTAG_36h11)
+
+    def find(self, picture: Picture) -> list[Sighting]:
+        """All tags whose four sides are seen, in the order of their ids."""
+        found = []
+        for number, corners in read(self._detector, picture):
+            refined = edges.refine(picture, corners, SQUARES)
+            if refined is not None:
+                found.append(Sighting(number, refined.pixels, refined.rms_px, refined.support))
+        return sorted(found, key=lambda tag: tag.number)
+
+
+def families_seen(picture: Picture) -> list[str]:
+    """Other families that tags in the picture belong to. Slow: for explaining why there is none of ours."""
+    return [name for name, code in OTHER_FAMILIES.items() if any(read(_detector(code), picture))]
+
+
+def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[int, Array]]:
+    """Ids and coarse corners of all tags found.
+
+    OpenCV 4 gives the ids as a column, OpenCV 5 as a row, and both give None for none.
+    """
+    soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
+    corners, ids, _ = detector.detectMarkers(
+        cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
+    )
+    if ids is None or len(corners) == 0:
+        return []
+    return [
+        (int(number), np.asarray(quad, np.float64).reshape(4, 2) - RIM)
+        for number, quad in zip(np.ravel(ids), corners, strict=True)
+    ]
+
+
+def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    # The smallest window (3) finds the sensor's noise, thousands of contours of it, and no tag of ours.
+    parameters.adaptiveThreshWinSizeMin = 13
+    parameters.adaptiveThreshWinSizeMax = 33
+    parameters.adaptiveThreshWinSizeStep = 20
+    # A stain beside the tag bulges its outline out by a square, and it has four corners all the same.
+    parameters.polygonalApproxAccuracyRate = 0.05
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)

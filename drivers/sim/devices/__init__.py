@@ -1,0 +1,1 @@
+"""The simulated devices: gripper with its jaws, arm with its RAPID server."""

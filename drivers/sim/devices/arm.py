@@ -1,0 +1,294 @@
+"""The open_abb server with an IRB 120 behind it, over simulated time; no sockets here.
+
+Behaviour from `RAPID/SERVER.mod`: settings outlive clients, stale parameters move the arm, moves are
+acknowledged when they are over, what RAPID cannot recover from ends in silence.
+"""
+
+import bisect
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from drivers.abb import kinematics
+from drivers.abb.codec import IDENTITY, Pose, Quaternion
+from drivers.abb.kinematics import compose, invert
+from drivers.sim.devices import rapid
+
+MAX_BUFFER = 512
+JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
+UNIT_TOLERANCE = 1e-3  # how far from unit length RAPID takes a quaternion
+INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
+HOME_MM = (0.0, 0.0, 100.0)  # where the hand hangs at start, pointing down
+HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
+
+
+class Answer(NamedTuple):
+    """What an instruction comes to.
+
+    Attributes:
+        text: what is sent; None: nothing.
+        ready_s: when; infinity: never, RAPID execution has stopped.
+        closing: the server hangs up without a word.
+        broken: the connection breaks at once, the motion goes on.
+        before: what is sent first, though it answers nothing.
+    """
+
+    text: str | None
+    ready_s: float
+    closing: bool = False
+    broken: bool = False
+    before: str = ""
+
+
+class Controller(Protocol):
+    """Executes what it receives; `ArmModel` does."""
+
+    def execute(self, text: str, now_s: float) -> Answer:
+        """One received string.
+
+        Raises:
+            RapidError: the server hangs up and listens again.
+        """
+        ...
+
+
+class Leg(NamedTuple):
+    """A motion of the flange in the base frame, and the joints at both its ends, whole turns counted."""
+
+    start: Pose
+    target: Pose
+    start_s: float
+    seconds: float
+    joints_deg: kinematics.Joints
+    ends_deg: kinematics.Joints
+
+    def share(self, now_s: float) -> float:
+        """How much of it is over."""
+        if now_s >= self.start_s + self.seconds:
+            return 1.0
+        return max(now_s - self.start_s, 0.0) / self.seconds
+
+    def at(self, now_s: float) -> Pose:
+        """Where the flange is."""
+        share = self.share(now_s)
+        return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
+
+    def joints_at(self, now_s: float) -> kinematics.Joints:
+        """How the joints stand."""
+        share = self.share(now_s)
+        if share == 1.0:
+            return self.ends_deg
+        *_, joints = kinematics.track(self.joints_deg, self.start, self.target, share)
+        return joints or self.joints_deg
+
+
+class HaltError(Exception):
+    """A fault that stops RAPID execution: the connection stays open and mute."""
+
+
+class ArmModel:
+    """The server's state and the arm's.
+
+    Args:
+        base: the arm's base frame in the world, so that the table's middle is within reach.
+    """
+
+    def __init__(self, base: Pose) -> None:
+        self.halted = ""
+        self.moves = 0
+        self._base = base
+        self._message = rapid.Message()
+        self._tool = IDENTITY
+        self._work_object = IDENTITY
+        self._speed = (100.0, 50.0)  # mm/s, deg/s
+        self._zone_mm = 0.3
+        self._buffer: list[tuple[Pose, tuple[float, float]]] = []
+        self._external = (0.0,) * 6
+        self._circle: Pose | None = None
+        here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
+        joints = kinematics.inverse(here) or (0.0,) * 6
+        self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
+
+    def pose_at(self, now_s: float) -> Pose:
+        """Where the hand is, in the client's tool and work object."""
+        flange = compose(self._base, self._flange_at(now_s))
+        return compose(invert(self._work_object), compose(flange, self._tool))
+
+    def joints_at(self, now_s: float) -> tuple[float, ...]:
+        """The joints in degrees, as far round as the arm has really turned them."""
+        return self._leg(now_s).joints_at(now_s)
+
+    def execute(self, text: str, now_s: float) -> Answer:
+        """One received string; the model answers as if it had listened only now.
+
+        Raises:
+            RapidError: the server's error handler runs: it hangs up and listens again.
+        """
+        self._message.parse(text)
+        message = self._message
+        counts, run = self._instructions().get(message.code, ((), None))
+        code = rapid.to_string(message.code, 0)
+        if run is None or message.count not in counts:
+            return Answer(f"{code} 0 ", now_s)
+        if message.code == 99:
+            return Answer(None, now_s, closing=True)
+        try:
+            payload, ready_s = run(tuple(message.parameters[: message.count]), now_s)
+        except HaltError as halt:
+            self.halted = str(halt)
+            return Answer(None, math.inf)
+        return Answer(f"{code} 1 {payload}", ready_s)
+
+    def _instructions(
+        self,
+    ) -> dict[float, tuple[tuple[int, ...], "Callable[[tuple[float, ...], float], tuple[str, float]]"]]:
+        """Code -> (parameter counts taken, what it does): the TEST of SERVER.mod main."""
+        return {
+            0: ((0,), lambda _, now: ("", now)),
+            1: ((7,), self._move_linear),
+            2: ((6,), self._move_joints),
+            3: ((0,), lambda _, now: (_pose_text(self.pose_at(now)), now)),
+            4: ((0,), lambda _, now: (self._joints_text(now), now)),
+            5: ((0,), lambda _, now: (" ".join(rapid.to_string(v, 2)[:8] for v in self._external), now)),
+            6: ((7,), self._set_tool),
+            7: ((7,), self._set_work_object),
+            8: ((2, 4), self._set_speed),
+            9: ((4,), self._set_zone),
+            30: ((7,), self._append),
+            31: ((0,), self._clear),
+            32: ((0,), lambda _, now: (rapid.to_string(len(self._buffer), 2), now)),
+            33: ((0,), self._run_buffer),
+            34: ((6,), self._move_external),
+            35: ((7,), self._set_circle_point),
+            36: ((7,), self._move_circle),
+            98: ((0,), lambda _, now: (INFO, now)),
+            99: ((0,), lambda _, now: ("", now)),
+        }
+
+    # -- settings ---------------------------------------------------------------------------------
+
+    def _set_tool(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._tool = _unit(_pose(values))
+        return "", now_s
+
+    def _set_work_object(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._work_object = _unit(_pose(values))
+        return "", now_s
+
+    def _set_speed(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._speed = (values[0], values[1])
+        return "", now_s
+
+    def _set_zone(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
+        return "", now_s
+
+    def _append(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
+            self._buffer.append((_pose(values), self._speed))
+        return "", now_s
+
+    def _clear(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._buffer.clear()
+        return "", now_s
+
+    def _set_circle_point(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._circle = _pose(values)
+        return "", now_s
+
+    # -- motion -----------------------------------------------------------------------------------
+
+    def _leg(self, now_s: float) -> Leg:
+        index = bisect.bisect_right([leg.start_s for leg in self._legs], now_s) - 1
+        return self._legs[max(index, 0)]
+
+    def _flange_at(self, now_s: float) -> Pose:
+        return self._leg(now_s).at(now_s)
+
+    def _flange_target(self, tip: Pose) -> Pose:
+        """Flange pose in the base frame that brings the tool to `tip` in the work object."""
+        world = compose(compose(self._work_object, _unit(tip)), invert(self._tool))
+        return compose(invert(self._base), world)
+
+    def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
+        """Add a straight motion after what is under way; returns when it ends.
+
+        Raises:
+            HaltError: the way leaves the reach, or takes a joint out of its range.
+        """
+        here, joints = self._flange_at(now_s), self.joints_at(now_s)
+        ends = joints
+        for step in kinematics.track(joints, here, target):
+            if step is None:
+                raise HaltError("50050 position outside reach")
+            if not kinematics.within_limits(step):
+                raise HaltError("50027 joint out of range")
+            ends = step
+        return self._go(Leg(here, target, now_s, seconds, joints, ends))
+
+    def _go(self, leg: Leg) -> float:
+        self._legs = [*self._legs[-8:], leg]
+        self.moves += 1
+        return leg.start_s + leg.seconds
+
+    def _line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> tuple[float, float]:
+        """One MoveL: when the next instruction may start, and when the motion is over."""
+        target = self._flange_target(tip)
+        if min(speed) <= 0.0:
+            raise HaltError("50204 speed is not positive")
+        here = self.pose_at(now_s)
+        path_mm = math.dist(here[:3], tip[:3])
+        turn_deg = math.degrees(kinematics.turn_between(here.rotation, _unit(tip).rotation))
+        seconds = max(path_mm / speed[0], turn_deg / speed[1])
+        end_s = self._drive(target, seconds, now_s)
+        # A fly-by point lets the program go on when its zone is entered, at most half way.
+        early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
+        return end_s - early, end_s
+
+    def _move_linear(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        return "", self._line(_pose(values), self._speed, now_s)[0]
+
+    def _run_buffer(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        for tip, speed in self._buffer:
+            now_s = self._line(tip, speed, now_s)[0]
+        return "", now_s
+
+    def _move_circle(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        """MoveC, driven as two chords through the via-point."""
+        if self._circle is None:
+            raise HaltError("50066 circle point not defined")
+        for tip in (self._circle, _pose(values)):
+            now_s = self._line(tip, self._speed, now_s)[1]
+        return "", now_s
+
+    def _move_joints(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        if not kinematics.within_limits(values):
+            raise HaltError("50027 joint out of range")
+        here, now = self._flange_at(now_s), self.joints_at(now_s)
+        seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
+        return "", self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
+
+    def _move_external(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+        self._external = (values[0], values[1], values[2], values[3], values[4], values[5])
+        return "", now_s
+
+    def _joints_text(self, now_s: float) -> str:
+        return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
+
+
+def _pose(values: tuple[float, ...]) -> Pose:
+    x, y, z, a, b, c, d = values
+    return Pose(x, y, z, (a, b, c, d))
+
+
+def _unit(pose: Pose) -> Pose:
+    length = math.sqrt(sum(part * part for part in pose.rotation))
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        raise HaltError("40512 orientation value is not normalised")
+    w, x, y, z = (part / length for part in pose.rotation)
+    return Pose(*pose[:3], (w, x, y, z))
+
+
+def _pose_text(pose: Pose) -> str:
+    position = (rapid.to_string(value, 2) for value in pose[:3])
+    return " ".join((*position, *(rapid.to_string(part, 3) for part in pose.rotation)))

@@ -1,0 +1,291 @@
+"""The 2F-85 as a state machine over simulated time; no I/O, no clock of its own.
+
+Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as public sources tell: level and
+edge logic of rACT, the activation sweep, echoes at once, gOBJ behind by 1 to 5 cycles, finite speed, end
+stops, contact, release.
+"""
+
+import math
+import random
+from functools import lru_cache
+
+from drivers.errors import MAJOR, fault_text
+from drivers.robotiq.registers import (
+    INPUT_FIELDS,
+    OBJ_AT_REQUEST,
+    OBJ_CONTACT_CLOSING,
+    OBJ_MOVING,
+    OUTPUT_FIELDS,
+    STA_ACTIVATING,
+    STA_ACTIVE,
+    STA_RESET,
+    pack,
+    speed_mm_s,
+    unpack,
+)
+from drivers.sim.devices.jaws import EmptyAir, Jaws, ObjectFlag, Stroke, Surroundings
+
+CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
+LAG_CYCLES = (1, 5)  # gOBJ behind the echo ([SDK] gripper.cpp waits for it)
+SILENCE_S = 1.0  # then fault 0x09 until traffic returns ([SDK] fault_status.hpp)
+SWEEP_MM_S = 60.0  # activation: two strokes in about 3 s
+RELEASE_MM_S = 20.0  # automatic release is slow ([M18] p62)
+
+CURRENT_MOVING, CURRENT_CONTACT, CURRENT_PER_FORCE = 12.0, 20.0, 0.2  # counts of 10 mA
+CURRENT_HOLD, CURRENT_DECAY_S = 0.3, 0.15  # the screw drive holds with less than it grips
+
+FAULT_DELAYED, FAULT_INACTIVE, FAULT_SILENCE = 0x05, 0x07, 0x09
+FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
+
+
+@lru_cache(4096)
+def input_block(**fields: int) -> bytes:
+    """The 16 input bytes that say so."""
+    return pack(INPUT_FIELDS, fields) + bytes(10)
+
+
+class GripperModel:
+    """A 2F gripper from power-up on. Times are simulated seconds and never go back.
+
+    Args:
+        rng: draws the lags of gOBJ.
+        jaws: the mechanics.
+        surroundings: what the fingers may meet.
+        release_opens: direction of the automatic release for rARD = 1; manuals disagree.
+    """
+
+    def __init__(
+        self,
+        rng: random.Random,
+        jaws: Jaws | None = None,
+        surroundings: Surroundings | None = None,
+        *,
+        release_opens: bool = True,
+    ) -> None:
+        self.jaws = jaws or Jaws()
+        self.surroundings: Surroundings = surroundings or EmptyAir()
+        self.flag_delay_s = 0.0  # how much later than usual gOBJ follows
+        self._rng = rng
+        self._release_opens = release_opens
+        self._now = 0.0
+        self._heard_s = 0.0
+        self._shown_s = 0.0
+        self._silent_until_s = 0.0
+        self._output = bytearray(16)
+        self._request = unpack(OUTPUT_FIELDS, self._output)
+        self._status = STA_RESET
+        self._fault = 0
+        self._stroke = Stroke(float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING)
+        self._running = False
+        self._flag = ObjectFlag(OBJ_MOVING, 0.0, OBJ_MOVING, 0.0)
+        self._legs: list[int] = []  # counts the activation sweep still has to visit
+        self._contact: int | None = None  # where the closing stroke under way will meet something
+        self._gripping = False
+
+    # -- the two register blocks ------------------------------------------------------------------
+
+    def read_input(self, now_s: float) -> bytes:
+        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
+        self._hear(now_s)
+        self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
+        self._shown_s = self._now
+        request = self._request
+        return input_block(
+            gACT=request["rACT"],
+            gGTO=request["rGTO"] if self._ready() else 0,
+            gSTA=self._status,
+            gOBJ=self._flag.at(self._now),
+            gFLT=self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
+            gPR=request["rPR"],
+            gPO=round(self._stroke.at(self._now)),
+            gCU=round(self._current(request["rFR"])),
+        )
+
+    def read_output(self) -> bytes:
+        """The 16 output bytes as last written."""
+        return bytes(self._output)
+
+    def write_output(self, offset: int, data: bytes, now_s: float) -> None:
+        """Write bytes of the output block and obey."""
+        self.advance(now_s)
+        self._hear(now_s)
+        self._output[offset : offset + len(data)] = data
+        old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
+        self._obey(old, self._request)
+
+    def _hear(self, now_s: float) -> None:
+        # The register still tells of the silence until the next refresh, so the first answer does too.
+        if now_s - self._heard_s > SILENCE_S:
+            self._silent_until_s = now_s + CYCLE_S
+        self._heard_s = now_s
+
+    def opening_mm(self, now_s: float) -> float:
+        """True distance between the fingers."""
+        self.advance(now_s)
+        return self.jaws.opening_at(self._stroke.at(self._now))
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass up to `now_s`."""
+        while self._running and self._stroke.end_s <= now_s:
+            self._now = max(self._now, self._stroke.end_s)
+            self._arrive()
+        self._now = max(self._now, now_s)
+
+    def next_change(self) -> float:
+        """When the next reading will differ from the last, but for a moving count; infinity: never."""
+        coming = self._stroke.end_s if self._running else math.inf
+        for moment in (self._flag.moving_s, self._flag.outcome_s):
+            if self._shown_s < moment < coming:
+                coming = moment
+        return math.ceil(coming / CYCLE_S) * CYCLE_S if coming < math.inf else coming
+
+    # -- mishaps ----------------------------------------------------------------------------------
+
+    def fail(self, code: int, now_s: float) -> None:
+        """A major fault: the jaws stop where they are and nothing moves them before a reset."""
+        self.advance(now_s)
+        self._halt()
+        self._legs = []
+        self._status, self._fault = STA_RESET, code
+
+    def auto_release(self, now_s: float) -> None:
+        """The automatic release, as rATR with rARD for opening starts it."""
+        self.advance(now_s)
+        self._release(opens=True)
+
+    def power_cycle(self, now_s: float) -> None:
+        """The supply failed for a moment: all volatile state is gone, the screw drive holds the jaws."""
+        self.advance(now_s)
+        self._halt()
+        self._output = bytearray(16)
+        self._request = unpack(OUTPUT_FIELDS, self._output)
+        self._legs = []
+        self._status, self._fault = STA_RESET, 0
+        self._flag = ObjectFlag(OBJ_MOVING, now_s, OBJ_MOVING, now_s)
+
+    def lose_object(self, now_s: float) -> None:
+        """What the jaws hold slips out: they close on, to the request."""
+        self.advance(now_s)
+        if not self._gripping:
+            return
+        self._gripping, self._contact = False, None
+        if self._ready() and self._request["rGTO"]:
+            self._go(self._request, meets=False)
+
+    # -- commands ---------------------------------------------------------------------------------
+
+    def _ready(self) -> bool:
+        return self._status == STA_ACTIVE and not self._latched()
+
+    def _latched(self) -> bool:
+        return self._fault != 0 and fault_text(self._fault).severity == MAJOR
+
+    def _obey(self, old: dict[str, int], new: dict[str, int]) -> None:
+        if not new["rACT"]:
+            self._halt()
+            self._legs = []
+            self._status = STA_RESET
+            self._fault = FAULT_INACTIVE if new["rGTO"] else 0
+        elif not old["rACT"]:
+            self._activate(pending=new["rGTO"] == 1)
+        elif self._latched():
+            pass
+        elif new["rATR"]:
+            self._release(opens=(new["rARD"] == 1) == self._release_opens)
+        elif self._status == STA_ACTIVATING:
+            self._fault = FAULT_DELAYED if new["rGTO"] else 0
+        elif not new["rGTO"]:
+            self._halt()
+        elif any(old[name] != new[name] for name in ("rGTO", "rPR", "rSP")):
+            self._go(new)
+
+    def _activate(self, *, pending: bool) -> None:
+        self._halt()
+        self._status = STA_ACTIVATING
+        self._fault = FAULT_DELAYED if pending else 0
+        self._legs = [self.jaws.count_open, self.jaws.count_closed, self.jaws.count_open]
+        self._next_leg()
+
+    def _next_leg(self) -> None:
+        self._start(float(self._legs.pop(0)), SWEEP_MM_S)
+
+    def _release(self, *, opens: bool) -> None:
+        self._halt()
+        self._legs = []
+        self._status = STA_RESET
+        self._fault = FAULT_RELEASING
+        self._start(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
+
+    def _go(self, request: dict[str, int], *, meets: bool = True) -> None:
+        shown = self._flag.at(self._now)
+        target = float(min(max(request["rPR"], self.jaws.count_open), self.jaws.count_closed))
+        self._start(target, speed_mm_s(request["rSP"]), meets=meets)
+        moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
+        self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
+
+    def _lag(self) -> float:
+        return self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.flag_delay_s
+
+    # -- motion -----------------------------------------------------------------------------------
+
+    def _start(self, target: float, speed: float, *, meets: bool = True) -> None:
+        """Set the jaws in motion; a closing stroke asks once what it `meets`."""
+        here = self._stroke.at(self._now)
+        still_closing = self._running and self._stroke.rate > 0.0
+        if target > here and meets and not (still_closing or self._gripping):
+            self._contact = self.surroundings.closing()
+        elif target < here:
+            self._contact = None
+            if self._gripping:
+                self._gripping = False
+                self.surroundings.released()
+        stop, outcome = target, OBJ_AT_REQUEST
+        if target > here and self._contact is not None and self._contact <= target:
+            stop, outcome = max(float(self._contact), here), OBJ_CONTACT_CLOSING
+        rate = math.copysign(speed * self.jaws.counts_per_mm, stop - here) if stop != here else 0.0
+        self._stroke = Stroke(here, self._now, rate, stop, outcome)
+        self._running = True
+
+    def _halt(self) -> None:
+        """Stop where the jaws are; a grip that was not completed has not happened."""
+        shown = self._flag.at(self._now)
+        self._flag = ObjectFlag(shown, self._now, shown, self._now)
+        if self._running:
+            here = self._stroke.at(self._now)
+            self._stroke = Stroke(here, self._now, 0.0, here, OBJ_MOVING)
+            self._running = False
+            self._contact = None
+
+    def _arrive(self) -> None:
+        """The stroke is over: grip, sweep on, finish activation or release."""
+        self._running = False
+        met = self._stroke.outcome == OBJ_CONTACT_CLOSING
+        if met and not self._gripping:
+            self._gripping = True
+            self.surroundings.gripped()
+        if self._fault == FAULT_RELEASING:
+            self._fault = FAULT_RELEASED
+        elif self._status == STA_ACTIVATING:
+            self._sweep_on(met=met)
+
+    def _sweep_on(self, *, met: bool) -> None:
+        if met:
+            self._legs = []
+            self._status, self._fault = STA_RESET, FAULT_BLOCKED_SWEEP
+        elif self._legs:
+            self._next_leg()
+        else:
+            self._status, self._fault = STA_ACTIVE, 0
+            self._flag = ObjectFlag(OBJ_AT_REQUEST, self._now, OBJ_AT_REQUEST, self._now)
+            if self._request["rGTO"]:
+                self._go(self._request)
+
+    def _current(self, force_counts: int) -> float:
+        """Motor current in counts of 10 mA: some while moving, a rise at contact, less to hold."""
+        if self._running and self._stroke.rate:
+            return CURRENT_MOVING
+        if not self._gripping:
+            return 0.0
+        peak = CURRENT_CONTACT + CURRENT_PER_FORCE * force_counts
+        since = self._now - self._stroke.end_s
+        return peak * (CURRENT_HOLD + (1.0 - CURRENT_HOLD) * math.exp(-since / CURRENT_DECAY_S))

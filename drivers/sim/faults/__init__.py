@@ -1,0 +1,1 @@
+"""Faults of a simulated cell: schedules, and devices that have them."""

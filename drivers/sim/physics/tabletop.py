@@ -1,0 +1,165 @@
+"""The part on the table, and what fingers do to it by way of a world."""
+
+import math
+import random
+from typing import NamedTuple
+
+from drivers.sim.faults.schedule import Channel, Desk
+from drivers.sim.physics.scene import Pose2, Setting
+
+
+def compose(a: Pose2, b: Pose2) -> Pose2:
+    """Pose b, given in the frame a."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    return (a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], math.remainder(a[2] + b[2], math.tau))
+
+
+def relative(a: Pose2, b: Pose2) -> Pose2:
+    """Pose b as seen from a."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    x, y = b[0] - a[0], b[1] - a[1]
+    return (c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau))
+
+
+BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
+
+
+class Look(NamedTuple):
+    """What a camera under the table has before it.
+
+    Attributes:
+        pose: of the part; None: there is no part, or the world knows no poses.
+        strange: whether it is another part than the one that should come.
+        second: pose of a second part; None: there is none.
+        covered: whether something lies on the lens.
+        moved_mm: how far the camera stands from its place.
+    """
+
+    pose: Pose2 | None
+    strange: bool = False
+    second: Pose2 | None = None
+    covered: bool = False
+    moved_mm: float = 0.0
+
+
+class TableTop:
+    """The part on the table and what the fingers do to it.
+
+    Args:
+        setting: what to start from.
+        seed: of parts, world and encoder noise.
+        desk: says what goes wrong with the part; a closing of the jaws is one event.
+    """
+
+    def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
+        self.geometry = setting.geometry
+        self.truthful = setting.truthful
+        self._seed = seed
+        self._desk = desk
+        self._world = setting.make_world(seed)
+        self._noise = random.Random(f"{seed}/encoder")
+        self.part = -1
+        self.next_part()
+
+    def next_part(self) -> int:
+        """Put the next part down; its pose depends on seed and number alone."""
+        self.part += 1
+        self.squeezes = self.crashes = self.drops = 0
+        self.status = "untouched"
+        self.pose = self._lay(self.part)
+        self._coming = (self.pose, self.status)
+        self._hand: Pose2 | None = None  # where the squeeze under way met the part
+        self._held: Pose2 | None = None
+        self._lifted = False
+        self._desk.begin(self.part)
+        return self.part
+
+    def squeeze(self, hand: Pose2) -> float | None:
+        """The fingers start to close: the width at which they will stop, as the encoder sees it, or None.
+
+        The part lies where it lay until `gripped`.
+        """
+        self._desk.next(Channel.SCENE)
+        for fault in self._desk.beginning(Channel.SCENE):
+            if fault.kind == "part_bumped":
+                self._bump(fault.value)
+        final, width_mm, status = self._world.squeeze(relative(hand, self.pose))
+        if self._desk.holds("part_missing"):
+            final, width_mm, status = relative(hand, self.pose), 0.0, "untouched"
+        touched = width_mm > 0.0 and status != "untouched"
+        for fault in self._desk.holding(Channel.SCENE):
+            if fault.kind in {"wrong_part", "two_parts"}:
+                width_mm += fault.value
+        touched = touched and width_mm > 0.0
+        self._coming, self._hand = (compose(hand, final), status), hand if touched else None
+        if not touched:
+            self.gripped()
+            return None
+        return width_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
+
+    def gripped(self) -> None:
+        """The squeeze is complete: the part lies where the world left it, held if the fingers met it."""
+        self.pose, self.status = self._coming
+        self._held = None if self._hand is None else relative(self._hand, self.pose)
+        self.squeezes += 1
+
+    def released(self) -> None:
+        """The fingers open: the part stays where it is, or falls straight down if it was lifted."""
+        if self._held is not None and self._lifted:
+            self.drops += 1
+        self._held, self._lifted = None, False
+
+    def carried(self, hand: Pose2, *, lifted: bool) -> bool:
+        """The hand stands here with whatever it holds; False: a lifted part has slipped out."""
+        if self._held is None:
+            return True
+        if lifted and self._desk.holds("part_slips"):
+            self._held, self._lifted = None, False
+            return False
+        self.pose, self._lifted = compose(hand, self._held), lifted
+        return True
+
+    def placed(self, hand: Pose2, opening_mm: float) -> None:
+        """Open fingers came down here; standing on the part is a crash."""
+        if self._held is not None or self._desk.holds("part_missing"):
+            return
+        collides = getattr(self._world, "collides", None)
+        if collides is not None and collides(relative(hand, self.pose), opening_mm):
+            self.crashes += 1
+
+    def truth(self) -> dict[str, object]:
+        """What the eye sees."""
+        x, y, theta = self.pose if self.truthful else (None, None, None)
+        return {
+            "x_mm": x,
+            "y_mm": y,
+            "theta_rad": theta,
+            "squeezes": self.squeezes,
+            "crashes": self.crashes,
+            "status": self.status,
+            "covered": self._desk.holds("camera_covered") is not None,
+        }
+
+    def look(self) -> Look:
+        """What a camera sees."""
+        there = self.truthful and not self._desk.holds("part_missing")
+        moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
+        return Look(
+            self.pose if there else None,
+            self._desk.holds("wrong_part") is not None,
+            compose(self.pose, BESIDE) if two and there else None,
+            self._desk.holds("camera_covered") is not None,
+            0.0 if moved is None else moved.value,
+        )
+
+    def _bump(self, distance_mm: float) -> None:
+        bearing = random.Random(f"{self._seed}/bump/{self.part}").uniform(-math.pi, math.pi)
+        x, y, turn = self.pose
+        self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
+
+    def _lay(self, part: int) -> Pose2:
+        draw = random.Random(f"{self._seed}/part/{part}")
+        radius = self.geometry.radius_mm * math.sqrt(draw.random())
+        bearing = draw.uniform(-math.pi, math.pi)
+        turn = draw.uniform(-self.geometry.halfwidth_rad, self.geometry.halfwidth_rad)
+        return (radius * math.cos(bearing), radius * math.sin(bearing), turn)

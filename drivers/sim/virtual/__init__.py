@@ -1,0 +1,1 @@
+"""A simulated cell in one thread on a virtual clock."""

@@ -1,0 +1,102 @@
+"""The line between gripper and host: what its frames meet on the way."""
+
+import errno
+import random
+from typing import NamedTuple
+
+from drivers.sim.faults.schedule import Channel, Desk
+from drivers.sim.wire.modbus import crc16
+
+
+class Piece(NamedTuple):
+    """Bytes to send, `delay_s` later than they would come otherwise."""
+
+    data: bytes
+    delay_s: float = 0.0
+
+
+class UnpluggedError(OSError):
+    """The port is gone; `forbidden`: and may not be opened again."""
+
+    def __init__(self, *, forbidden: bool) -> None:
+        super().__init__(errno.EIO, "the port is gone")
+        self.forbidden = forbidden
+
+
+class CleanLine:
+    """A line that changes nothing."""
+
+    def hears(self, frame: bytes) -> bool:
+        """Whether the gripper hears a request at all."""
+        del frame
+        return True
+
+    def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
+        """What comes back to the host."""
+        del frame
+        return [] if reply is None else [Piece(reply)]
+
+
+class FaultyLine(CleanLine):
+    """A line as a fault schedule has it.
+
+    Args:
+        desk: says what holds when.
+        rng: draws the noise.
+        checked: whether frames end in a CRC (RTU).
+    """
+
+    def __init__(self, desk: Desk, rng: random.Random, *, checked: bool = True) -> None:
+        self._desk = desk
+        self._rng = rng
+        self._checked = checked
+
+    def hears(self, frame: bytes) -> bool:
+        """Whether the gripper hears it.
+
+        Raises:
+            UnpluggedError: there is no line any more.
+        """
+        del frame
+        self._desk.next(Channel.LINE)
+        for kind in ("unplugged", "permission_lost"):
+            if self._desk.holds(kind):
+                raise UnpluggedError(forbidden=kind == "permission_lost")
+        return self._desk.holds("request_lost") is None
+
+    def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
+        """What comes back to the host: echo and noise first, then what is left of the reply."""
+        faults = {fault.kind: fault for fault in self._desk.holding(Channel.LINE)}
+        if not faults:
+            return [] if reply is None else [Piece(reply)]
+        pieces = [Piece(frame)] if "echo" in faults else []
+        if "noise" in faults:
+            pieces.append(Piece(self._rng.randbytes(max(int(faults["noise"].value), 1))))
+        if reply is None or "reply_lost" in faults:
+            return pieces
+        for kind, damage in (
+            ("wrong_id", self._readdressed),
+            ("reply_corrupted", _flipped),
+            ("reply_truncated", _cut),
+        ):
+            if kind in faults:
+                reply = damage(reply, int(faults[kind].value))
+        delay_s = faults["reply_late"].value if "reply_late" in faults else 0.0
+        return pieces + [Piece(reply, delay_s)] * (2 if "reply_twice" in faults else 1)
+
+    def _readdressed(self, reply: bytes, unit: int) -> bytes:
+        if not self._checked:  # the unit is the last byte of a Modbus TCP header
+            return reply[:6] + bytes((unit,)) + reply[7:]
+        body = bytes((unit,)) + reply[1:-2]
+        return body + crc16(body)
+
+
+def _flipped(reply: bytes, bit: int) -> bytes:
+    bit %= 8 * len(reply)
+    changed = bytearray(reply)
+    changed[bit // 8] ^= 1 << bit % 8
+    return bytes(changed)
+
+
+def _cut(reply: bytes, length: int) -> bytes:
+    return reply[: min(length, len(reply) - 1)]

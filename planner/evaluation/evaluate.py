@@ -1,0 +1,107 @@
+"""A table against a world, over many trials (paper VII): the only judge of a plan.
+
+The trials run the table as the runtime does: encoder counts, the look-up of the table, REJECT outside every
+interval. Nothing of the planner's belief enters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.evaluation.disturbance import NONE, Disturbance
+from planner.evaluation.judge import metric_of_table
+from planner.evaluation.outcome import REJECTED, Evaluation
+from planner.evaluation.trials import Program, placement_of, run
+from planner.job.model import Job
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Scheduler, Threads
+from planner.world import World, Worlds
+from runtime.table import Table
+
+CHUNK = 1000
+SEED_TRIALS = 0x4556414C
+
+
+class Chunk(NamedTuple):
+    """A number of trials with a random stream of their own."""
+
+    number: int
+    trials: int
+
+
+def chunks_of(trials: int) -> list[Chunk]:
+    """Cuts a number of trials into chunks of 1000 and a rest."""
+    starts = range(0, trials, CHUNK)
+    return [Chunk(number, min(CHUNK, trials - start)) for number, start in enumerate(starts)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChunkRun:
+    """What all chunks have in common; called with one of them, in whatever process."""
+
+    program: Program
+    job: Job
+    worlds: Worlds
+    seed: int
+    disturbance: Disturbance
+
+    def __call__(self, chunk: Chunk) -> Evaluation:
+        """Runs the trials of a chunk in its world."""
+        rng = np.random.default_rng([self.seed, chunk.number, SEED_TRIALS])
+        world = self.worlds.world(chunk.number)
+        return run(self.program, self.job, world, chunk.trials, rng, self.disturbance)
+
+
+class _Same(Worlds):
+    """One world for all chunks; only for chunks that run one after another."""
+
+    def __init__(self, only: World) -> None:
+        self.only = only
+
+    def world(self, chunk: int) -> World:  # noqa: ARG002
+        return self.only
+
+
+def evaluate(
+    table: Table,
+    job: Job,
+    world: World | Worlds,
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+    disturbance: Disturbance = NONE,
+    report: Report = silent,
+) -> Evaluation:
+    """Runs a table on many parts, in chunks of 1000.
+
+    Args:
+        table: the table.
+        job: what parts and gripper are like in truth: the job it was compiled from, or one that differs.
+        world: where the parts are squeezed: a supply of worlds, one for each chunk, which are shared among
+            the workers; or a single world, in which the chunks run one after another.
+        trials: number of parts, at least 1.
+        seed: of initial poses, encoder noise and the arm's errors; the world has its own.
+        scheduler: who runs the chunks; all cores if None. The result does not depend on it.
+        disturbance: errors of the cell that the plan was not told of.
+        report: told about progress.
+    """
+    chunks = chunks_of(trials)
+    worlds = world if isinstance(world, Worlds) else _Same(world)
+    setting = ChunkRun(Program.of(table), job, worlds, seed, disturbance)
+    results: Iterator[Evaluation]
+    if isinstance(world, Worlds):
+        results = (scheduler or Threads()).map(setting, chunks)
+    else:
+        results = map(setting, chunks)
+    done = []
+    for part in results:
+        done.append(part)
+        report("evaluate", len(done), len(chunks))
+    return Evaluation.joined(done)
+
+
+__all__ = ["REJECTED", "Evaluation", "evaluate", "metric_of_table", "placement_of"]

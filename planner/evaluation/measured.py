@@ -1,0 +1,99 @@
+"""The figures of an evaluation in the table it was made of: probabilities are measured, not believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import Metric
+from planner.evaluation.evaluate import Evaluation
+from planner.evaluation.judge import main_poses, metric_of_table
+from planner.job.model import Job
+from planner.lower import covariance_of, pose_of
+from runtime.table import PPM, Leaf, Node, Prediction, Table, refuted
+
+LEAST_VISITS = 200
+"""A node that fewer parts came to keeps the shares that its branches were planned with."""
+
+
+def with_figures(
+    table: Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
+) -> tuple[Table, Evaluation]:
+    """Puts what was measured into the leaves and the branches of a table.
+
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
+    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
+    are the further poses that parts had there.
+
+    Args:
+        table: the table.
+        evaluation: of this table, in the world that the job states.
+        others: of this table in other worlds: for leaves that no part came to in the stated one.
+        job: the job it was planned for.
+
+    Returns:
+        The table and the evaluation, whose `resolved` follows the leaves.
+    """
+    metric = metric_of_table(table)
+    elsewhere = Evaluation.joined(others) if others else evaluation
+    here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
+    leaves = tuple(
+        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
+        for index, leaf in enumerate(table.leaves)
+    )
+    known = np.array([leaf.resolved for leaf in leaves])
+    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
+    nodes = _measured(table, evaluation)
+    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
+
+
+def predicting(table: Table, evaluation: Evaluation) -> Table:
+    """States the figures of an evaluation in its table."""
+    figures = evaluation.summary()
+    predicted = Prediction(
+        success_ppm=round(PPM * figures["success_rate"]),
+        trials=figures["trials"],
+        mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
+        reject_ppm=round(PPM * figures["reject_rate"]),
+    )
+    return replace(table, predicted=predicted)
+
+
+def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
+    """A leaf with what its parts came to."""
+    here = evaluation.leaf == index
+    trials, hits = int(here.sum()), int((here & evaluation.within).sum())
+    if trials == 0:
+        return leaf
+    resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
+    leaf = leaf._replace(success_ppm=round(PPM * hits / trials), trials=trials, resolved=resolved)
+    if trials > 2:
+        leaf = leaf._replace(covariance=covariance_of(evaluation.poses[here], leaf, job))
+    if not resolved:
+        leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
+    return leaf
+
+
+def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
+    """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
+    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+    modes = main_poses(poses, metric)
+    return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
+
+
+def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
+    """The nodes, the shares of their branches as parts took them."""
+    nodes = []
+    for index, node in enumerate(table.nodes):
+        taken = evaluation.branch[evaluation.path == index]
+        visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
+        total = int(visits.sum())
+        if total >= LEAST_VISITS:
+            shares = [round(PPM * int(count) / total) for count in visits]
+            branches = zip(node.branches, shares, strict=True)
+            node = node._replace(branches=tuple(b._replace(probability_ppm=share) for b, share in branches))
+        nodes.append(node)
+    return tuple(nodes)

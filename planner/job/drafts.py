@@ -1,0 +1,91 @@
+"""A new part's job file: an outline and a few answers become commented TOML that compiles as it stands."""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from planner.job import model as job_file
+from planner.job.checks import place_tips
+from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
+from planner.part.importers.file import Imported
+
+DECIMALS = 4
+"""Of a vertex: 0.1 um, far below any tolerance of a drawing."""
+
+
+class Answers(NamedTuple):
+    """What a drawing does not tell.
+
+    Attributes:
+        name: of the part.
+        radius_mm: its centroid lies in this disc.
+        turn_deg: it is turned by at most this, or None for any angle.
+        gripper: one of `GRIPPERS`.
+        fingers: one of `FINGERS`.
+        distance_mm: the goal.
+        height_mm: the part's thickness; None where nobody knows it.
+    """
+
+    name: str
+    radius_mm: float
+    turn_deg: float | None
+    gripper: str
+    fingers: str
+    distance_mm: float = 3.0
+    height_mm: float | None = None
+
+
+def draft(imported: Imported, source: str, answers: Answers) -> str:
+    """The text of a job file, checked as every job is.
+
+    Args:
+        imported: the outline.
+        source: name of the file that it came from.
+        answers: the rest.
+
+    Raises:
+        JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
+    """
+    environment = Environment(
+        loader=PackageLoader("planner"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
+    width, height = imported.size_mm
+    thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
+    cell: dict[str, float | None] = {"squeeze_height_mm": None}
+    place_tips(thickness, cell)
+    text = environment.get_template("job.toml").render(
+        name=answers.name,
+        source=_one_line(source),
+        notes=[_one_line(note) for note in imported.notes],
+        size=f"{width:.3f} x {height:.3f}",
+        order=imported.symmetry,
+        height=thickness,
+        tips=cell["squeeze_height_mm"],
+        vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
+        fingers=FINGERS[answers.fingers],
+        gripper=GRIPPERS[answers.gripper],
+        radius=float(answers.radius_mm),
+        turn=None if answers.turn_deg is None else float(answers.turn_deg),
+        distance=float(answers.distance_mm),
+    )
+    job_file.parse(text, "the new job")
+    return text
+
+
+def room_mm(imported: Imported, gripper: GripperPreset) -> float:
+    """How far the part's centroid may lie from the hand so that open fingers clear it at any angle [mm].
+
+    Negative where the part, turned, is wider than the jaws open.
+    """
+    return 0.5 * gripper.opening_mm - float(np.max(np.hypot(*imported.outline_mm.T)))
+
+
+def _one_line(text: str) -> str:
+    """Text that stays within a comment: printable, on one line."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)

@@ -1,0 +1,177 @@
+"""Limit surfaces as files: what `plan-identify` writes and a job names in place of a pressure.
+
+    format = 1
+    kind = "ellipsoid"          # or "quartic"
+    rho_mm = 75.0
+    ellipsoid = [[...], ...]    # or quartic = [15 numbers] and certificate = [9 rows of 9]
+
+    [identification]            # how it came about, for people; not read back
+
+A job takes it by `kind = "identified"` and `surface_file`, a path relative to the job file, or with the same
+keys written inline. A job in canonical form always holds them inline.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
+from planner.job.fields import Field, Integer, Text, read_section
+from planner.job.schema import LIMIT_SURFACE
+from planner.part import quartic_form
+
+FORMAT = 1
+LEAST_DOF = 9
+IDENTIFICATION = "identification"
+
+_FIELDS: Mapping[str, Field] = {
+    "format": Integer(FORMAT, FORMAT),
+    "kind": Text(("ellipsoid", "quartic")),
+    **LIMIT_SURFACE,
+}
+
+
+def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
+    """Return the text of a surface file; numbers are exact.
+
+    Args:
+        values: rho_mm, and ellipsoid or quartic and certificate, as in `planner.job.schema.LIMIT_SURFACE`.
+        identification: texts, numbers and lists of texts that say how it came about.
+    """
+    kind = "quartic" if "quartic" in values else "ellipsoid"
+    head = {"format": FORMAT, "kind": kind, **values}
+    lines = ["# A limit surface, written by plan-identify. Name it in a job file:"]
+    lines += ['#     [pressure]\n#     kind = "identified"\n#     surface_file = "this file"']
+    lines += [f"{key} = {_text(value)}" for key, value in head.items()]
+    lines += [
+        "",
+        f"[{IDENTIFICATION}]",
+        *(f"{key} = {_text(value)}" for key, value in identification.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Read a surface file: the values of `planner.job.schema.LIMIT_SURFACE`, checked, absent ones None.
+
+    Raises:
+        InputFileError: missing, unreadable or not UTF-8.
+        TomlError: not valid TOML.
+        JobError: a key unknown or missing, or a value out of range.
+    """
+    where = str(path)
+    try:
+        document = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise InputFileError("not UTF-8 text; write it with plan-identify", where=where) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise TomlError(f"not valid TOML: {error}; write it with plan-identify", where=where) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputFileError(f"cannot be read: {reason}; check surface_file", where=where) from error
+    document.pop(IDENTIFICATION, None)
+    values = read_section(document, _FIELDS, where, "")
+    kind = values.pop("kind")
+    del values["format"]
+    check(values, where, "")
+    if values[kind] is None:
+        raise KeyNameError(f"missing key {kind}, as kind says; write the file again", where=where)
+    return values
+
+
+def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
+    """Replace `surface_file` by what the file holds, and check what is inline (in place).
+
+    Args:
+        pressure: the checked section of a job; other kinds than "identified" are left as they are.
+        where: the job file; `surface_file` is relative to it.
+        drawn: a job file as people write it; the canonical form may not refer to files.
+
+    Raises:
+        JobError: the file cannot be used, or the surface is stated twice, not at all or not convex.
+    """
+    if pressure["kind"] != "identified":
+        return
+    name = pressure.pop("surface_file")
+    inline = [key for key in LIMIT_SURFACE if pressure[key] is not None]
+    if name is None:
+        check(pressure, where, "pressure")
+    elif inline or not drawn:
+        problem = (
+            f"and {inline[0]} are both stated; keep one" if inline else "must be resolved; compile again"
+        )
+        raise ValueRangeError(problem, where=where, section="pressure", key="surface_file", value=name)
+    else:
+        pressure.update(load(Path(where).parent / name))
+    if pressure["quartic"] is not None:
+        check_dof(pressure["wishart_dof"], where)
+
+
+def check_dof(dof: int, where: str) -> None:
+    """Refuse fewer degrees of freedom than a quartic's certificate has rows."""
+    if dof < LEAST_DOF:
+        problem = f"must be at least {LEAST_DOF} for a quartic, whose certificate is 9 x 9"
+        raise ValueRangeError(problem, where=where, section="pressure", key="wishart_dof", value=dof)
+
+
+def check(values: Mapping[str, Any], where: str, section: str) -> None:
+    """Refuse anything but one convex limit surface.
+
+    Raises:
+        KeyNameError: rho, the surface or the certificate of a quartic is missing.
+        ValueRangeError: both an ellipsoid and a quartic, or not shown to be convex.
+    """
+    ellipsoid, coefficients, certificate = (values[k] for k in ("ellipsoid", "quartic", "certificate"))
+    if values["rho_mm"] is None:
+        raise _missing("rho_mm", "the length that torques are divided by", where, section)
+    if ellipsoid is None and coefficients is None:
+        raise _missing("surface_file", "or ellipsoid, or quartic and certificate", where, section)
+    if ellipsoid is not None and (coefficients is not None or certificate is not None):
+        problem = "goes without quartic and certificate; keep one surface"
+        raise ValueRangeError(problem, where=where, section=section, key="ellipsoid")
+    if ellipsoid is not None:
+        check_ellipsoid(ellipsoid, where, section)
+        return
+    if coefficients is None or certificate is None:
+        absent = "certificate" if certificate is None else "quartic"
+        raise _missing(absent, "a quartic comes with its certificate", where, section)
+    if not quartic_form.certifies(certificate, coefficients):
+        problem = "does not show that the quartic is convex; take both from one file of plan-identify"
+        raise ValueRangeError(problem, where=where, section=section, key="certificate")
+
+
+def check_ellipsoid(A: Array, where: str, section: str) -> None:
+    """Refuse an A (3, 3) that is no ellipsoid.
+
+    Raises:
+        ValueRangeError: not symmetric or not positive definite.
+    """
+    if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
+        problem = "must be a symmetric positive definite 3 x 3 matrix"
+        raise ValueRangeError(problem, where=where, section=section, key="ellipsoid", value=A.tolist())
+
+
+def _missing(key: str, meaning: str, where: str, section: str) -> KeyNameError:
+    error = KeyNameError(f"missing key {key}; state it ({meaning})", where=where, section=section)
+    error.names = (key,)
+    return error
+
+
+def _text(value: Any) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list):
+        return "[\n" + "".join(f"    {_text(row)},\n" for row in value) + "]"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_text(item) for item in value) + "]"
+    if isinstance(value, str):
+        quoted = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted) + '"'
+    return repr(value)

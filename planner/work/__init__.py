@@ -1,0 +1,1 @@
+"""Who does the work: threads of this machine or a Dask cluster, and how progress is told."""

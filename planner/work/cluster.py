@@ -1,0 +1,187 @@
+"""Work on more than one machine: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
+
+The scheduler and every worker run in an environment with the same version of this package installed. The
+scheduler gives the work of a worker that dies to the others. Results are taken from workers as they finish,
+so no more is lost than what was running there.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from types import TracebackType
+from typing import TYPE_CHECKING, NoReturn, Self, TypeVar
+
+from planner.errors import ClusterError, UsageError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+AHEAD = 4
+"""Items handed out for each thread of the cluster before the first of their results has been taken."""
+CONNECT_S = 10.0
+PATIENCE_S = 30.0
+"""How long a cluster may be without workers."""
+POLL_S = 1.0
+
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|inproc)://\S+")
+
+
+class Cluster:
+    """A connection to a Dask scheduler; a context manager.
+
+    Attributes:
+        address: of the scheduler, such as "tcp://192.168.0.7:8786".
+        patience_s: how long the cluster may be without workers.
+    """
+
+    def __init__(self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S) -> None:
+        """Remember where to connect to.
+
+        Raises:
+            UsageError: the address is not one.
+        """
+        if not _ADDRESS.fullmatch(address):
+            raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
+        self.address = address
+        self.patience_s = patience_s
+        self._connect_s = connect_s
+        self._client: Client | None = None
+
+    def __enter__(self) -> Self:
+        """Connect.
+
+        Raises:
+            UsageError: dask.distributed is not installed.
+            ClusterError: nothing answers at the address in time, or no worker is there.
+        """
+        try:
+            from distributed import Client
+        except ImportError as error:
+            hint = "install it with: pip install 'squeezetree[cluster]'"
+            raise UsageError(
+                f"--scheduler needs the cluster extra ({error.name} is missing); {hint}"
+            ) from error
+        # What its log would say on several lines, a ClusterError says in one.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        try:
+            self._client = Client(self.address, timeout=self._connect_s, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            problem = f"no Dask scheduler answers within {self._connect_s:g} s"
+            raise self._error(f"{problem}; check the address, or start one with: dask scheduler") from error
+        try:
+            self._await_workers()
+        except BaseException:  # Ctrl-C, too, must not leave the client connected
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect; the cluster forgets what it was still to do."""
+        client, self._client = self._client, None
+        if client is not None:
+            client.close(timeout=self._connect_s)
+
+    @property
+    def workers(self) -> int:
+        """Threads of all workers that are there now.
+
+        Raises:
+            ClusterError: the scheduler is lost.
+        """
+        try:
+            return sum(self._connected().nthreads().values())
+        except OSError as error:
+            raise self._lost() from error
+
+    def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield results in the order of the items; see `planner.work.scheduler.Scheduler.map`.
+
+        Raises:
+            ClusterError: the scheduler is lost, all workers stay away, or several died of one item.
+        """
+        client = self._connected()
+        window = max(1, AHEAD * self.workers)
+        waiting = deque(enumerate(items))
+        running: dict[Future[R], int] = {}
+        results: dict[int, R] = {}
+        try:
+            for k in range(len(items)):
+                while k not in results:
+                    while waiting and waiting[0][0] < k + window:
+                        index, item = waiting.popleft()
+                        running[client.submit(function, item, pure=False)] = index
+                    self._collect(running, results)
+                yield results.pop(k)
+        finally:
+            for future in running:
+                future.release()
+
+    def _collect(self, running: dict[Future[R], int], results: dict[int, R]) -> None:
+        """Move what has finished from `running` to `results`; wait at most `POLL_S` if nothing has."""
+        from distributed import wait
+
+        try:
+            with self._connected().as_current():
+                done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            self._await_workers()
+            return
+        except (CancelledError, OSError) as error:
+            raise self._lost() from error
+        for future in done:
+            if future.status == "error":
+                self._fail(future.exception())
+            try:
+                results[running[future]] = future.result(timeout=POLL_S)
+            except TimeoutError:  # its worker died before it could be asked: it runs again
+                continue
+            except (CancelledError, OSError) as error:  # distributed's CommClosedError is one of the latter
+                raise self._lost() from error
+            del running[future]
+
+    def _fail(self, error: BaseException | None) -> NoReturn:
+        """Raise what an item ended with: the function's own error, or one about the cluster."""
+        from distributed import KilledWorker
+
+        if isinstance(error, KilledWorker):
+            problem = "several workers died of the same piece of work"
+            raise self._error(f"{problem}; look into their logs, and give them more memory") from error
+        missing = error if isinstance(error, ImportError) else getattr(error, "__cause__", None)
+        if isinstance(missing, ImportError):
+            problem = f"a machine of the cluster cannot import the planner ({missing})"
+            raise self._error(f"{problem}; install squeezetree[cluster] on all of them") from error
+        raise error or self._lost()
+
+    def _await_workers(self) -> None:
+        """Return once the cluster has a worker.
+
+        Raises:
+            ClusterError: it had none for `patience_s`, or the scheduler is lost.
+        """
+        deadline = time.monotonic() + self.patience_s
+        while self.workers == 0:
+            if time.monotonic() > deadline:
+                problem = f"the scheduler has had no workers for {self.patience_s:g} s"
+                raise self._error(f"{problem}; start some with: dask worker {self.address}")
+            time.sleep(0.1)
+
+    def _connected(self) -> Client:
+        if self._client is None:
+            raise ValueError("a Cluster is connected only within its `with` block")
+        return self._client
+
+    def _lost(self) -> ClusterError:
+        return self._error("the scheduler is lost; start it again, and run the command again")
+
+    def _error(self, problem: str) -> ClusterError:
+        return ClusterError(f"--scheduler {self.address}: {problem}")

@@ -1,0 +1,92 @@
+"""Who does the work: the threads of this machine, or the workers of a Dask cluster.
+
+A scheduler only decides where a function runs, never what it returns: work is cut into items that carry all
+they depend on, so results are the same bytes on any number of workers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from planner.work.cluster import Cluster
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+AHEAD = 3
+"""Items handed out for each worker before the first of their results has been taken."""
+
+
+class Scheduler(Protocol):
+    """Runs a function on many items."""
+
+    @property
+    def workers(self) -> int:
+        """How many items run at once."""
+
+    def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield the function's results in the order of the items, each as soon as all before it are there.
+
+        Args:
+            function: of a module, not nested in another function, so that it can be sent elsewhere.
+            items: its arguments, which can be pickled.
+
+        Raises:
+            Exception: whatever the function raises; items not begun are dropped.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Threads:
+    """Threads of this process: for functions that spend their time in kernels.
+
+    Attributes:
+        workers: how many; all cores unless told otherwise.
+    """
+
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+
+    def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield results in the order of the items; see `Scheduler.map`."""
+        if self.workers == 1 or len(items) < 2:
+            yield from map(function, items)
+            return
+        pool = ThreadPoolExecutor(self.workers)
+        waiting: deque[Future[R]] = deque()
+        try:
+            for item in items:
+                waiting.append(pool.submit(function, item))
+                if len(waiting) > AHEAD * self.workers:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def scheduler_of(address: str | None = None, workers: int | None = None) -> Iterator[Scheduler]:
+    """Yield the cluster at an address, or threads.
+
+    Args:
+        address: of a Dask scheduler, "tcp://host:port"; threads if None.
+        workers: threads, all cores if None; a cluster has its own.
+
+    Raises:
+        UsageError: the address is not one, or the cluster extra is not installed.
+        ClusterError: nothing answers there, or it has no workers.
+    """
+    if address is None:
+        yield Threads() if workers is None else Threads(workers)
+        return
+    with Cluster(address) as cluster:
+        yield cluster
+
+
+__all__ = ["Cluster", "Scheduler", "Threads", "scheduler_of"]

@@ -1,0 +1,1 @@
+"""The commands beside `grasp-runtime`, and the options of all."""

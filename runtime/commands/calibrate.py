@@ -1,0 +1,250 @@
+"""The command `grasp-calibrate`: what a cell has to measure of itself before it can be believed."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import replace
+from itertools import zip_longest
+from math import isfinite
+from pathlib import Path
+from typing import Protocol, TextIO
+
+from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
+from runtime.devices.ports import Gripper
+from runtime.errors import GripperStateError, UsageError
+from runtime.execution import calibration, strokes
+from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
+from runtime.execution.decision import CLOSING_CONTACT
+from runtime.execution.reading import CLOSED_COUNTS, check_fresh
+from runtime.execution.safe_state import fingers_stop
+from runtime.execution.safety import ready_gripper
+from runtime.shell import interrupts
+from runtime.shell.command import Parser, say
+from runtime.shell.files import OutputError, usable
+from runtime.table import GripperSpec
+
+DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
+LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
+OF_THE_AUDIT = {
+    "camera": "lens and place of the audit's camera, from pictures of a board",
+    "tag": "where a tag is on its part",
+    "pictures": "take pictures, one at each Enter",
+}
+EXAMPLE = "grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json"
+EXIT_CODES = """\
+exit codes:
+   0  measured and written    2  usage             21  gripper fault, or not activated
+  20  gripper link fault     23  port not opened   33  the measurements contradict one another
+  40  stopped by the operator
+"""
+EPILOG = f"""\
+examples:
+  {EXAMPLE}
+  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
+
+For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
+slowly and with the least force. Keep your own fingers out. Ctrl-C, SIGTERM, SIGHUP, SIGQUIT and the end of
+standard input stop the fingers where they are; an activation is reset. What the audit measures of its camera
+is told by grasp-calibrate camera --help, tag --help and pictures --help.
+
+{EXIT_CODES}"""
+
+
+class Open(Protocol):
+    """Opens a gripper by its port; `drivers.connect.gripper`."""
+
+    def __call__(self, port: str) -> Gripper:
+        """Connect, moving nothing."""
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = Parser(
+        prog="grasp-calibrate", description="Measure what a cell has to know of itself.", epilog=EPILOG
+    )
+    built.add_debug()
+    subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
+    width = subcommands.add_parser(
+        "width",
+        help="the gripper's counts as widths, with gauge blocks",
+        description="Measure which width each encoder count of the gripper means, with gauge blocks.",
+        epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
+    )
+    # Those of the audit have a parser of their own, which is asked before this one.
+    for name, told in OF_THE_AUDIT.items():
+        subcommands.add_parser(name, help=told, add_help=False)
+    add = width.add_argument
+    add("--port", required=True, help="the gripper, as for grasp-runtime")
+    add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
+    add(
+        "--blocks",
+        default=DEFAULT_BLOCKS,
+        metavar="MM,...",
+        help=f"widths of the blocks (default: {DEFAULT_BLOCKS})",
+    )
+    add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)")
+    add("--tips", metavar="LINK,OFFSET", help="the tips' arc in mm, kept in the file for grasp-runtime")
+    add("--current", metavar="LEAST,MOST", help="motor current at rest on a part in mA, kept in the file")
+    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
+    return built
+
+
+def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] | None = None) -> int:
+    """Measure and write as the arguments say.
+
+    Args:
+        arguments: parsed.
+        open_gripper: opens the gripper.
+        ask: shows the operator a sentence and waits; None for the terminal.
+
+    Returns:
+        0.
+
+    Raises:
+        Exception: any error of ours or of the gripper; each carries its `exit_code`.
+    """
+    ask = ask or _Terminal(sys.stderr if arguments.json else sys.stdout)
+    widths_mm, tips, current = _checked(arguments)
+    with PortLock(arguments.port):
+        gripper = open_gripper(arguments.port)
+        with closing(gripper), fingers_stop(gripper):
+            if arguments.activate and not gripper.state().activated:
+                ask("The fingers will open and close fully: clear the space between them and press Enter.")
+                gripper.activate()
+            ready_gripper(gripper)
+            gauges = list(measure(gripper, widths_mm, arguments.grips, ask))
+    made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
+    made = replace(made, tips=tips, current_ma=current)
+    interrupts.conclude()  # measured: a stop request would stop nothing
+    calibration.save(made, arguments.output)
+    if arguments.json:
+        say(json.dumps({"output": str(arguments.output), **figures(made)}))
+        return 0
+    for line in report(made):
+        say(line)
+    say(f"written to {arguments.output}")
+    return 0
+
+
+def measure(
+    gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
+) -> Iterator[Gauge]:
+    """Grip each block so many times.
+
+    Args:
+        gripper: ready.
+        widths_mm: the blocks in rising order; 0 for none.
+        grips: times.
+        ask: shows the operator a sentence and waits.
+
+    Yields:
+        A gauge for each block.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
+    """
+    for width_mm in widths_mm:
+        _stroke(gripper, 0, 255)
+        if width_mm > 0.0:
+            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter.")
+        else:
+            ask("Take everything out from between the fingers and press Enter.")
+        counts = []
+        for _ in range(grips):
+            count, flag = _stroke(gripper, CLOSED_COUNTS, strokes.GENTLE_SPEED)
+            if width_mm > 0.0 and flag != CLOSING_CONTACT:
+                raise GripperStateError(
+                    f"the fingers closed without meeting the {width_mm:g} mm block; begin again"
+                )
+            counts.append(count)
+            _stroke(gripper, max(count - 25, 0), 0)
+        yield Gauge(width_mm, tuple(counts))
+    _stroke(gripper, 0, 255)
+
+
+def report(made: GripperCalibration) -> Iterator[str]:
+    """The measurement as a small table: counts, spread, and how far other maps are off."""
+    linear = calibration.against_linear_mm(made, LINEAR)
+    left_out = [None, *calibration.residuals_mm(made)]
+    yield f"gripper {made.gripper}"
+    yield "block mm  counts            spread  without this block  linear map"
+    for gauge, off, line in zip_longest(made.gauges, left_out, linear):
+        alone = "-" if off is None else f"{off:+.3f} mm"
+        counts = " ".join(map(str, gauge.counts))
+        yield f"{gauge.width_mm:8.2f}  {counts:<16}  {gauge.spread:>6}  {alone:>18}  {line:+.3f} mm"
+
+
+def figures(made: GripperCalibration) -> dict[str, object]:
+    """The measurement in plain types."""
+    linear = calibration.against_linear_mm(made, LINEAR)
+    left_out = [None, *calibration.residuals_mm(made)]
+    blocks = [
+        {
+            "width_mm": gauge.width_mm, "position_counts": list(gauge.counts), "spread_counts": gauge.spread,
+            "off_without_it_mm": off, "off_linear_mm": line,
+        }
+        for gauge, off, line in zip_longest(made.gauges, left_out, linear)
+    ]  # fmt: skip
+    return {"gripper": made.gripper, "blocks": blocks}
+
+
+class _Terminal:
+    """Asks the operator, where no parser reads it."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def __call__(self, sentence: str) -> None:
+        say(sentence, self._file)
+        with suppress(OSError):  # a terminal that is gone
+            if sys.stdin.readline():
+                return
+        raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
+
+
+def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
+    ready_gripper(gripper)
+    gripper.move(position_counts, speed_counts, strokes.GENTLE_FORCE)
+    settled = gripper.wait()
+    check_fresh(settled, position_counts)
+    return settled.position_counts, settled.object_flag
+
+
+def _checked(
+    arguments: argparse.Namespace,
+) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
+    """Blocks in rising order, tips and current; looked at before anybody holds a block."""
+    widths_mm = sorted(_numbers("--blocks", arguments.blocks))
+    if arguments.grips < 1 or widths_mm[0] < 0.0:
+        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+    if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
+        raise UsageError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
+    try:
+        usable(arguments.output)
+    except OutputError as error:
+        raise UsageError(f"--output {error}") from error
+    tips = current = None
+    if arguments.tips is not None:
+        link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
+        tips = (link_mm, offset_mm)
+    if arguments.current is not None:
+        least, most = _numbers("--current", arguments.current, 2)
+        current = (round(least), round(most))
+    return widths_mm, tips, current
+
+
+def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not numbers or not all(map(isfinite, numbers)):
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
+    if wanted is not None and len(numbers) != wanted:
+        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
+    return numbers

@@ -1,0 +1,242 @@
+"""The checks of `grasp-doctor`: each looks at one thing and says in a sentence what it saw and what to do.
+
+Nothing here moves anything or writes to a device. The port's file, its owner and its driver's settings are
+read from /dev, /proc and /sys; devices are opened by what the caller hands in.
+"""
+
+import os
+import stat
+from collections.abc import Callable, Iterator
+from enum import Enum
+from itertools import pairwise
+from pathlib import Path
+from statistics import median, quantiles
+from typing import NamedTuple, Protocol
+
+from runtime.devices.ports import Arm, Clock, Gripper
+from runtime.execution.safety import NO_COMMUNICATION
+from runtime.table import Calibration, Pose2, Table, misfits
+
+READS = 200
+SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
+USUAL_UNIT, USUAL_BAUD = 9, 115200
+PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-guide/devices.txt)
+
+
+class Verdict(Enum):
+    """How a check ended."""
+
+    GOOD = "good"
+    WARNING = "warning"
+    BAD = "bad"
+
+
+class Finding(NamedTuple):
+    """What a check found: a sentence, and for all but GOOD what to do."""
+
+    verdict: Verdict
+    sentence: str
+    remedy: str = ""
+
+
+class Heard(Protocol):
+    """A slave that answered a scan."""
+
+    @property
+    def unit(self) -> int:
+        """Slave id."""
+
+    @property
+    def baud(self) -> int:
+        """Baud rate."""
+
+
+class System(NamedTuple):
+    """Where the machine keeps what the checks read; tests put folders of their own here."""
+
+    dev: Path = Path("/dev")
+    proc: Path = Path("/proc")
+    sys: Path = Path("/sys")
+
+
+def check_port(port: str, system: System) -> Iterator[Finding]:
+    """Whether a tty exists, may be opened, and is not held by another process."""
+    path = Path(port)
+    if not path.exists():
+        others = ", ".join(sorted(str(tty) for tty in system.dev.glob("tty[UA][SC]*"))) or "none"
+        yield Finding(
+            Verdict.BAD,
+            f"Port {port} does not exist; serial ports here: {others}.",
+            "Plug the adapter in, look at `dmesg | tail`, or name one of those ports.",
+        )
+        return
+    if not stat.S_ISCHR(path.stat().st_mode):
+        yield Finding(Verdict.BAD, f"{port} is no serial port.", "Name a device such as /dev/ttyUSB0.")
+        return
+    if not os.access(path, os.R_OK | os.W_OK):
+        yield Finding(
+            Verdict.BAD,
+            f"Port {port} exists, but this user may not open it.",
+            f"sudo usermod -aG {_group(path)} $USER, then log out and in again.",
+        )
+        return
+    yield Finding(Verdict.GOOD, f"Port {port} exists and may be opened.")
+    if os.major(path.stat().st_rdev) in PSEUDO_TERMINALS:
+        yield Finding(Verdict.GOOD, "It is a pseudo-terminal, as a simulated cell has.")
+    holders = list(_holders(path, system.proc))
+    if holders:
+        told = ", ".join(f"{name} (process {pid})" for pid, name in holders)
+        yield Finding(
+            Verdict.BAD, f"Port {port} is held by {told}.", "Stop it; two masters garble each other."
+        )
+    else:
+        yield Finding(Verdict.GOOD, "Nobody else holds the port.")
+
+
+def check_latency(port: str, system: System) -> Iterator[Finding]:
+    """The FTDI adapter's latency timer, where it has one."""
+    name = Path(port).resolve().name
+    timer = system.sys / "bus" / "usb-serial" / "devices" / name / "latency_timer"
+    try:
+        value = int(timer.read_text())
+    except (OSError, ValueError):
+        yield Finding(Verdict.GOOD, "The adapter has no latency timer that could slow the line down.")
+        return
+    if value <= 1:
+        yield Finding(Verdict.GOOD, f"The adapter's latency timer is {value} ms.")
+        return
+    yield Finding(
+        Verdict.WARNING,
+        f"The adapter's latency timer is {value} ms; each exchange with the gripper waits for it.",
+        f"echo 1 | sudo tee {timer}; for good, a udev rule: "
+        'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"',
+    )
+
+
+def check_silence(port: str, scan: Callable[[str], Iterator[Heard]]) -> Iterator[Finding]:
+    """Why a gripper does not answer: another slave id, another baud rate, or nobody at all."""
+    for heard in scan(port):
+        if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
+            yield Finding(
+                Verdict.WARNING,
+                "The gripper answers now; it did not before.",
+                "Start again; look for a loose plug if this comes back.",
+            )
+        else:
+            yield Finding(
+                Verdict.BAD,
+                f"A device answers as slave {heard.unit} at {heard.baud} baud; "
+                f"expected is slave {USUAL_UNIT} at {USUAL_BAUD}.",
+                "Set slave id and baud rate back with the Robotiq User Interface.",
+            )
+        return
+    yield Finding(
+        Verdict.BAD,
+        "No slave id from 1 to 16 answers at any baud rate.",
+        "Check 24 V (the LED must be lit), A and B not swapped, and that the gripper is not on the robot's "
+        "own tool connector.",
+    )
+
+
+def check_gripper(gripper: Gripper) -> Iterator[Finding]:
+    """What the gripper says of itself."""
+    seen = gripper.state()
+    if seen.fault not in (0, NO_COMMUNICATION):
+        yield Finding(
+            Verdict.BAD,
+            f"The gripper reports fault 0x{seen.fault:02X}.",
+            "Look at its LED, remove the cause, then grasp-runtime --activate.",
+        )
+    elif not seen.activated:
+        yield Finding(
+            Verdict.WARNING,
+            "The gripper is not activated.",
+            "Clear the space between its fingers and start grasp-runtime with --activate.",
+        )
+    else:
+        yield Finding(Verdict.GOOD, f"The gripper is active and stands at count {seen.position_counts}.")
+
+
+def check_rate(gripper: Gripper, clock: Clock, reads: int = READS) -> Iterator[Finding]:
+    """How often a second the gripper can be read, and how evenly."""
+    moments = [clock.now()]
+    for _ in range(reads):
+        gripper.state()
+        moments.append(clock.now())
+    spent_ms = [1e3 * (later - sooner) for sooner, later in pairwise(moments)]
+    middle, late = median(spent_ms), quantiles(spent_ms, n=100)[98]
+    rate = 1e3 / max(middle, 1e-3)
+    told = f"{reads} readings: {middle:.1f} ms each, 99 of 100 within {late:.1f} ms, {rate:.0f} a second."
+    if middle > SLOW_MS or late > JITTER_MS:
+        yield Finding(
+            Verdict.WARNING,
+            told,
+            f"Up to {SLOW_MS:g} and {JITTER_MS:g} ms are usual: set the latency timer to 1, take load off "
+            "this machine, avoid USB hubs.",
+        )
+    else:
+        yield Finding(Verdict.GOOD, told)
+
+
+def check_arm(arm: Arm, area_mm: tuple[float, float, float, float] | None) -> Iterator[Finding]:
+    """Whether the arm tells where it is, and is near the work area."""
+    x_mm, y_mm, z_mm, _ = arm.pose()
+    yield Finding(Verdict.GOOD, f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
+    if area_mm is not None and not _is_near((x_mm, y_mm, 0.0), area_mm):
+        yield Finding(
+            Verdict.WARNING,
+            "It stands far outside the table's work area.",
+            "Check its work object and tool frames (drivers/abb/README.md), or jog it there first.",
+        )
+
+
+def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
+    """Whether the table can be executed with this gripper's counts."""
+    problems = misfits(table, calibration)
+    if problems:
+        told = f"The table does not fit this gripper: {problems[0]}."
+        yield Finding(Verdict.BAD, told, "Recompile or recalibrate.")
+        return
+    yield Finding(Verdict.GOOD, f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
+
+
+def _is_near(place: Pose2, area_mm: tuple[float, float, float, float]) -> bool:
+    x_min, y_min, x_max, y_max = area_mm
+    room = max(x_max - x_min, y_max - y_min)
+    return x_min - room <= place[0] <= x_max + room and y_min - room <= place[1] <= y_max + room
+
+
+def _group(path: Path) -> str:
+    try:
+        return path.group()
+    except KeyError:
+        return "dialout"
+
+
+def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
+    """Processes that have the device open, as far as we may look; not ourselves, nor a terminal's maker."""
+    wanted = path.stat().st_rdev
+    pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
+    for folder in proc.glob("[0-9]*"):
+        if int(folder.name) == os.getpid():
+            continue
+        try:
+            opened = any(_rdev(entry) == wanted for entry in (folder / "fd").iterdir())
+            if opened and (pseudo is None or not _made(folder, pseudo)):
+                yield int(folder.name), (folder / "comm").read_text().strip()
+        except OSError:  # gone meanwhile, or not ours to look at
+            continue
+
+
+def _made(folder: Path, pseudo: int) -> bool:
+    """Whether a process has the other end of a pseudo-terminal (Linux, drivers/tty/pty.c, fdinfo)."""
+    told = (entry.read_text().split() for entry in (folder / "fdinfo").iterdir())
+    return any(words[-2:] == ["tty-index:", str(pseudo)] for words in told)
+
+
+def _rdev(entry: Path) -> int:
+    try:
+        seen = entry.stat()
+    except OSError:
+        return -1
+    return seen.st_rdev if stat.S_ISCHR(seen.st_mode) else -1

@@ -1,0 +1,142 @@
+"""The command `squeezetree-completion`: a script by which bash completes what all our commands take."""
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from runtime.errors import UsageError
+from runtime.shell.command import Parser, run
+
+NAME = "squeezetree-completion"
+EPILOG = f"""\
+example, once and for all shells to come:
+  {NAME} > ~/.{NAME} && echo '. ~/.{NAME}' >> ~/.bashrc
+
+Commands whose extra is not installed (planner, audit) are left out; write it again after installing one.
+
+exit codes:
+   0  done   2  usage, or the extra completion is not installed
+"""
+
+
+class Source(NamedTuple):
+    """The module with a command's `parser`, and those of subcommands that have their own."""
+
+    module: str
+    apart: Mapping[str, str] = {}
+
+
+CAMERA = dict.fromkeys(("camera", "tag", "pictures"), "drivers.camera.calibration.command")
+COMMANDS = {
+    "plan-compile": Source("planner.cli.compile"),
+    "plan-simulate": Source("planner.cli.simulate"),
+    "plan-evaluate": Source("planner.cli.evaluate"),
+    "plan-expect": Source("planner.cli.expect"),
+    "plan-identify": Source("planner.cli.identify"),
+    "plan-init": Source("planner.cli.init"),
+    "plan-report": Source("planner.cli.report"),
+    "grasp-runtime": Source("runtime.commands.options"),
+    "grasp-doctor": Source("runtime.commands.doctor"),
+    "grasp-calibrate": Source("runtime.commands.calibrate", CAMERA),
+    "grasp-journal": Source("runtime.commands.journal"),
+    "grasp-cell": Source("drivers.sim.cli"),
+    "grasp-audit": Source("drivers.camera.audit.command", {"report": "runtime.spc.command"}),
+    NAME: Source("runtime.commands.completion"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the script.
+
+    Args:
+        argv: the arguments, without the program's name; None for the process's own.
+
+    Returns:
+        The exit code.
+    """
+    return run(parser(), argv, _print_script)
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    return Parser(
+        prog=NAME,
+        description="Print a script with which bash completes the options of all squeezetree commands.",
+        epilog=EPILOG,
+    )
+
+
+def _print_script(_: argparse.Namespace) -> int:
+    if find_spec("shtab") is None:
+        raise UsageError(
+            "needs the completion extra (shtab is missing); install it with: "
+            "pip install 'squeezetree[completion]'"
+        )
+    print(script(dict(parsers())))
+    return 0
+
+
+def script(found: Mapping[str, argparse.ArgumentParser]) -> str:
+    """The script for some commands.
+
+    Args:
+        found: the commands' parsers by name.
+
+    Raises:
+        ModuleNotFoundError: shtab is not installed.
+    """
+    import shtab
+
+    for command in found.values():
+        for action in _actions(command):
+            if action.type is Path:
+                kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
+                action.complete = kind  # type: ignore[attr-defined]
+    return "\n".join(shtab.complete(command, shell="bash") for command in found.values())
+
+
+def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """The commands whose extras are installed, each with its parser."""
+    for name, source in COMMANDS.items():
+        made = _parser_in(source.module)
+        if made is None:
+            continue
+        for subcommand, module in source.apart.items():
+            own = _parser_in(module)
+            if own is not None:
+                _subcommands(made)[subcommand] = _subcommands(own).get(subcommand, own)
+        yield name, made
+
+
+def _parser_in(module: str) -> argparse.ArgumentParser | None:
+    """The parser of a module; None if what it needs is not installed."""
+    try:
+        made = import_module(module).parser()
+    except ModuleNotFoundError as error:
+        if (error.name or module).split(".")[0] in ("planner", "runtime", "drivers"):
+            raise
+        return None
+    assert isinstance(made, argparse.ArgumentParser)
+    return made
+
+
+def _subcommands(command: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """A command's subcommands by name, to be read and added to; empty without any."""
+    for action in command._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices
+    return {}
+
+
+def _actions(command: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    yield from command._actions
+    for subcommand in _subcommands(command).values():
+        yield from _actions(subcommand)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

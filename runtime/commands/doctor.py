@@ -1,0 +1,145 @@
+"""The command `grasp-doctor`: looks at a cell before it runs, moves nothing, and says what to do."""
+
+import argparse
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Protocol
+
+from runtime.commands import checks as doctor
+from runtime.commands.checks import Finding, Heard, System, Verdict
+from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
+from runtime.devices.ports import Arm, Gripper
+from runtime.errors import CellCheckError, CellError
+from runtime.execution import calibration
+from runtime.shell.command import Parser, say
+from runtime.table import Calibration, Table, load
+
+EPILOG = """\
+examples:
+  grasp-doctor --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --tree T.msgpack
+  grasp-doctor --port /dev/ttyUSB0 --json
+
+exit codes:
+   0  fit to run, perhaps with warnings   1  internal error: a bug   2  usage   3  table file missing
+  26  something has to be put right first; each sentence says what
+  30  table invalid                      33  calibration refused    40  stopped by the operator
+"""
+MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
+
+
+class Drivers(Protocol):
+    """What opens devices; `drivers.connect`."""
+
+    def gripper(self, port: str, *, read_only: bool) -> Gripper:
+        """Connect to a gripper."""
+
+    def arm(self, url: str, *, read_only: bool) -> Arm:
+        """Connect to an arm."""
+
+    def scan(self, port: str) -> Iterator[Heard]:
+        """Who answers on a serial port."""
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = Parser(
+        prog="grasp-doctor", description="Check a cell before it runs; moves nothing.", epilog=EPILOG
+    )
+    add = built.add_argument
+    add("--port", required=True, help="the gripper, as for grasp-runtime")
+    add("--arm", help="the arm: tcp://host:port")
+    add("--tree", type=Path, metavar="T", help="the table that is to run")
+    add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
+    built.add_common()
+    return built
+
+
+def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
+    """Check, and print a line for each finding, or one object of all.
+
+    Returns:
+        0 where nothing is bad.
+
+    Raises:
+        CellCheckError: something is.
+    """
+    table = None if arguments.tree is None else load(arguments.tree).table
+    measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
+    found: list[Finding] = []
+    for finding in findings(arguments.port, arguments.arm, table, measured, drivers, system or System()):
+        found.append(finding)
+        if not arguments.json:
+            say(_as_line(finding))
+    bad = sum(finding.verdict is Verdict.BAD for finding in found)
+    if arguments.json:
+        say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in found]}))
+    if bad:
+        raise CellCheckError(f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs")
+    return 0
+
+
+def findings(
+    port: str,
+    arm_url: str | None,
+    table: Table | None,
+    measured: Calibration | None,
+    drivers: Drivers,
+    system: System,
+) -> Iterator[Finding]:
+    """All checks in the order in which one depends on the other."""
+    if table is not None:
+        yield from doctor.check_table(table, measured or Calibration.linear(table.gripper))
+    yield from _gripper_findings(port, drivers, system)
+    if arm_url is not None:
+        area_mm = None
+        if table is not None:
+            x_min, y_min, x_max, y_max = (edge / 1000 for edge in table.limits.work_area_um)
+            area_mm = (x_min, y_min, x_max, y_max)
+        try:
+            with closing(drivers.arm(arm_url, read_only=True)) as arm:
+                yield from doctor.check_arm(arm, area_mm)
+        except OSError as error:
+            yield _failed("arm", error, "Start SERVER.mod on the controller; see drivers/abb/README.md.")
+
+
+def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[Finding]:
+    is_tty = "://" not in port and not port.startswith("can:")
+    if is_tty:
+        for finding in doctor.check_port(port, system):
+            yield finding
+            if finding.verdict is Verdict.BAD:
+                return
+        yield from doctor.check_latency(port, system)
+    failed = None
+    try:
+        with PortLock(port), closing(drivers.gripper(port, read_only=True)) as gripper:
+            yield from doctor.check_gripper(gripper)
+            yield from doctor.check_rate(gripper, SystemClock())
+    except (OSError, CellError) as error:
+        failed = _failed("gripper", error, "Check power, cable and address.")
+    if failed is not None:
+        yield failed
+        if is_tty:
+            yield from doctor.check_silence(port, drivers.scan)
+
+
+def _failed(device: str, error: Exception, remedy: str) -> Finding:
+    """An error's own hint, after its semicolon, is the better remedy."""
+    told, _, hint = str(error).partition("; ")
+    return Finding(Verdict.BAD, f"The {device} does not answer: {told}.", _sentence(hint) or remedy)
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}." if words else ""
+
+
+def _as_line(finding: Finding) -> str:
+    told = f"{MARKS[finding.verdict]} {finding.sentence}"
+    return f"{told} -> {finding.remedy}" if finding.remedy else told
+
+
+def _as_object(finding: Finding) -> dict[str, object]:
+    return {"verdict": finding.verdict.value, "sentence": finding.sentence, "remedy": finding.remedy or None}

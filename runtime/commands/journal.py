@@ -1,0 +1,194 @@
+"""The command `grasp-journal`: read, verify, replay and export what runs have written."""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+
+from runtime.devices.clock import date
+from runtime.errors import JournalError, UsageError
+from runtime.execution.results import Outcome
+from runtime.journal import export
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Entry, Replay
+from runtime.shell.command import Parser, natural, run
+from runtime.shell.files import STDOUT, usable, words_of
+
+EXIT_CODES = """\
+exit codes:
+   0  done, nothing wrong   1  internal error: a bug   2  usage   130  interrupted (Ctrl-C)
+  24  the journal cannot be read, does not verify, or claims what its counts do not justify
+"""
+EPILOG = f"""\
+examples:
+  grasp-journal show squeezetree-journal.jsonl --outcome reject
+  grasp-journal verify squeezetree-journal.jsonl
+  grasp-journal replay squeezetree-journal.jsonl
+  grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
+
+{EXIT_CODES}"""
+EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
+QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", "widths_um"})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    return run(parser(), argv, lambda arguments: int(arguments.run(arguments)))
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = Parser(
+        prog="grasp-journal",
+        description="Read, verify, replay and export the journals of grasp-runtime.",
+        epilog=EPILOG,
+    )
+    subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
+    shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
+    shown.add_argument("--part", type=natural, metavar="N", help="only this part's")
+    shown.add_argument("--node", type=natural, metavar="N", help="only squeezes at this node")
+    shown.add_argument(
+        "--outcome", choices=[outcome.value for outcome in Outcome], help="only parts that ended so"
+    )
+    shown.add_argument(
+        "--since", type=_since, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+    )
+    _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
+    _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
+    exported = _subcommand(subcommands, "export", _export, "one row a squeeze, as CSV or Parquet")
+    exported.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="F",
+        help="file.csv or file.parquet; - for CSV on standard output",
+    )  # fmt: skip
+    return built
+
+
+def _subcommand(
+    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, told: str
+) -> Parser:
+    example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
+    made = subcommands.add_parser(
+        name, help=told, description=f"{told[0].upper()}{told[1:]}.", epilog=f"{example}\n\n{EXIT_CODES}",
+    )  # fmt: skip
+    made.add_argument("journal", type=Path, help="the journal")
+    which = "a record" if name == "show" else "instead of text"
+    made.add_common(f"print one JSON object {which}")
+    made.set_defaults(run=body)
+    return made
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    seen = verify(arguments.journal)
+    if arguments.json:
+        print(
+            json.dumps({"records": seen.records, "runs": seen.runs, "closed": seen.closed, "head": seen.head})
+        )
+    else:
+        end = "ended" if seen.closed else "BROKE OFF"
+        print(f"{arguments.journal}: {seen.records} records in {seen.runs} runs verify; the last run {end}")
+    return 0
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    replay = Replay()
+    findings = list(replay.follow(_entries(arguments.journal)))
+    if arguments.json:
+        told = [finding._asdict() for finding in findings]
+        print(json.dumps({"decisions": replay.decisions, "findings": told}))
+    else:
+        for finding in findings:
+            print(f"record {finding.seq}: {finding.sentence}")
+    if findings:
+        raise JournalError(
+            arguments.journal, f"{len(findings)} records claim what their counts do not justify"
+        )
+    if not arguments.json:
+        print(f"{arguments.journal}: {replay.decisions} decisions derived again, all as recorded")
+    return 0
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    wanted = None
+    if arguments.outcome is not None:
+        wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
+    for number, entry in _numbered(_entries(arguments.journal)):
+        if not _is_wanted(arguments, entry) or (
+            wanted is not None and (number, _short(entry.get("part"))) not in wanted
+        ):
+            continue
+        try:
+            print(json.dumps(entry) if arguments.json else _line(entry))
+        except BrokenPipeError:  # whoever reads has seen enough
+            break
+    return 0
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    output = usable(arguments.output, arguments.journal, stdout=True)
+    suffix = ".csv" if output in STDOUT else output.suffix
+    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(suffix)
+    if write is None:
+        raise UsageError(f"--output {output}: name it .csv or .parquet")
+    rows = write(export.rows(_entries(arguments.journal)), output)
+    told = json.dumps({"rows": rows, "output": str(output)})
+    print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
+    return 0
+
+
+def _entries(path: Path) -> Iterator[dict[str, object]]:
+    """The records of a journal, of which there is at least one."""
+    entries = records(path)
+    first = next(entries, None)
+    if first is None:
+        raise JournalError(path, "is empty")
+    return chain([first], entries)
+
+
+def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[str, object]]]:
+    """Each record with the number of its run: parts count from 1 in every run."""
+    number = 0
+    for entry in entries:
+        number += entry["kind"] == "header"
+        yield number, entry
+
+
+def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, str]]:
+    for number, entry in _numbered(records(path)):
+        if entry["kind"] == "outcome" and entry.get("outcome") == outcome:
+            yield number, _short(entry.get("part"))
+
+
+def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
+    if arguments.part is not None and entry.get("part") != arguments.part:
+        return False
+    if arguments.node is not None and entry.get("node") != arguments.node:
+        return False
+    try:
+        return arguments.since is None or date(str(entry["time"])) >= arguments.since
+    except ValueError:
+        told = f"record {entry['seq']} has a time that is no date; leave out --since"
+        raise JournalError(arguments.journal, told) from None
+
+
+def _since(text: str) -> object:
+    """A date, for argparse."""
+    try:
+        return date(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00") from None
+
+
+def _line(entry: Entry) -> str:
+    """Number, time, kind and what is left of a record that fits a line."""
+    told = " ".join(f"{name}={_short(value)}" for name, value in entry.items() if name not in QUIET)
+    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {told}"
+
+
+def _short(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

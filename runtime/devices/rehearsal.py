@@ -1,0 +1,114 @@
+"""A world without physics: widths drawn from the table's own statistics, to rehearse a table with.
+
+It shows that runtime, gripper and arm play together; about the part it knows no more than the table does, so
+a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
+"""
+
+from math import isclose, remainder, tau
+from random import Random
+
+from runtime.errors import UsageError
+from runtime.execution.geometry import compose, placement
+from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+
+# The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
+SAME_MM, SAME_RAD = 0.1, 0.01
+NOISE_SIGMAS = 3.0
+
+
+def make(job: object, seed: int) -> "Rehearsal":
+    """The rehearsal world of a table, as `module:factory` names it.
+
+    Args:
+        job: the table; a job alone has no statistics to draw from.
+        seed: of the draws.
+
+    Raises:
+        UsageError: `job` is no table.
+    """
+    if not isinstance(job, Table):
+        raise UsageError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+    return Rehearsal(job, seed)
+
+
+class Rehearsal:
+    """Walks the tree: a branch by its probability, a width inside it; the part itself never moves.
+
+    A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
+    later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
+    begins with a new part at the root.
+
+    Args:
+        table: the table.
+        seed: of the draws.
+    """
+
+    def __init__(self, table: Table, seed: int) -> None:
+        self._table = table
+        self._random = Random(seed)
+        self._calibration = Calibration.linear(table.gripper)
+        # Nodes that may come next, the drawn one first, and where the part lies meanwhile.
+        self._next: list[int] = []
+        self._lies: Pose2 | None = None
+        self._last, self._width_mm, self._status = 0, 0.0, "untouched"
+
+    def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
+        """One squeeze.
+
+        Args:
+            pose_hand: the part in the hand frame, mm, mm, rad.
+
+        Returns:
+            The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
+            branch drawn says that nothing is held.
+        """
+        index = self._node_of(pose_hand)
+        if index is None:
+            return pose_hand, self._width_mm, self._status
+        node = self._table.nodes[index]
+        branch = self._random.choices(
+            node.branches, weights=[branch.probability_ppm for branch in node.branches]
+        )[0]
+        self._lies = compose(placement(node.squeeze), pose_hand)
+        self._next = sorted(
+            (other.target for other in node.branches if other.target >= 0),
+            key=lambda target: target != branch.target,
+        )
+        self._last, self._width_mm = index, self._width_um(node, branch) / 1000
+        self._status = "grasped" if branch.expected_um >= HELD_UM else "untouched"
+        return pose_hand, self._width_mm, self._status
+
+    def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
+        """Never: the table proved its placements against a part this world does not have."""
+        del pose_hand, opening_mm
+        return False
+
+    def _node_of(self, pose_hand: Pose2) -> int | None:
+        """The node being executed: a child of the last one if the part lies where it lay, else the root.
+
+        None for the last one again.
+        """
+        if self._lies is None:
+            return 0
+        for index in (*self._next, self._last):
+            seen = compose(placement(self._table.nodes[index].squeeze), pose_hand)
+            if _same(seen, self._lies):
+                return index if index in self._next else None
+        return 0
+
+    def _width_um(self, node: Node, branch: Branch) -> float:
+        """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
+        mine = node.branches.index(branch)
+        meant = by_count(decision_map(node, self._calibration))
+        widths = [self._calibration.width_um(count) for count, number in enumerate(meant) if number == mine]
+        low, high = min(widths), max(widths)
+        room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
+        return self._random.uniform(low + room, high - room)
+
+
+def _same(one: Pose2, other: Pose2) -> bool:
+    return (
+        isclose(one[0], other[0], abs_tol=SAME_MM)
+        and isclose(one[1], other[1], abs_tol=SAME_MM)
+        and abs(remainder(one[2] - other[2], tau)) < SAME_RAD
+    )

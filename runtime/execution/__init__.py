@@ -1,0 +1,1 @@
+"""The execution of a decision table: place, squeeze, read, decide, release, deliver."""

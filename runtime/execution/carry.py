@@ -1,0 +1,207 @@
+"""The last grasp of a localised part and its way to the drop-off: chosen, checked, and gone.
+
+A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where
+both fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and
+within the wrist's range the one that turns the hand least is gone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from math import degrees, inf, pi, tau
+from typing import NamedTuple
+
+from runtime.devices.ports import Arm, Pose
+from runtime.errors import GripperStateError, MotionRefusedError
+from runtime.execution import safety
+from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
+from runtime.execution.delivery import Delivery
+from runtime.execution.geometry import compose, placement, same_turns
+from runtime.execution.hand import Hand
+from runtime.execution.reading import OPENED_COUNTS
+from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
+
+
+class Way(NamedTuple):
+    """The hand where it takes the part and where it puts it down; mm, mm, rad with whole turns counted."""
+
+    taken: Pose2
+    put: Pose2
+
+
+def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> None:
+    """Check before anything moves that the part can be delivered from every leaf that may name its pose.
+
+    Args:
+        delivery: where to; None: nowhere, there is nothing to check.
+        table: its leaves, and where the hand comes from.
+        arm: connected, tells its reach and its wrist's range; None: only the areas are checked.
+
+    Raises:
+        MotionRefusedError: naming the first leaf from which no way leads there.
+    """
+    if delivery is None:
+        return
+    for node in table.nodes:
+        x_mm, y_mm, angle_rad = placement(node.squeeze)
+        if node.release is not None:
+            x_mm, y_mm = node.release[0] / 1000, node.release[1] / 1000
+        start = (x_mm, y_mm, table.limits.retreat_height_um / 1000, angle_rad)
+        for branch in node.branches:
+            if branch.target >= 0 or not table.leaves[~branch.target].resolved:
+                continue
+            try:
+                choose(delivery, table, predicted_pose(table.leaves[~branch.target]), start, arm)
+            except MotionRefusedError as error:
+                raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
+
+
+def choose(delivery: Delivery, table: Table, pose: Pose2, start: Pose, arm: Arm | None) -> Way:
+    """The way that turns the hand least, of those that come to the same.
+
+    Args:
+        delivery: where to.
+        table: for its limits and the part's symmetry.
+        pose: of the part in the world.
+        start: where the hand comes from.
+        arm: tells reach and wrist; None where there is none.
+
+    Raises:
+        MotionRefusedError: there is none; why the plainest one cannot be gone.
+    """
+    refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
+    found: list[tuple[float, Way]] = []
+    for taken, put in _same(delivery, table, pose):
+        places = (*taken[:2], *put[:2])
+        if places not in refusals:
+            refusals[places] = _refusal(delivery, table.limits, start, taken, put, arm)
+        if refusals[places]:
+            continue
+        for here, there in product(_turns(taken, start[3], arm), _turns(put, start[3], arm)):
+            turn = abs(here[2] - start[3]) + abs(there[2] - here[2])
+            found.append((turn, Way(here, there)))
+    if not found:
+        x_mm, y_mm, angle_rad = compose(delivery.drop, delivery.grasp)
+        raise MotionRefusedError(
+            next(iter(refusals.values()))
+            or f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at "
+            f"({x_mm:.2f}, {y_mm:.2f}) mm, or not to where the part is taken"
+        )
+    return min(found)[1]
+
+
+def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | None:
+    """Grasp a part at its pose, carry it and put it down.
+
+    Args:
+        hand: above the part, jaws open.
+        delivery: where to.
+        pose: of the part in the world, mm, mm, rad.
+        table: for speed, force and opening of the grasp: those of the root.
+
+    Returns:
+        None where the part was put down, else why it was left where it lay: no way leads there, or the
+        fingers read another width.
+
+    Raises:
+        GripperStateError: the part slipped out while it was carried, or the gripper is not ready.
+    """
+    hand.retreat()
+    try:
+        taken, put = choose(delivery, table, pose, hand.where(), hand.arm)
+    except MotionRefusedError as error:
+        return f"the part was not taken: {error}"
+    node = _grasp_node(table)
+    hand.open(node.squeeze)
+    hand.travel_as_counted(*taken)
+    hand.descend(*taken)
+    reading = hand.close(node)
+    width_mm = hand.width_mm(reading.position_counts)
+    low_mm, high_mm = delivery.width_mm
+    if reading.object_flag == ARRIVED or not low_mm <= width_mm <= high_mm:
+        hand.release(node.squeeze)
+        hand.retreat()
+        return (
+            f"the fingers read {width_mm:.2f} mm at the last grasp, expected was {low_mm:g}..{high_mm:g} mm"
+        )
+    with hand.limited(_carrying(delivery, hand.limits)):
+        hand.retreat()
+        _check_held(hand, reading.position_counts)
+        hand.travel_as_counted(*put)
+        _check_held(hand, reading.position_counts)
+        hand.lower(*put, width_mm)
+        hand.release(node.squeeze)
+        hand.retreat()
+    return None
+
+
+def _same(delivery: Delivery, table: Table, pose: Pose2) -> Iterator[Way]:
+    """The ways that come to the same; the plainest first."""
+    halves = (0.0, pi) if _close_alike(table) else (0.0,)
+    x_mm, y_mm, theta_rad = delivery.drop
+    for turn, half in product(range(table.goal.symmetry), halves):
+        taken = compose(pose, delivery.grasp)
+        put = compose((x_mm, y_mm, theta_rad + tau * turn / table.goal.symmetry), delivery.grasp)
+        yield Way((*taken[:2], taken[2] + half), (*put[:2], put[2] + half))
+
+
+def _close_alike(table: Table) -> bool:
+    """Whether both fingers make half of the closing, so that a hand half a turn round grasps the same way."""
+    gripper = (job_of(table) or {}).get("gripper")
+    return isinstance(gripper, dict) and gripper.get("upper_finger_share") == 0.5
+
+
+def _refusal(
+    delivery: Delivery, limits: Limits, start: Pose, taken: Pose2, put: Pose2, arm: Arm | None
+) -> str:
+    """Why a part cannot be taken there and put down there, or an empty string."""
+    low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000
+    carrying = _carrying(delivery, limits)
+    for doing, (x_mm, y_mm, angle_rad), area in (
+        ("taking the part", taken, limits),
+        ("carrying it away", taken, carrying),
+        ("putting it down", put, carrying),
+    ):
+        for height_mm in (low_mm, high_mm):
+            try:
+                safety.check_target((x_mm, y_mm, height_mm, angle_rad), area)
+            except MotionRefusedError as error:
+                return f"{doing}: {error}"
+    if arm is None:
+        return ""
+    above, beyond = (*taken[:2], high_mm, taken[2]), (*put[:2], high_mm, put[2])
+    at, down = (*taken[:2], low_mm, taken[2]), (*put[:2], low_mm, put[2])
+    for doing, here, there in (
+        ("taking the part", start, above),
+        ("taking the part", above, at),
+        ("carrying it away", above, beyond),
+        ("putting it down", beyond, down),
+    ):
+        if told := arm.obstacle(here, there):
+            return f"{doing}: the way is {told}"
+    return ""
+
+
+def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
+    """A place with every angle that the wrist can turn the hand to there."""
+    x_mm, y_mm, angle_rad = place
+    low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
+    return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]
+
+
+def _carrying(delivery: Delivery, limits: Limits) -> Limits:
+    return limits if delivery.area_um is None else replace(limits, work_area_um=delivery.area_um)
+
+
+def _grasp_node(table: Table) -> Node:
+    """The root's squeeze with the jaws wide, and one outcome that any width is."""
+    opening_um = table.gripper.opening_um
+    squeeze = table.nodes[0].squeeze._replace(opening_um=opening_um)
+    widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)
+    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
+
+
+def _check_held(hand: Hand, count: int) -> None:
+    state = hand.gripper.state()
+    if state.object_flag != CLOSING_CONTACT or abs(state.position_counts - count) > OPENED_COUNTS:
+        raise GripperStateError("the part slipped out of the fingers while it was carried; find it")

@@ -1,0 +1,60 @@
+"""What a run would send, told without sending it."""
+
+from math import degrees
+
+from runtime.devices.ports import Arm, Gripper
+from runtime.execution import carry, held, safety, strokes
+from runtime.execution.executor import Plan
+from runtime.execution.geometry import placement
+from runtime.table import Calibration, Table
+
+
+def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
+    """Read both devices and go through every node of a table.
+
+    Args:
+        table: the table.
+        gripper: on a link that cannot write.
+        arm: on a link that cannot write.
+        plan: how the parts would be handled.
+
+    Returns:
+        One sentence for each device, one for each node, and one for the delivery if there is one.
+
+    Raises:
+        MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
+    """
+    handling = plan.handling
+    calibration = handling.calibration or Calibration.linear(table.gripper)
+    seen, pose = gripper.state(), arm.pose()
+    width_mm = calibration.width_um(seen.position_counts) / 1000
+    activity = "active" if seen.activated else "NOT ACTIVE"
+    told = [
+        f"gripper: {activity}, fault 0x{seen.fault:02X}, count {seen.position_counts} ({width_mm:.2f} mm)",
+        f"arm: at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, {degrees(pose[3]):.1f} deg",
+    ]
+    if (holds := held.look(seen, calibration)) is not None:
+        told.append(f"{holds.sentence()}; a run would be refused")
+    heights = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
+    for index, node in enumerate(table.nodes):
+        x_mm, y_mm, angle_rad = placement(node.squeeze)
+        for height_mm in heights:
+            safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
+        regulated = strokes.is_regulated(node.squeeze, wanted=handling.regulated)
+        open_mm = node.squeeze.opening_um / 1000
+        plan_of_jaws = strokes.closing(node, calibration, handling.arc, open_mm, regulated=regulated)
+        forces = strokes.raising(node.squeeze) if regulated else []
+        requests = [f"{s.request_counts}/{s.speed_counts}/{s.force_counts}" for s in plan_of_jaws]
+        requests += [f"{plan_of_jaws[-1].request_counts}/{strokes.GENTLE_SPEED}/{force}" for force in forces]
+        told.append(
+            f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "
+            f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
+            f"close by position/speed/force {', '.join(requests)}"
+        )
+    if plan.delivery is not None:
+        carry.check(plan.delivery, table, arm)
+        x_mm, y_mm, angle_rad = plan.delivery.drop
+        told.append(
+            f"delivery: the part from every leaf to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
+        )
+    return told

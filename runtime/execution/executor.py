@@ -1,0 +1,269 @@
+"""The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
+
+Pure logic over the Protocols of `runtime.devices.ports`: no import of a driver, no file, no clock of its own.
+What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
+end in `safe_state` and in a terminal outcome.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import hypot, tau
+from typing import Protocol
+
+from runtime.devices.audit import answer_of
+from runtime.devices.ports import TURN_RADIUS_MM, Arm, Auditor, Clock, Gripper, Journal
+from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
+from runtime.execution import safety, strokes
+from runtime.execution.carry import deliver
+from runtime.execution.decision import Course, Policy, advance, decide, release_point
+from runtime.execution.delivery import Delivery
+from runtime.execution.geometry import placement
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.phases import Phase, Watcher, unwatched
+from runtime.execution.reading import reading_fields
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.safe_state import reach_safe_state
+from runtime.journal import recovery
+from runtime.shell import interrupts
+from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decision_map, predicted_pose
+
+# How much longer than stroke and path take at the commanded speeds one squeeze may last.
+DEADLINE_FACTOR = 3.0
+
+
+class Observer(Protocol):
+    """Sees each squeeze when it is decided; must not raise."""
+
+    def __call__(self, part: int, step: Step) -> None:
+        """One squeeze of one part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """The devices and records one executor works with; an auditor where there is one."""
+
+    gripper: Gripper
+    arm: Arm
+    clock: Clock
+    journal: Journal
+    auditor: Auditor | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a run does besides what its table says.
+
+    Attributes:
+        policy: what follows a reject and an unresolved leaf.
+        handling: how the hand is used.
+        delivery: what becomes of a localised part, None: it stays where it lies.
+    """
+
+    policy: Policy = field(default_factory=Policy)
+    handling: Handling = field(default_factory=Handling)
+    delivery: Delivery | None = None
+
+
+class Executor:
+    """Executes one table with one cell.
+
+    Args:
+        table: the table, proved.
+        cell: the devices, connected and not yet moved.
+        observe: called after each squeeze.
+        plan: what the table leaves open.
+        watch: called at each change of phase; must not raise.
+
+    Raises:
+        TableError: the gripper cannot do what the table asks.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        cell: Cell,
+        observe: Observer,
+        plan: Plan | None = None,
+        watch: Watcher = unwatched,
+    ) -> None:
+        safety.check_table(table)
+        self._table = table
+        self._cell = cell
+        self._observe = observe
+        self._plan = plan or Plan()
+        self._watch = watch
+        self._found: int | None = None  # the leaf of the part that is being delivered
+        self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
+        self._maps = [decision_map(node, self._calibration) for node in table.nodes]
+        self._hand = Hand(
+            cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._plan.handling
+        )
+
+    def run_part(self, part: int, broken: recovery.Broken | None = None) -> PartResult:
+        """Squeeze one part until its outcome is known.
+
+        Args:
+            part: its number, for the journal.
+            broken: where a run that broke off had got to with this part, None for a new part.
+
+        Returns:
+            The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
+            leave the declared safe state.
+
+        Raises:
+            Exception: an error that no device makes is a bug, and raised once the safe state is reached.
+        """
+        steps: list[Step] = []
+        self._found = None
+        try:
+            if broken is None:
+                self._cell.journal.record("part", {"part": part})
+            with interrupts.stoppable():
+                if broken is not None:
+                    steps.extend(broken.steps)
+                    self._free(part, broken)
+                result = self._descend(part, steps, Course() if broken is None else broken.course)
+                result = self._finish(result)
+            self._cell.journal.record("outcome", {"part": part, **result.fields()})
+        except BrokenRunError as error:
+            return self._abandon(part, steps, error)
+        except KeyboardInterrupt:
+            return self._end(part, steps, Outcome.STOPPED, "stopped by the operator")
+        except Exception as error:
+            fault = self._end(part, steps, Outcome.FAULT, str(error), exit_code_of(error))
+            if not is_expected(error):
+                raise
+            return fault
+        self._watch(part, Phase.DONE, None)
+        return result
+
+    def _descend(self, part: int, steps: list[Step], course: Course) -> PartResult:
+        while course.outcome is None:
+            step = self._squeeze_at(course.node, len(steps) + 1, part)
+            steps.append(step)
+            self._observe(part, step)
+            course = advance(course, step.target, self._table, self._plan.policy)
+        return PartResult.of(part, course.outcome, steps, _reason(course, steps))
+
+    def _squeeze_at(self, index: int, number: int, part: int) -> Step:
+        node = self._table.nodes[index]
+        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * self._expected_s(node.squeeze))
+        self._place(part, index, node.squeeze)
+        # Before the part is touched: who resumes this run has to know that it may have been.
+        self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
+        self._watch(part, Phase.SQUEEZE, index)
+        reading = self._hand.close(node)
+        self._watch(part, Phase.READ, index)
+        decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
+        target = None if decision.branch == REJECT else node.branches[decision.branch].target
+        step = Step(
+            number=number,
+            node=index,
+            squeeze=node.squeeze,
+            position_counts=reading.position_counts,
+            width_um=self._calibration.width_um(reading.position_counts),
+            target=target,
+            reason=decision.reason,
+        )
+        # Before anything moves on: a decision that is not on the disk was never taken.
+        self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
+        self._watch(part, Phase.RELEASE, index)
+        self._release(node, decision.branch)
+        self._hand.retreat()
+        if (late_s := self._cell.clock.now() - deadline) > 0:
+            raise GripperStateError(f"one squeeze ended {late_s:.1f} s late; check arm and gripper speed")
+        return step
+
+    def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
+        """Retreat, open, travel, descend."""
+        self._watch(part, Phase.PLACE, index)
+        self._hand.retreat()
+        self._hand.open(squeeze)
+        self._hand.travel(*placement(squeeze))
+        self._hand.descend(*placement(squeeze))
+
+    def _release(self, node: Node, branch: int) -> None:
+        """Open the jaws, what they hold first dragged to where the node wants it let go."""
+        target = release_point(node, branch)
+        if target is not None:
+            self._hand.drag(target[0] / 1000, target[1] / 1000)
+        self._hand.release(node.squeeze)
+
+    def _free(self, part: int, broken: recovery.Broken) -> None:
+        """Let go of what a run that broke off may still hold, where it holds it."""
+        self._watch(part, Phase.RESUME, broken.course.node)
+        try:
+            self._hand.await_stillness()
+        except GripperStateError as error:
+            raise BrokenRunError(f"{error} (the part may still be between the fingers)") from error
+        pending = recovery.pending(broken, self._table, self._hand)
+        if pending is None:
+            return
+        self._release(*pending)
+        self._cell.journal.record("freed", {"part": part})
+        self._hand.retreat()
+
+    def _finish(self, result: PartResult) -> PartResult:
+        """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
+        if result.outcome is not Outcome.LEAF or result.leaf is None:
+            return result
+        leaf = self._table.leaves[result.leaf]
+        pose = predicted_pose(leaf)
+        if self._cell.auditor is not None:
+            self._watch(result.part, Phase.AUDIT, None)
+            answer = answer_of(self._cell.auditor, result.part, pose)
+            result = result.audited(str(answer["verdict"]))
+            self._cell.journal.record("audit", {**answer, "part": result.part})
+        if self._plan.delivery is not None:
+            self._watch(result.part, Phase.DELIVER, None)
+            # With the pose, which is the answer even where the delivery comes to nothing.
+            found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
+            self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
+            self._found = result.leaf
+            missed = deliver(self._hand, self._plan.delivery, pose, self._table)
+            result = result.delivered(missed)
+            self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
+        return result
+
+    def _abandon(self, part: int, steps: list[Step], error: BrokenRunError) -> PartResult:
+        """Give a broken part up before anything was moved: what its fingers hold is for people to see."""
+        result = PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=("nothing was moved",))
+        return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
+
+    def _expected_s(self, squeeze: Squeeze) -> float:
+        """Cell seconds of the longest way: across the work area, once round, up, down, three slow strokes."""
+        limits = self._table.limits
+        x_min, y_min, x_max, y_max = limits.work_area_um
+        path_um = hypot(x_max - x_min, y_max - y_min)
+        path_um += tau * 1000 * TURN_RADIUS_MM
+        path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
+        speed_um_s = min(squeeze.speed_um_s, strokes.SLOWEST_UM_S)
+        return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / speed_um_s
+
+    def _end(
+        self, part: int, steps: list[Step], outcome: Outcome, reason: str, exit_code: int | None = None
+    ) -> PartResult:
+        self._watch(part, Phase.SAFE, None)
+        notes = reach_safe_state(
+            self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
+        )
+        result = PartResult.of(part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes))
+        result = replace(result, leaf=self._found)
+        return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
+
+
+def _reason(course: Course, steps: Sequence[Step]) -> str | None:
+    if course.outcome is Outcome.REJECT:
+        return steps[-1].reason
+    if course.outcome is Outcome.UNRESOLVED:
+        return f"leaf {course.leaf} is not resolved: the table cannot tell the pose well enough"
+    return None
+
+
+def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
+    """Record a fault's result; a journal that fails now is told in the result instead of hiding the fault."""
+    try:
+        write()
+    except CellError as error:
+        return result.noting(f"not journalled: {error}")
+    return result

@@ -1,0 +1,300 @@
+"""The hand: arm and gripper moved together, one checked motion after the other.
+
+No motion is commanded before the gripper has answered that it is ready and the arm that it stands where its
+last motion left it. Between two squeezes the hand retreats straight up, travels, and comes straight down.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import ceil, degrees, remainder, tau
+
+from runtime.devices.ports import Arm, Clock, Gripper, Pose, Settled
+from runtime.errors import MotionRefusedError, TableError
+from runtime.execution import safety, strokes
+from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
+from runtime.execution.geometry import same_turns
+from runtime.execution.reading import (
+    CLOSED_COUNTS,
+    CurrentBand,
+    check_closed,
+    check_fresh,
+    check_opened,
+    check_passed,
+)
+from runtime.execution.strokes import Stroke
+from runtime.execution.tips import TipArc
+from runtime.table import Calibration, Limits, Node, Squeeze
+
+# Nearer than this to a height the arm counts as standing there.
+LEVEL_MM = 0.05
+# How far the jaws have let go of a part before its sides no longer touch the tips.
+CLEAR_MM = 5.0
+# How long a motion begun before a crash may still take (full stroke at the slowest speed, and some).
+STILL_S = 8.0
+MOST_TURN_RAD = 2.5
+LOOK_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """How the hand is used; what differs from cell to cell and not from table to table.
+
+    Attributes:
+        calibration: counts to widths of this gripper; None for the linear map of the table's gripper.
+        arc: the tips' arc; None where they move straight.
+        regulated: whether squeezes close gently and raise their force after contact.
+        grip_current_ma: motor current at which a regulated squeeze raises its force no further, or None.
+        current: motor currents a gripper at rest may report.
+    """
+
+    calibration: Calibration | None = None
+    arc: TipArc | None = None
+    regulated: bool = False
+    grip_current_ma: int | None = None
+    current: CurrentBand = field(default_factory=CurrentBand)
+
+
+def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
+    """Check that the tips' arc fits between a table's heights.
+
+    Raises:
+        TableError: it does not.
+    """
+    if arc is None:
+        return
+    widest_mm = calibration.widths_um[0] / 1000
+    if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
+        raise TableError(
+            f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
+            "teach the tool frame with the jaws fully open, and check link and offset"
+        )
+    top_mm = limits.squeeze_height_um / 1000 + max(arc.most_mm(0.0, widest_mm), 0.0)
+    retreat_mm = limits.retreat_height_um / 1000
+    if top_mm >= retreat_mm:
+        raise TableError(
+            f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is {retreat_mm:g} mm; "
+            "raise cell.retreat_height_mm and recompile"
+        )
+
+
+class Hand:
+    """Arm and gripper of one cell, within one table's limits.
+
+    Args:
+        gripper: connected.
+        arm: connected.
+        clock: for the wait until a motion of an earlier run is over.
+        limits: heights, speeds and work area.
+        calibration: counts to widths.
+        handling: tips, force regulation, currents.
+
+    Raises:
+        TableError: the limits leave no room for the tips' arc.
+
+    Attributes:
+        arm_known: whether the arm stands where its last acknowledged motion left it.
+    """
+
+    def __init__(
+        self,
+        gripper: Gripper,
+        arm: Arm,
+        clock: Clock,
+        limits: Limits,
+        calibration: Calibration,
+        handling: Handling,
+    ) -> None:
+        self.gripper, self.arm = gripper, arm
+        self.limits = limits
+        self.arm_known = True
+        self._clock = clock
+        self._calibration = calibration
+        self._handling = handling
+        self._open_mm = 0.0
+        check_arc(handling.arc, limits, calibration)
+        self._angle_rad: float | None = None
+
+    def await_stillness(self) -> None:
+        """Wait until a motion that was begun before this run is over.
+
+        Raises:
+            GripperStateError: the fingers do not come to rest, or are not ready.
+        """
+        until = self._clock.now() + STILL_S
+        while self.gripper.state().moving and self._clock.now() < until:
+            self._clock.sleep(LOOK_S)
+        safety.ready_gripper(self.gripper)
+
+    def where(self) -> Pose:
+        """Read where the arm stands."""
+        self.arm_known = False  # until it answers
+        pose = self.arm.pose()
+        self.arm_known = True
+        self._angle_rad = pose[3]
+        return pose
+
+    def retreat(self) -> None:
+        """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
+        safety.ready_gripper(self.gripper)
+        x_mm, y_mm, z_mm, angle_rad = self.where()
+        height_mm = self.limits.retreat_height_um / 1000
+        if z_mm < height_mm - LEVEL_MM:
+            self._move_arm((x_mm, y_mm, height_mm, angle_rad))
+
+    def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+        """Go to a place at the retreat height, turning the nearest way that the wrist can go.
+
+        Raises:
+            MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
+        """
+        low_rad, high_rad = self._turn_range(x_mm, y_mm)
+        turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
+        if not turns:
+            raise MotionRefusedError(
+                f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
+                f"mm, only to {degrees(low_rad):.0f}..{degrees(high_rad):.0f} deg"
+            )
+        self.travel_as_counted(x_mm, y_mm, turns[0])
+
+    def travel_as_counted(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+        """Go to a place at the retreat height, whole turns of the angle counted."""
+        self._go_as_counted((x_mm, y_mm, self.limits.retreat_height_um / 1000, angle_rad))
+
+    def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+        """Come straight down, the tips to the squeeze height."""
+        self._go((x_mm, y_mm, self._low_mm(self._advance_mm(self._open_mm)), angle_rad))
+
+    def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
+        """Come straight down with a part of that width in the fingers."""
+        self._go((x_mm, y_mm, self._low_mm(self._advance_mm(width_mm)), angle_rad))
+
+    def drag(self, x_mm: float, y_mm: float) -> None:
+        """Take what the fingers hold along the table to another place, without turning it."""
+        _, _, z_mm, angle_rad = self.where()
+        # The reading is rounded; what stands at the squeeze height must not be sent below it.
+        self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad))
+
+    @contextmanager
+    def limited(self, limits: Limits) -> Iterator[None]:
+        """Within the context other limits hold: those of a delivery."""
+        before, self.limits = self.limits, limits
+        try:
+            yield
+        finally:
+            self.limits = before
+
+    def width_mm(self, position_counts: int) -> float:
+        """The opening at an encoder count."""
+        return self._calibration.width_um(position_counts) / 1000
+
+    def open(self, squeeze: Squeeze) -> None:
+        """Open the jaws as wide as the squeeze wants them; the collision proof counts on it."""
+        request = strokes.opening_counts(squeeze.opening_um, self._calibration)
+        settled = self._jaws(request, squeeze)
+        check_opened(settled, request, self._calibration)
+        self._open_mm = self.width_mm(settled.position_counts)
+
+    def release(self, squeeze: Squeeze) -> None:
+        """Open the jaws at the part; the tips stay level until they are clear of its sides."""
+        arc = self._handling.arc
+        if arc is not None:
+            held_mm = self.width_mm(self.gripper.state().position_counts)
+            clear_mm = min(held_mm + CLEAR_MM, squeeze.opening_um / 1000)
+            widths = [*arc.stages(clear_mm, held_mm)[-2::-1], clear_mm]
+            for width_mm in widths:
+                self.open(squeeze._replace(opening_um=round(1000 * width_mm)))
+                self._level(arc.advance_mm(self._open_mm))
+        self.open(squeeze)
+
+    def close(self, node: Node) -> Settled:
+        """Close the jaws at a node and give out the reading of the last stroke, which is fresh.
+
+        Raises:
+            GripperStateError: the gripper is not ready, or a reading cannot be trusted.
+        """
+        handling = self._handling
+        regulated = strokes.is_regulated(node.squeeze, wanted=handling.regulated)
+        plan = strokes.closing(node, self._calibration, handling.arc, self._open_mm, regulated=regulated)
+        for stroke in plan[:-1]:
+            self._level(stroke.advance_mm)
+            if not check_passed(self._stroke(stroke), stroke.request_counts, self._calibration):
+                break
+        else:
+            self._level(plan[-1].advance_mm)
+        reading = self._stroke(plan[-1])
+        check_fresh(reading, CLOSED_COUNTS)
+        if regulated and reading.object_flag == CLOSING_CONTACT:
+            reading = self._raise_force(plan[-1], node.squeeze, reading)
+        check_closed(reading, self._calibration, handling.current)
+        return reading
+
+    def _raise_force(self, stroke: Stroke, squeeze: Squeeze, reading: Settled) -> Settled:
+        limit_ma = self._handling.grip_current_ma
+        for force in strokes.raising(squeeze):
+            if limit_ma is not None and reading.current_ma >= limit_ma:
+                break
+            reading = self._stroke(stroke._replace(force_counts=force))
+            check_fresh(reading, CLOSED_COUNTS)
+            if reading.object_flag == ARRIVED:  # it slipped out: the width tells
+                break
+        return reading
+
+    def _jaws(self, position_counts: int, squeeze: Squeeze) -> Settled:
+        speed, force = strokes.speed_counts(squeeze.speed_um_s), strokes.force_counts(squeeze.force_mn)
+        return self._stroke(Stroke(position_counts, speed, force, 0.0))
+
+    def _stroke(self, stroke: Stroke) -> Settled:
+        safety.ready_gripper(self.gripper)
+        self.gripper.move(stroke.request_counts, stroke.speed_counts, stroke.force_counts)
+        return self.gripper.wait()
+
+    def _level(self, advance_mm: float) -> None:
+        """Bring the arm to the height at which tips that advance so far are at the squeeze height."""
+        if self._handling.arc is None:
+            return
+        x_mm, y_mm, z_mm, angle_rad = self.where()
+        height_mm = self._low_mm(advance_mm)
+        if abs(height_mm - z_mm) > LEVEL_MM:
+            self._go((x_mm, y_mm, height_mm, angle_rad))
+
+    def _go(self, target: Pose) -> None:
+        """Go to a place, turning the hand no farther than it takes."""
+        now_rad = self._now_rad()
+        self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
+
+    def _go_as_counted(self, target: Pose) -> None:
+        """Go straight to a place, in several motions where the hand turns by about half a turn or more."""
+        safety.check_target(target, self.limits)
+        motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
+        if motions > 1:
+            start = self.where()
+            for number in range(1, motions):
+                x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
+                safety.ready_gripper(self.gripper)
+                self._move_arm((x, y, z, angle))
+        safety.ready_gripper(self.gripper)
+        self._move_arm(target)
+
+    def _now_rad(self) -> float:
+        """The hand's angle, whole turns counted."""
+        return self.where()[3] if self._angle_rad is None else self._angle_rad
+
+    def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        self.arm_known = False  # until it answers
+        turns = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
+        return turns
+
+    def _move_arm(self, target: Pose) -> None:
+        self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
+        self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
+        safety.check_placed(self.arm, target)
+        self.arm_known, self._angle_rad = True, target[3]
+
+    def _advance_mm(self, width_mm: float) -> float:
+        arc = self._handling.arc
+        return 0.0 if arc is None else arc.advance_mm(width_mm)
+
+    def _low_mm(self, advance_mm: float) -> float:
+        return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)

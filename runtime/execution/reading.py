@@ -1,0 +1,105 @@
+"""The checks that make a reading of the gripper one to act upon: fresh, possible, and of one mind."""
+
+from typing import NamedTuple
+
+from runtime.devices.ports import Settled
+from runtime.errors import GripperStateError
+from runtime.execution.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
+from runtime.table import UNDETECTED_UM, Calibration
+
+CLOSED_COUNTS = 255
+OPENED_COUNTS = 2
+
+
+class CurrentBand(NamedTuple):
+    """Motor currents that a gripper at rest on a part may report, mA.
+
+    The 2F-85 manual's own example of a held object reads 0 mA, so a least one is a matter of calibration;
+    more than 1 A is what the gripper itself calls overcurrent.
+    """
+
+    least_ma: int = 0
+    most_ma: int = 1_000
+
+
+def check_fresh(settled: Settled, requested_counts: int) -> None:
+    """Check that a settled reading belongs to the request.
+
+    Raises:
+        GripperStateError: it belongs to another request, is no encoder count, or is not settled.
+    """
+    if settled.echo_counts != requested_counts:
+        raise GripperStateError(
+            f"stale reading: the gripper answers request {settled.echo_counts}, asked was {requested_counts}"
+        )
+    if not 0 <= settled.position_counts <= CLOSED_COUNTS:
+        raise GripperStateError(f"position {settled.position_counts} is no encoder count")
+    if settled.object_flag not in (OPENING_CONTACT, CLOSING_CONTACT, ARRIVED):
+        raise GripperStateError("the gripper reports a motion as finished and as going on")
+
+
+def check_closed(settled: Settled, calibration: Calibration, band: CurrentBand) -> None:
+    """Check that a settled closing motion's flag and current agree with its width.
+
+    Raises:
+        GripperStateError: the flag tells of nothing where the fingers are apart, or of an opening motion; or
+            the current is none a gripper at rest on a part draws.
+    """
+    width_um = calibration.width_um(settled.position_counts)
+    if settled.object_flag == OPENING_CONTACT:
+        raise GripperStateError("the gripper tells of contact while opening, asked was to close")
+    if settled.object_flag == ARRIVED and width_um > UNDETECTED_UM:
+        raise GripperStateError(
+            f"the gripper reports that it closed on nothing and stands {width_um / 1000:.2f} mm open; "
+            "one of the two is wrong"
+        )
+    least_ma = band.least_ma if settled.object_flag == CLOSING_CONTACT else 0
+    if not least_ma <= settled.current_ma <= band.most_ma:
+        raise GripperStateError(
+            f"the motor draws {settled.current_ma} mA at rest, believed is {least_ma}..{band.most_ma} mA; "
+            "look for a jammed finger, or state the band in the calibration file"
+        )
+
+
+def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
+    """Check that the jaws opened as far as requested; the collision proof of the descent counts on it.
+
+    Raises:
+        GripperStateError: the reading is stale, or the jaws are blocked.
+    """
+    check_fresh(settled, requested_counts)
+    asked_um = calibration.width_um(requested_counts)
+    stopped_um = calibration.width_um(settled.position_counts)
+    if stopped_um < calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS)):
+        raise GripperStateError(
+            f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
+            "remove what blocks them"
+        )
+
+
+def check_passed(settled: Settled, requested_counts: int, calibration: Calibration) -> bool:
+    """Check a closing motion to an intermediate width; whether it got there, or met something before.
+
+    Raises:
+        GripperStateError: the reading is stale, or the flag and the count contradict one another.
+    """
+    check_fresh(settled, requested_counts)
+    if settled.object_flag == CLOSING_CONTACT:
+        return False
+    if settled.object_flag == ARRIVED and abs(settled.position_counts - requested_counts) <= OPENED_COUNTS:
+        return True
+    asked_um, seen_um = (calibration.width_um(n) for n in (requested_counts, settled.position_counts))
+    raise GripperStateError(
+        f"the gripper reports flag {settled.object_flag} at {seen_um / 1000:.2f} mm while closing to "
+        f"{asked_um / 1000:.2f} mm; the two do not fit"
+    )
+
+
+def reading_fields(reading: Settled) -> dict[str, object]:
+    """A settled reading as a journal record holds it."""
+    return {
+        "object_flag": reading.object_flag,
+        "echo_counts": reading.echo_counts,
+        "current_ma": reading.current_ma,
+        "settle_s": round(reading.seconds, 4),
+    }

@@ -1,0 +1,99 @@
+"""The checks before every motion: what the table asks for, the gripper, the target, the place reached."""
+
+from math import hypot, isfinite, remainder, tau
+
+from runtime.devices.ports import Arm, Gripper, GripperState, Pose
+from runtime.errors import GripperStateError, MotionRefusedError, TableError
+from runtime.execution.geometry import MOST_TURNS
+from runtime.execution.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
+from runtime.table import Limits, Table
+
+# Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
+NO_COMMUNICATION = 0x09
+
+# The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
+PLACED_MM = 0.5
+PLACED_RAD = 0.01
+
+
+def check_table(table: Table) -> None:
+    """Check that the gripper can do what the table asks, before anything is connected.
+
+    Raises:
+        TableError: naming the first node whose speed or force lies outside the gripper's range.
+    """
+    for index, node in enumerate(table.nodes):
+        speed, force = node.squeeze.speed_um_s, node.squeeze.force_mn
+        if not SLOWEST_UM_S <= speed <= FASTEST_UM_S:
+            raise TableError(
+                f"node {index} closes at {speed / 1000:g} mm/s; the gripper does "
+                f"{SLOWEST_UM_S / 1000:g}..{FASTEST_UM_S / 1000:g}, change gripper.speed_mm_s and recompile"
+            )
+        if not WEAKEST_MN <= force <= STRONGEST_MN:
+            raise TableError(
+                f"node {index} squeezes with {force / 1000:g} N; the gripper does "
+                f"{WEAKEST_MN / 1000:g}..{STRONGEST_MN / 1000:g}, change gripper.force_n and recompile"
+            )
+
+
+def ready_gripper(gripper: Gripper) -> GripperState:
+    """Read the gripper and check that it may be moved.
+
+    Raises:
+        GripperStateError: not activated, in fault, or still moving.
+    """
+    state = gripper.state()
+    if state.fault not in (0, NO_COMMUNICATION):
+        raise GripperStateError(
+            f"the gripper reports fault 0x{state.fault:02X}; look at its LED, remove the cause, "
+            "then start again with --activate"
+        )
+    if not state.activated:
+        raise GripperStateError(
+            "the gripper is not activated; clear the space between the fingers, "
+            "then start again with --activate"
+        )
+    if state.moving:
+        raise GripperStateError("the gripper moves without having been asked to; who else commands it?")
+    return state
+
+
+def check_target(pose: Pose, limits: Limits) -> None:
+    """Check where the arm is about to be sent.
+
+    Raises:
+        MotionRefusedError: not a number, outside the work area, or at a height nobody planned for.
+    """
+    x_mm, y_mm, z_mm, angle_rad = pose
+    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
+    if not all(isfinite(value) for value in pose):
+        raise MotionRefusedError(f"the arm was to be sent to {pose}, which is no place")
+    if not (x_min <= x_mm <= x_max and y_min <= y_mm <= y_max):
+        raise MotionRefusedError(
+            f"({x_mm:.2f}, {y_mm:.2f}) mm is outside the work area "
+            f"x {x_min:g}..{x_max:g}, y {y_min:g}..{y_max:g} mm"
+        )
+    if not limits.squeeze_height_um / 1000 <= z_mm <= limits.retreat_height_um / 1000:
+        raise MotionRefusedError(
+            f"height {z_mm:.2f} mm is outside {limits.squeeze_height_um / 1000:g} (squeeze) to "
+            f"{limits.retreat_height_um / 1000:g} mm (retreat)"
+        )
+    if abs(angle_rad) > MOST_TURNS * tau:
+        raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than {MOST_TURNS} whole turns")
+
+
+def check_placed(arm: Arm, target: Pose) -> None:
+    """Read the arm and check that it stands where it was sent.
+
+    Raises:
+        MotionRefusedError: it does not, so nothing may be moved next.
+    """
+    x_mm, y_mm, z_mm, angle_rad = arm.pose()
+    off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])
+    off_rad = abs(remainder(angle_rad - target[3], tau))
+    # Written so that a reading that is no number fails too.
+    if not (off_mm <= PLACED_MM and off_rad <= PLACED_RAD):
+        raise MotionRefusedError(
+            f"the arm stands {off_mm:.2f} mm and {off_rad:.3f} rad off the place it was sent to; "
+            "check the controller before the next run"
+        )

@@ -1,0 +1,101 @@
+"""A journal as a table for statistics: one row a squeeze, with its part's end beside it."""
+
+import csv
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from runtime.errors import UsageError
+from runtime.journal.replay import Entry
+from runtime.shell.files import writing
+
+SQUEEZE = {
+    "time": "time",
+    "part": "part",
+    "number": "number",
+    "node": "node",
+    "x_mm": "x_um",
+    "y_mm": "y_um",
+    "angle_rad": "angle_urad",
+    "opening_mm": "opening_um",
+    "position_counts": "position_counts",
+    "width_mm": "width_um",
+    "object_flag": "object_flag",
+    "current_ma": "current_ma",
+    "settle_s": "settle_s",
+    "target": "target",
+    "reject_reason": "reason",
+}
+PART = {
+    "outcome": "outcome",
+    "leaf": "leaf",
+    "exit_code": "exit_code",
+    "audit": "audit",
+    "delivery": "delivery",
+}
+COLUMNS = ("run", "table_sha256", *SQUEEZE, *PART)
+SCALES = {"um": 1e3, "urad": 1e6}
+
+Row = dict[str, object]
+
+
+def rows(entries: Iterable[Entry]) -> Iterator[Row]:
+    """One row for each squeeze of a journal, in order; a part without an end has none beside it."""
+    run, table, part = 0, "", []
+    for entry in entries:
+        kind = entry["kind"]
+        if kind == "squeeze":
+            told = {name: _value(source, entry.get(source)) for name, source in SQUEEZE.items()}
+            part.append({"run": run, "table_sha256": table, **told, **dict.fromkeys(PART)})
+        elif kind in ("header", "part", "outcome"):
+            ended = {name: entry.get(source) for name, source in PART.items()} if kind == "outcome" else {}
+            yield from ({**row, **ended} for row in part)
+            part = []
+        if kind == "header":
+            run, table = run + 1, str(entry["table_sha256"])
+    yield from part
+
+
+def write_csv(found: Iterable[Row], path: Path) -> int:
+    """Write rows as CSV with a header line; returns their number.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        number = 0
+        for row in found:
+            writer.writerow(row)
+            number += 1
+    return number
+
+
+def write_parquet(found: Iterable[Row], path: Path) -> int:
+    """Write rows as Parquet; returns their number.
+
+    Raises:
+        UsageError: pyarrow is not installed.
+        OutputError: the file cannot be written.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise UsageError(
+            "Parquet needs pyarrow, which a cell controller does not have; "
+            "pip install squeezetree[parquet] where you evaluate, or export to .csv"
+        ) from error
+    listed = list(found)
+    columns = {name: [row[name] for row in listed] for name in COLUMNS}
+    try:
+        with writing(path) as draft:
+            parquet.write_table(pyarrow.table(columns), draft)
+    except pyarrow.ArrowException as error:  # where a column holds words and numbers
+        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
+    return len(listed)
+
+
+def _value(source: str, value: object) -> object:
+    scale = SCALES.get(source.rpartition("_")[2])
+    return value / scale if scale is not None and isinstance(value, int) else value

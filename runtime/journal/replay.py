@@ -1,0 +1,186 @@
+"""A journal's decisions derived again, record by record, from its counts and its embedded tables alone.
+
+The fold is one class, `Course` and `decide` are the executor's own; so a resumed run, a replay and an export
+agree on where a part stood, or say where they do not.
+"""
+
+import base64
+from collections.abc import Iterable, Iterator, Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from runtime.execution.decision import Course, Policy, advance, decide
+from runtime.execution.results import EXIT_CODES, Outcome, Step
+from runtime.table import REJECT, Calibration, Table, decision_map, loads
+
+DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
+UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
+
+Entry = Mapping[str, object]
+
+
+class Last(Enum):
+    """What a part's latest record tells of the hand."""
+
+    AWAY = "away"  # it touches nothing
+    PLACED = "placed"  # at the node's place, the squeeze may be under way
+    SQUEEZED = "squeezed"  # the reading is decided, the part may still be held
+
+
+class Finding(NamedTuple):
+    """Something a journal claims and its counts do not justify."""
+
+    seq: int
+    sentence: str
+
+
+class Replay:
+    """The state of the run that a journal's records have told so far.
+
+    Attributes:
+        table: the table of the run.
+        calibration: its counts to widths.
+        policy: its policy.
+        header: its first record.
+        closed: whether its last record was seen.
+        over: whether its last part's outcome was one that ends a run.
+        part: number of the part under way, or None.
+        parts: parts that came to an outcome.
+        steps: the part's squeezes so far.
+        course: where the part stands.
+        last: what the hand was doing.
+        held_at: the node that last squeezed the part and the target it led to, or None; AWAY tells that the
+            fingers have let go there.
+        time: what the latest record is dated with.
+        delivering: whether the part was being carried.
+        decisions: squeezes derived so far, over all runs.
+    """
+
+    def __init__(self) -> None:
+        self.table: Table | None = None
+        self.header: Entry = {}
+        self.policy = Policy()
+        self.closed = True
+        self.over = False
+        self.decisions = 0
+        self.parts = 0
+        self.time = ""
+        self._found: int | None = None  # the leaf whose delivery was begun
+        self._begin(None)
+
+    def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
+        """Go through a journal's records in order and tell what does not follow from those before."""
+        for entry in entries:
+            seq, self.time = int(str(entry["seq"])), str(entry.get("time"))
+            try:
+                yield from (Finding(seq, sentence) for sentence in self._take(entry))
+            except Exception as error:  # a journal is a file, and holds what anybody wrote
+                yield Finding(seq, f"record {entry.get('kind')!r} cannot be followed: {error!r}")
+
+    def _take(self, entry: Entry) -> Iterator[str]:
+        kind = entry["kind"]
+        if kind == "header":
+            self._open(entry)
+        elif kind == "part":
+            self._begin(_integer(entry, "part"))
+        elif kind == "resume":
+            self._resume(entry)
+        elif kind == "placed":
+            yield from self._expect(entry)
+            self._hold(Last.PLACED, (_integer(entry, "node"), None))
+        elif kind == "squeeze":
+            yield from self._squeeze(entry)
+        elif kind == "freed":
+            self.last = Last.AWAY
+        elif kind == "delivery":
+            self.delivering, self._found = entry["begun"] is True, self.course.leaf
+        elif kind == "outcome":
+            yield from self._end(entry)
+        elif kind == "end":
+            self.closed = True
+
+    def _open(self, entry: Entry) -> None:
+        table = loads(base64.b64decode(str(entry["table_base64"]), validate=True))
+        widths = entry.get("widths_um")
+        self.table = table
+        self.calibration = (
+            Calibration(tuple(int(str(width)) for width in widths))
+            if isinstance(widths, list)
+            else Calibration.linear(table.gripper)
+        )
+        self._maps = [decision_map(node, self.calibration) for node in table.nodes]
+        self.policy = Policy.of(str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next")))
+        self.header, self.closed, self.parts, self.over = entry, False, 0, False
+        self._begin(None)
+
+    def _begin(self, part: int | None) -> None:
+        self.part = part
+        self.steps: list[Step] = []
+        self.course = Course()
+        self.delivering = False
+        self._found = None
+        self._hold(Last.AWAY, None)
+
+    def _hold(self, last: Last, held_at: tuple[int, int | None] | None) -> None:
+        self.last, self.held_at = last, held_at
+
+    def _resume(self, entry: Entry) -> None:
+        if entry["how"] == "restart":
+            self.course, self.steps = Course(), []
+
+    def _expect(self, entry: Entry) -> Iterator[str]:
+        if entry.get("part") != self.part:
+            yield f"tells of part {entry.get('part')}, under way is {self.part}"
+        if entry["node"] != self.course.node or self.course.outcome is not None:
+            yield f"is at node {entry['node']}, the path leads to {_sketch(self.course)}"
+
+    def _squeeze(self, entry: Entry) -> Iterator[str]:
+        yield from self._expect(entry)
+        assert self.table is not None
+        index, count = _integer(entry, "node"), _integer(entry, "position_counts")
+        node = self.table.nodes[index]
+        decision = decide(node, self._maps[index], count, _integer(entry, "object_flag"))
+        target = None if decision.branch == REJECT else node.branches[decision.branch].target
+        if entry["target"] != target:
+            yield f"says that count {count} leads to {entry['target']}, the table says {target}"
+        width_um = self.calibration.width_um(count)
+        if entry["width_um"] != width_um:
+            yield f"says that count {count} is {entry['width_um']} um, the calibration says {width_um}"
+        number = _integer(entry, "number")
+        self.steps.append(Step(number, index, node.squeeze, count, width_um, target, decision.reason))
+        self.course = advance(self.course._replace(node=index), target, self.table, self.policy)
+        self._hold(Last.SQUEEZED, (index, target))
+        self.decisions += 1
+
+    def _end(self, entry: Entry) -> Iterator[str]:
+        outcome = DECIDED.get(str(entry["outcome"]))
+        if outcome is None and entry["outcome"] not in UNDECIDED:
+            yield f"has the unknown outcome {entry['outcome']!r}"
+        if outcome is None and entry.get("leaf") not in (None, self._found):
+            yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
+        if outcome is not None:
+            if (outcome, entry.get("leaf")) != (self.course.outcome, self.course.leaf):
+                told = f"{outcome.name}, leaf {entry.get('leaf')}"
+                yield f"reports {told}; the path leads to {_sketch(self.course)}"
+            missed = entry.get("delivery") == "missed"
+            if entry.get("exit_code") != EXIT_CODES[outcome] and not missed:
+                yield f"reports exit code {entry.get('exit_code')}, {outcome.name} has {EXIT_CODES[outcome]}"
+        if self.part is None and outcome is not None:
+            yield f"reports {outcome.name}; no part is under way"
+        # A stop request may come just after a part's own outcome, and tell of that part once more.
+        self.parts += self.part is not None
+        self.over = self.policy.ends_run(Outcome(entry["outcome"]))
+        self._begin(None)
+
+
+def _sketch(course: Course) -> str:
+    if course.outcome is None:
+        return f"node {course.node}"
+    return f"{course.outcome.name}, leaf {course.leaf}"
+
+
+def _integer(entry: Entry, name: str) -> int:
+    value = entry[name]
+    if type(value) is not int:
+        raise ValueError(f"{name} is {value!r}, not an integer")
+    return value

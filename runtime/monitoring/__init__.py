@@ -1,0 +1,1 @@
+"""Who watches a run: console, status, watchdog, live views."""

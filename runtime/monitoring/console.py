@@ -1,0 +1,175 @@
+"""What a run tells its reader: one line a squeeze, one a part, one at the end; or one JSON object a part."""
+
+import json
+import sys
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from runtime.execution.geometry import placement
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.shell.command import say
+from runtime.table import GoalSpec, Pose2, Table, predicted_pose
+
+if TYPE_CHECKING:
+    from runtime.execution.tally import Tally
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where a simulated part really lies, and how far the prediction is off.
+
+    Attributes:
+        true: mm, mm, rad; None in a rehearsal, whose part has no pose.
+        error_mm: distance by the goal's metric; None without a prediction, or where the goal has none.
+        within: whether the prediction meets the goal, None without one.
+        crashes: times open fingers were placed onto this part.
+    """
+
+    true: Pose2 | None
+    error_mm: float | None
+    within: bool | None
+    crashes: int
+
+
+class Console(Protocol):
+    """Told what happens, in order."""
+
+    def note(self, sentence: str) -> None:
+        """Something the reader should know."""
+
+    def step(self, part: int, step: Step) -> None:
+        """One squeeze."""
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """One part's end."""
+
+    def summary(self, tally: "Tally", journal: Path) -> None:
+        """The run's end."""
+
+
+class Lines:
+    """Plain lines for people, on standard output."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+
+    def note(self, sentence: str) -> None:
+        """Print a sentence."""
+        say(sentence)
+
+    def step(self, part: int, step: Step) -> None:
+        """Print pose commanded, width read, node reached."""
+        x_mm, y_mm, angle_rad = placement(step.squeeze)
+        say(
+            f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
+            f"{degrees(angle_rad):.1f} deg; width {step.width_um / 1000:.2f} mm "
+            f"(count {step.position_counts}) -> {_reached(step)}"
+        )
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """Print leaf, predicted pose, success probability, and the true error where it is known."""
+        told = f"part {result.part}: {result.outcome.name}"
+        if result.leaf is not None:
+            leaf = self._table.leaves[result.leaf]
+            success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
+            told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
+        if seen is not None and seen.error_mm is not None:
+            told += f"; true error {seen.error_mm:.2f} mm"
+        told += "".join(f"; {sentence}" for sentence in _sentences(result))
+        say(told)
+
+    def summary(self, tally: "Tally", journal: Path) -> None:
+        """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
+        told = [f"{tally.outcomes[outcome]} {outcome.name}" for outcome in Outcome if tally.outcomes[outcome]]
+        if tally.within is not None:
+            told.append(f"{tally.within} within {_goal(self._table.goal)}")
+        if tally.crashes is not None:
+            told.append(f"{tally.crashes} crashes")
+        told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
+        parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
+        say(f"{parts}: {', '.join(told)}; journal {journal}")
+
+
+class Objects:
+    """One JSON object a part on standard output; sentences go to standard error."""
+
+    def __init__(self, table: Table, journal: Path) -> None:
+        self._table = table
+        self._journal = journal
+
+    def note(self, sentence: str) -> None:
+        """Print a sentence where no parser reads it."""
+        say(sentence, sys.stderr)
+
+    def step(self, part: int, step: Step) -> None:
+        """Nothing: a part's object holds its squeezes."""
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """Print the part's object."""
+        say(json.dumps(as_object(self._table, result, seen, self._journal)))
+
+    def summary(self, tally: "Tally", journal: Path) -> None:
+        """Nothing: the objects say it all."""
+
+
+def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
+    """One part for machines. `audit` is the auditor's verdict, null without one; units are in the names.
+
+    Args:
+        table: for the leaf's pose and success.
+        result: the part's result.
+        seen: where it really lies, None on a real cell.
+        journal: where its record is.
+    """
+    leaf = None if result.leaf is None else table.leaves[result.leaf]
+    return {
+        "part": result.part,
+        "outcome": result.outcome.value,
+        "leaf": result.leaf,
+        "path": [step.node for step in result.steps],
+        "position_counts": [step.position_counts for step in result.steps],
+        "widths_mm": [step.width_um / 1000 for step in result.steps],
+        "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
+        "success_probability": None if leaf is None else leaf.success,
+        "success_trials": None if leaf is None else leaf.trials,
+        "audit": result.audit,
+        "delivery": result.delivery,
+        "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
+        "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
+        "within_goal": None if seen is None else seen.within,
+        "crashes": None if seen is None else seen.crashes,
+        "reason": result.reason,
+        "safe_state": list(result.safe_state),
+        "exit_code": result.exit_code,
+        "journal": str(journal),
+    }
+
+
+def _goal(goal: GoalSpec) -> str:
+    if goal.kind in ("pose", "modes"):
+        return f"{goal.distance_um / 1000:g} mm"
+    x_um, y_um, theta_urad = goal.tolerance
+    turn = f"{degrees(theta_urad / 1e6):g} deg"
+    return turn if goal.kind == "orientation" else f"{x_um / 1000:g} mm, {y_um / 1000:g} mm, {turn}"
+
+
+def _reached(step: Step) -> str:
+    if step.target is None:
+        return f"REJECT, {step.reason}"
+    return f"node {step.target}" if step.target >= 0 else f"leaf {~step.target}"
+
+
+def _sentences(result: PartResult) -> list[str]:
+    told = [] if result.audit is None else [f"audit: {result.audit}"]
+    told += [] if result.delivery is None else [f"delivery: {result.delivery}"]
+    return [*told, *([result.reason] if result.reason else []), *result.safe_state]
+
+
+def _pose(pose: Pose2) -> str:
+    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):.1f} deg"
+
+
+def _pose_object(pose: Pose2) -> dict[str, float]:
+    return {"x_mm": pose[0], "y_mm": pose[1], "theta_rad": pose[2]}

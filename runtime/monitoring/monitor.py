@@ -1,0 +1,111 @@
+"""Who watches a run, told of the same events: console, status socket, live views, service manager."""
+
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
+
+from runtime.execution.phases import Phase
+from runtime.execution.results import PartResult, Step
+from runtime.execution.tally import Tally
+from runtime.monitoring import watchdog
+from runtime.monitoring.console import Console, Sighting
+from runtime.monitoring.status import Status, StatusServer
+from runtime.table import TableFile
+
+if TYPE_CHECKING:
+    from runtime.monitoring.live.terminal import View
+
+
+class Views(NamedTuple):
+    """Where a run is shown besides the console; None for nowhere.
+
+    Attributes:
+        socket: the status, on this Unix socket.
+        http: a page that follows it, at this `HOST:PORT`.
+        terminal: a picture in place of the console's parts and squeezes.
+    """
+
+    socket: Path | None = None
+    http: str | None = None
+    terminal: TextIO | None = None
+
+
+class Monitor:
+    """A console that also keeps the status and the watchdog; the context is the time it can be asked.
+
+    Args:
+        console: told everything.
+        loaded: the table's file, for the status.
+        name: what the table is called.
+        views: where else the run is shown. What each needs is loaded only if it is asked for.
+    """
+
+    def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
+        self._console, self._table, self._name = console, loaded.table, str(name)
+        self._status = Status(self._name, loaded.digest, self._table.predicted.success_ppm)
+        self._views = views or Views()
+        self._view: View | None = None
+        self._stack = ExitStack()
+
+    def ready(self) -> None:
+        """The devices answer, and the run begins."""
+        if self._view is not None:
+            self._console = self._stack.enter_context(self._view)
+        watchdog.notify(watchdog.READY)
+
+    def note(self, sentence: str) -> None:
+        """Something the reader should know."""
+        self._console.note(sentence)
+
+    def phase(self, part: int, phase: Phase, node: int | None) -> None:
+        """A change of phase."""
+        self._status.phase(part, phase, node)
+        watchdog.alive(part, phase, node)
+
+    def step(self, part: int, step: Step) -> None:
+        """One squeeze."""
+        self._status.step(step)
+        self._console.step(part, step)
+
+    def part(self, result: PartResult, seen: Sighting | None) -> None:
+        """One part's end."""
+        self._status.part(result)
+        self._console.part(result, seen)
+
+    def summary(self, tally: Tally, journal: Path) -> None:
+        """The run's end."""
+        self._console.summary(tally, journal)
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opened:
+            if self._views.socket is not None:
+                opened.enter_context(StatusServer(self._views.socket, self._status))
+            if self._views.http is not None:
+                self._serve(self._views.http, opened)
+            if self._views.terminal is not None:
+                # Loaded before the devices are connected, which take a pause for a broken link.
+                from runtime.monitoring.live.terminal import View
+
+                name = Path(self._name).name
+                self._view = View(self._table, name, self._status, self._console, self._views.terminal)
+            self._stack = opened.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        watchdog.notify(watchdog.STOPPING)
+        self._stack.close()
+
+    def _serve(self, text: str, stack: ExitStack) -> None:
+        from runtime.monitoring.live import address, page
+        from runtime.monitoring.live.answers import Answers
+        from runtime.monitoring.live.server import PageServer
+
+        at = address.parse(text)
+        local = address.is_loopback(at.host)
+        answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
+        server = stack.enter_context(PageServer(at, answers))
+        open_to = "" if local else ", for everybody who reaches this machine"
+        self._console.note(f"live page: http://{server.address}/{open_to}")

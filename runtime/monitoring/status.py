@@ -1,0 +1,238 @@
+"""What a run tells while it runs: one snapshot, asked for over a local socket as JSON or as Prometheus text.
+
+```
+$ curl -s --unix-socket cell.sock http://cell/           one JSON object
+$ curl -s --unix-socket cell.sock http://cell/metrics    Prometheus text
+```
+
+A client that says nothing, or no HTTP, gets the JSON object and nothing around it. The socket belongs to the
+process: who watches may come and go, and can change nothing.
+"""
+
+import contextlib
+import json
+import socket
+import threading
+from collections import Counter, deque
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from runtime.errors import UsageError
+from runtime.execution.phases import Phase
+from runtime.execution.results import Outcome, PartResult, Step
+from runtime.table import PPM
+
+ASK_S = 0.25  # how long a client may take to say what it wants
+MAX_ASK_BYTES = 4096
+RECENT = 10
+"""Parts that a snapshot remembers one by one."""
+
+
+class Status:
+    """The snapshot, fed by the loop and read by any thread.
+
+    Args:
+        table: name of the table, for the reader.
+        table_sha256: digest of its bytes.
+        predicted_ppm: share of parts within the goal that its evaluation measured.
+    """
+
+    def __init__(self, table: str, table_sha256: str, predicted_ppm: int) -> None:
+        self._lock = threading.Lock()
+        self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
+        self._phase, self._part, self._node = Phase.IDLE, 0, -1
+        self._squeezes, self._width_um = 0, -1
+        self._outcomes: Counter[Outcome] = Counter()
+        self._audits: Counter[str] = Counter()
+        self._leaves: Counter[int] = Counter()
+        self._steps: list[dict[str, object]] = []
+        self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
+
+    def phase(self, part: int, phase: Phase, node: int | None) -> None:
+        """The loop's watcher."""
+        with self._lock:
+            if part != self._part:
+                self._steps = []
+            self._part, self._phase, self._node = part, phase, -1 if node is None else node
+
+    def step(self, step: Step) -> None:
+        """One squeeze."""
+        with self._lock:
+            self._squeezes += 1
+            self._width_um = step.width_um
+            width_mm = step.width_um / 1000
+            self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
+
+    def part(self, result: PartResult) -> None:
+        """A part's end."""
+        with self._lock:
+            self._outcomes[result.outcome] += 1
+            self._recent.append(result.fields())
+            if result.leaf is not None:
+                self._leaves[result.leaf] += 1
+            if result.audit is not None:
+                self._audits[result.audit] += 1
+
+    def as_object(self) -> dict[str, Any]:
+        """The snapshot for machines.
+
+        `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
+        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest.
+        """
+        with self._lock:
+            return {
+                "table": self._table,
+                "table_sha256": self._sha256,
+                "predicted_success": self._predicted_ppm / PPM,
+                "phase": self._phase.value,
+                "part": self._part,
+                "node": None if self._node < 0 else self._node,
+                "last_width_mm": None if self._width_um < 0 else self._width_um / 1000,
+                "squeezes": self._squeezes,
+                "steps": list(self._steps),
+                "outcomes": {outcome.value: self._outcomes[outcome] for outcome in Outcome},
+                "audits": dict(self._audits),
+                "last_part": self._recent[-1] if self._recent else None,
+                "recent_parts": list(self._recent),
+            }
+
+    def as_metrics(self) -> str:
+        """The snapshot in Prometheus' text format 0.0.4."""
+        with self._lock:
+            blocks = [
+                _metric("squeezes_total", "counter", "Squeezes so far.", {"": self._squeezes}),
+                _metric("part", "gauge", "Number of the part under way.", {"": self._part}),
+                _metric(
+                    "parts_total",
+                    "counter",
+                    "Parts by outcome.",
+                    {f'outcome="{outcome.value}"': self._outcomes[outcome] for outcome in Outcome},
+                ),
+                _metric(
+                    "phase",
+                    "gauge",
+                    "1 for what the cell is doing.",
+                    {f'phase="{phase.value}"': int(phase is self._phase) for phase in Phase},
+                ),
+                _metric(
+                    "leaves_total",
+                    "counter",
+                    "Parts by the leaf they ended at.",
+                    {f'leaf="{leaf}"': count for leaf, count in sorted(self._leaves.items())},
+                ),
+                _metric(
+                    "audits_total",
+                    "counter",
+                    "Parts by the auditor's verdict.",
+                    {f'verdict="{verdict}"': count for verdict, count in sorted(self._audits.items())},
+                ),
+                _metric(
+                    "predicted_success_ratio",
+                    "gauge",
+                    "Share within the goal that the table promises.",
+                    {"": self._predicted_ppm / PPM},
+                ),
+            ]
+        return "".join(blocks)
+
+
+class StatusServer:
+    """Answers for a status on a Unix socket, in a thread of its own; leaving the context ends it.
+
+    Args:
+        path: the socket's path; one that nobody listens at any more is replaced.
+        status: what is told.
+
+    Raises:
+        UsageError: the socket cannot be made there, or somebody else listens.
+    """
+
+    def __init__(self, path: Path, status: Status) -> None:
+        self._path, self._status = path, status
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+        try:
+            _bind(self._socket, path)
+        except OSError as error:
+            self._socket.close()
+            raise UsageError(f"--status {path}: {error.strerror or error}; name another path") from error
+        self._socket.listen(8)
+        self._thread = threading.Thread(target=self._serve, name="status", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop answering and remove the socket."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+        self._thread.join()
+        if self._path.is_socket():  # what somebody else put there stays
+            self._path.unlink()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                client, _ = self._socket.accept()
+            except OSError:  # closed
+                return
+            with contextlib.suppress(OSError), client:
+                client.settimeout(ASK_S)
+                client.sendall(self._answer(_asked(client)))
+
+    def _answer(self, asked: bytes) -> bytes:
+        words = asked.split()
+        plain = json.dumps(self._status.as_object()).encode() + b"\n"
+        if len(words) < 2 or words[0] not in (b"GET", b"HEAD"):
+            return plain
+        if words[1].startswith(b"/metrics"):
+            return _http("text/plain; version=0.0.4", self._status.as_metrics().encode())
+        return _http("application/json", plain)
+
+
+def _asked(client: socket.socket) -> bytes:
+    """What a client says before its first empty line, its end, or the end of our patience."""
+    asked = b""
+    with contextlib.suppress(TimeoutError):
+        while b"\r\n\r\n" not in asked and len(asked) < MAX_ASK_BYTES:
+            piece = client.recv(1024)
+            if not piece:
+                break
+            asked += piece
+    return asked
+
+
+def _bind(server: socket.socket, path: Path) -> None:
+    try:
+        server.bind(str(path))
+    except OSError:
+        if not path.is_socket() or _is_answered(path):
+            raise
+        path.unlink()  # left behind by a process that was killed
+        server.bind(str(path))
+
+
+def _is_answered(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        return probe.connect_ex(str(path)) == 0
+
+
+def _http(kind: str, body: bytes) -> bytes:
+    head = f"HTTP/1.0 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n\r\n"
+    return head.encode() + body
+
+
+def _metric(name: str, kind: str, told: str, values: dict[str, float]) -> str:
+    name = f"squeezetree_{name}"
+    lines = [f"# HELP {name} {told}", f"# TYPE {name} {kind}"]
+    lines += [
+        f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}" for labels, value in values.items()
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,178 @@
+"""Control charts: each sees one part after the other and says when the cell is no longer what it was.
+
+Limits are set for the whole shift: together the charts raise less than one false alarm in ten thousand parts.
+After an alarm a chart begins anew, so that a fault that stays is told again and one that was mended is not.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import log, sqrt
+
+from runtime.spc.distributions import binomial_tail, chi_square_tail
+
+WINDOW = 50  # parts that shares are taken over
+WINDOWS = (50, 200)  # parts that frequencies are taken over: a large change shows soon, a small one at last
+RARE = 1e-5  # probability below which what a window shows is no chance
+UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
+LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
+CLIP = 3.0  # standard deviations: one part that flew away is a failure, not a drift
+
+
+@dataclass(slots=True)
+class Cusum:
+    """Page's cumulative sums of a standardised deviation, both ways (Biometrika 41, 1954).
+
+    Each deviation counts by its likelihood under a shift against none, so that what scatters widely, or is
+    shifted by little of its scatter, weighs little.
+
+    Attributes:
+        shift: to be found, in the unit of the deviations.
+        limit: log-likelihood ratio at which it alarms.
+        up: sum for a shift upwards.
+        down: sum for a shift downwards.
+    """
+
+    shift: float
+    limit: float = 12.0
+    up: float = 0.0
+    down: float = 0.0
+
+    def add(self, deviation: float, sigma: float) -> bool:
+        """Take one deviation and its standard deviation in; whether this is an alarm."""
+        clipped = min(max(deviation, -CLIP * sigma), CLIP * sigma)
+        weight = self.shift / (sigma * sigma)
+        self.up = max(0.0, self.up + weight * (clipped - 0.5 * self.shift))
+        self.down = max(0.0, self.down + weight * (-clipped - 0.5 * self.shift))
+        if max(self.up, self.down) < self.limit:
+            return False
+        self.up = self.down = 0.0
+        return True
+
+
+@dataclass(slots=True)
+class Ewma:
+    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959).
+
+    Attributes:
+        weight: of the newest value.
+        width: of the limits, standard deviations of the mean.
+        mean: now.
+    """
+
+    weight: float = 0.1
+    width: float = 5.0
+    mean: float = 0.0
+
+    @property
+    def limit(self) -> float:
+        """Greatest mean that is not an alarm."""
+        return self.width * sqrt(self.weight / (2.0 - self.weight))
+
+    def add(self, value: float) -> bool:
+        """Take one value in; whether this is an alarm."""
+        clipped = min(max(value, -CLIP), CLIP)
+        self.mean += self.weight * (clipped - self.mean)
+        if abs(self.mean) < self.limit:
+            return False
+        self.mean = 0.0
+        return True
+
+
+@dataclass(slots=True)
+class Share:
+    """How many of the last parts had something, against the share that was predicted.
+
+    Attributes:
+        expected: predicted share.
+        recent: the last `WINDOW` parts.
+    """
+
+    expected: float
+    recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
+
+    def add(self, had: bool) -> bool:
+        """Take one part in; whether this is an alarm."""
+        self.recent.append(had)
+        if not had or binomial_tail(sum(self.recent), len(self.recent), self.expected) > RARE:
+            return False
+        self.recent.clear()
+        return True
+
+
+@dataclass(slots=True)
+class Frequencies:
+    """Which branches the last parts took, against the shares that the table predicts.
+
+    Attributes:
+        shares: predicted shares of each node's branches.
+        window: number of parts.
+        recent: the last parts' (node, branch) pairs.
+    """
+
+    shares: Sequence[Sequence[float]]
+    window: int = WINDOW
+    recent: deque[tuple[tuple[int, int], ...]] = field(default_factory=deque)
+
+    def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
+        """Take one part in; whether this is an alarm."""
+        self.recent.append(taken)
+        if len(self.recent) > self.window:
+            self.recent.popleft()
+        if len(self.recent) < self.window // 2 or self.fit()[2] > UNLIKELY:
+            return False
+        self.recent.clear()
+        return True
+
+    def fit(self) -> tuple[float, int, float]:
+        """Likelihood ratio of the window over all nodes, its degrees of freedom, and its tail probability."""
+        counts = [[0] * len(shares) for shares in self.shares]
+        for part in self.recent:
+            for node, branch in part:
+                counts[node][branch] += 1
+        pairs = [likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)]
+        statistic, freedom = sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs)
+        return statistic, freedom, chi_square_tail(statistic, freedom)
+
+
+def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
+    """Pearson's statistic and its degrees of freedom; cells of little expectation are taken together.
+
+    Args:
+        counts: of each branch.
+        shares: predicted, need not add up to one.
+    """
+    filled = cells(counts, shares)
+    return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(len(filled) - 1, 0)
+
+
+def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
+    """Twice the logarithm of the likelihood ratio (the G statistic), chi-square distributed as Pearson's is.
+
+    In short windows it sees a branch that is no longer taken far sooner.
+    """
+    filled = cells(counts, shares)
+    gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
+    return max(gain, 0.0), max(len(filled) - 1, 0)
+
+
+def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
+    """Seen and expected counts, those of little expectation taken together."""
+    total, whole = sum(counts), sum(shares)
+    if total == 0 or whole <= 0.0:
+        return []
+    filled: list[tuple[float, float]] = []
+    rest_seen, rest_expected = 0.0, 0.0
+    for seen, share in zip(map(float, counts), shares, strict=True):
+        expected = total * share / whole
+        if expected >= LEAST_EXPECTED:
+            filled.append((seen, expected))
+        else:
+            rest_seen, rest_expected = rest_seen + seen, rest_expected + expected
+    if rest_expected >= LEAST_EXPECTED or not filled:
+        filled.append((rest_seen, rest_expected))
+    elif rest_expected > 0.0:
+        # What is expected hardly ever joins the smallest cell: its own ratio would be all chance.
+        smallest = min(range(len(filled)), key=lambda k: filled[k][1])
+        filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
+    return filled

@@ -1,0 +1,106 @@
+"""`grasp-audit report`: what the journals of many parts say about the cell."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from runtime.shell.command import Parser, run
+from runtime.shell.files import usable, writing
+from runtime.spc import expectation, export
+from runtime.spc.expectation import Expectation
+from runtime.spc.history import History, read
+from runtime.spc.page import page
+from runtime.spc.series import all_series
+from runtime.spc.summary import Summary, summarise
+
+EPILOG = """\
+example:
+  grasp-audit report runs/*.jsonl -o report.html --export parts.csv
+  plan-expect T.msgpack -o expected.json && grasp-audit report runs/*.jsonl --expected expected.json
+
+exit codes:
+  0  all charts are in control        2  usage, or journals of different tables
+  13 at least one chart alarms        24 a journal cannot be read, or does not verify
+  30 the table in a journal is refused   130 interrupted (Ctrl-C)
+"""
+ALARMED = 13
+
+
+def parser() -> Parser:
+    """The command line."""
+    built = Parser(
+        prog="grasp-audit report",
+        description="Success, residuals and control charts, from journals alone.",
+        epilog=EPILOG,
+    )
+    add = built.add_argument
+    add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
+    add("-o", "--output", type=Path, metavar="F.html", help="the page")
+    add("--expected", type=Path, metavar="F", help="from plan-expect: tells a change of friction early")
+    add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
+    built.add_common()
+    return built
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    return run(parser(), arguments, report)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Read, judge, write, and print the figures.
+
+    Returns:
+        0, or 13 where a chart alarms.
+
+    Raises:
+        CellError: a file cannot be used.
+    """
+    inputs = (*options.journals, options.expected)
+    for output, other in ((options.output, None), (options.export, options.output)):
+        if output is not None:
+            usable(output, *inputs, other)
+    history = read(options.journals)
+    expected = None if options.expected is None else expectation.load(options.expected)
+    summary = summarise(history, expected)
+    write(options, history, summary, expected)
+    print(json.dumps(summary.fields()) if options.json else "\n".join(lines(summary)))
+    return ALARMED if summary.alarms else 0
+
+
+def write(
+    options: argparse.Namespace, history: History, summary: Summary, expected: Expectation | None
+) -> None:
+    """Write the files that were asked for.
+
+    Raises:
+        UsageError: one has a name of no format that is known.
+        OutputError: one cannot be written.
+    """
+    if options.export is not None:
+        alarms: dict[int, list[str]] = {}
+        for alarm in summary.alarms:
+            alarms.setdefault(alarm.place, []).append(alarm.chart)
+        export.write(export.rows(history.parts, alarms), options.export)
+    if options.output is not None:
+        first = history.parts[0].time[:10]
+        title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"
+        with writing(options.output) as draft:
+            draft.write_text(page(title, summary, all_series(history, expected)), encoding="utf-8")
+
+
+def lines(summary: Summary) -> list[str]:
+    """The figures in words."""
+    told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
+    if summary.verdicts:
+        told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))
+    if summary.judged:
+        low, high = summary.interval
+        told.append(
+            f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
+            f"predicted {summary.predicted:.4f}"
+        )
+    told.append(f"branches  p = {summary.tail:.3g} against the table")
+    told += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
+    return told if summary.alarms else [*told, "charts    in control"]

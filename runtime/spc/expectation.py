@@ -1,0 +1,143 @@
+"""What `plan-expect` says the encoder should read, and how much likelier readings are in another world.
+
+Each part has a likelihood ratio: how much likelier its readings are at another friction than as planned.
+Their products, begun anew at every part and added up (Shiryaev 1963, Roberts 1966), are the chart. On a
+healthy cell its mean grows by one a part at most, so that to a false alarm there are, in the mean, at least
+as many parts as the limit says (Pollak, Annals of Statistics 15, 1987). That holds as far as the shares do:
+they are counted in trials, and take a reading to depend on those before it through its node alone.
+"""
+
+from dataclasses import dataclass, field
+from math import exp, log
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.shell import strict_json
+from runtime.spc.history import History, Part, Squeezed
+from runtime.table import Table
+
+KIND, VERSION = "expected readings", 1
+COUNTS = 256
+PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
+LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
+CLIP = log(200.0)  # of one part: a single strange one is no drift
+
+Shares = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """Shares of readings.
+
+    Attributes:
+        table_sha256: of the table they are of.
+        names: of the worlds, the planned one first.
+        shares: for each world, (nodes, 256), none of them zero.
+    """
+
+    table_sha256: str
+    names: tuple[str, ...]
+    shares: tuple[Shares, ...]
+
+    def check(self, history: History) -> None:
+        """Check that this is of the table of a history.
+
+        Raises:
+            UsageError: it is not.
+        """
+        nodes = len(history.table.nodes)
+        if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
+            raise UsageError(
+                "--expected is of another table than the journals; make it with plan-expect from theirs"
+            )
+
+    def gains(self, table: Table, part: Part) -> list[float]:
+        """For each other world the logarithm of a part's likelihood ratio, `CLIP` at most."""
+        places = [(squeeze.node, bin_of(table, squeeze)) for squeeze in part.squeezes]
+        planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
+        # A ratio that is cut off above has a mean of one or less, as the whole one has.
+        return [min(other - planned, CLIP) for other in others]
+
+
+@dataclass(slots=True)
+class Likelihood:
+    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics.
+
+    Attributes:
+        expected: the shares.
+        sums: the statistic of each other world.
+    """
+
+    expected: Expectation
+    sums: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Begin with nothing seen."""
+        self.sums = [0.0] * (len(self.expected.names) - 1)
+
+    @property
+    def value(self) -> float:
+        """The chart's value; an alarm from `LIMIT` on."""
+        return sum(self.sums) / len(self.sums)
+
+    def add(self, table: Table, part: Part) -> str | None:
+        """Take one part in.
+
+        Returns:
+            The name of the likeliest other world where this is an alarm, else None.
+        """
+        gains = self.expected.gains(table, part)
+        self.sums = [(1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)]
+        if self.value < LIMIT:
+            return None
+        likeliest = max(range(len(self.sums)), key=lambda k: self.sums[k])
+        self.sums = [0.0] * len(self.sums)
+        return self.expected.names[1 + likeliest]
+
+
+def bin_of(table: Table, squeeze: Squeezed) -> int:
+    """The count of a linear encoder that a width falls to, whatever the gripper's own calibration."""
+    gripper = table.gripper
+    steps = squeeze.width_um * (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    return min(max(round(gripper.count_closed - steps), 0), COUNTS - 1)
+
+
+def load(path: Path) -> Expectation:
+    """Read what `plan-expect` wrote.
+
+    Raises:
+        UsageError: it cannot be read, or is something else.
+    """
+    try:
+        told = strict_json.parse(path.read_bytes())
+    except OSError as error:
+        raise UsageError(f"--expected {path}: {error.strerror}; make it with plan-expect") from error
+    except ValueError as error:
+        raise UsageError(f"--expected {path}: is {error}; make it with plan-expect") from error
+    try:
+        return _checked(told)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise UsageError(
+            f"--expected {path}: does not hold {KIND} of version {VERSION}; make it with plan-expect"
+        ) from error
+
+
+def _checked(told: dict[str, Any]) -> Expectation:
+    worlds = told["worlds"]
+    names = tuple(str(world["name"]) for world in worlds)
+    shares = tuple(tuple(_shares(node) for node in world["readings"]) for world in worlds)
+    alike = len(names) > 1 and len({len(nodes) for nodes in shares}) == 1
+    if (told["kind"], told["version"]) != (KIND, VERSION) or not alike:
+        raise ValueError(told["kind"])
+    return Expectation(str(told["table_sha256"]), names, shares)
+
+
+def _shares(node: dict[str, int]) -> tuple[float, ...]:
+    filled = [0.0] * COUNTS
+    for count, times in node.items():
+        if not (0 <= int(count) < COUNTS and times >= 0):
+            raise ValueError(count)
+        filled[int(count)] = float(times)
+    total = sum(filled) + PRIOR
+    return tuple((times + PRIOR / COUNTS) / total for times in filled)

@@ -1,0 +1,194 @@
+"""All charts over a history: what each of them shows, and where it alarms."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
+from typing import NamedTuple
+
+from runtime.spc.charts import WINDOWS, Cusum, Ewma, Frequencies, Share
+from runtime.spc.distributions import wilson
+from runtime.spc.expectation import Expectation, Likelihood
+from runtime.spc.history import History, Part, Squeezed
+from runtime.table import PPM, Branch, Leaf, Table
+
+WIDTH_SHIFT_UM = 700.0  # worn fingers, a slipped encoder: two counts
+LEAST_WIDTH_SIGMA_UM = 150.0
+FLOOR_SHARE = 1.0 / 12.0  # of the goal: residuals are not standardised by less
+LEAST_SHARE = 2e-3  # of failures: no prediction is trusted to be better than this
+NEAR_UM = 3000  # a rejected width counts for the branch it is this near to
+COORDINATES = ("x", "y", "theta")
+
+
+class Alarm(NamedTuple):
+    """A chart out of control.
+
+    Attributes:
+        place: of the part in the history.
+        number: of the part in its run.
+        chart: which.
+        sentence: what it means, and what to look at.
+    """
+
+    place: int
+    number: int
+    chart: str
+    sentence: str
+
+
+MOVED = "look whether camera, table or arm have moved"
+MEANING = {
+    "widths": "widths have shifted: look for worn or loose fingers, and calibrate the gripper",
+    "branches": "parts take other branches than predicted: look for another lot, friction, a moved feeder",
+    "readings": "readings are those of {}, not as planned: look for oil, dust, worn pads, another lot "
+    "(where widths have shifted too, first for that)",
+    "failures": "more parts fail the audit than predicted: stop, and look at the overlays",
+    "rejects": "more parts are rejected than predicted: look for wrong parts, other friction, shifted widths",
+    "residual x": f"measured poses have shifted in x: {MOVED}",
+    "residual y": f"measured poses have shifted in y: {MOVED}",
+    "residual theta": f"measured angles have shifted: {MOVED}",
+}
+
+
+@dataclass(slots=True)
+class Monitor:
+    """The charts of one table; sees one part after the other.
+
+    `readings` is there only where it is known what to expect of them.
+    """
+
+    table: Table
+    widths: Cusum
+    branches: tuple[Frequencies, ...]
+    failures: Share
+    rejects: Share
+    residuals: tuple[Ewma, Ewma, Ewma]
+    readings: Likelihood | None = None
+
+    @classmethod
+    def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
+        """Charts that have seen nothing yet."""
+        predicted = table.predicted
+        _, failed = wilson(round((PPM - predicted.success_ppm) / PPM * predicted.trials), predicted.trials)
+        _, rejected = wilson(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
+        shares = branch_shares(table)
+        return cls(
+            table,
+            Cusum(WIDTH_SHIFT_UM),
+            tuple(Frequencies(shares, window) for window in WINDOWS),
+            Share(max(failed, LEAST_SHARE)),
+            Share(max(rejected, LEAST_SHARE)),
+            (Ewma(), Ewma(), Ewma()),
+            None if expected is None else Likelihood(expected),
+        )
+
+    def add(self, part: Part) -> list[tuple[str, str]]:
+        """Take one part in; the charts that alarm, each with its sentence."""
+        found = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
+        if self.readings is not None and (world := self.readings.add(self.table, part)) is not None:
+            found.append(("readings", MEANING["readings"].format(world)))
+        return found
+
+    def _alarmed(self, part: Part) -> list[str]:
+        found = []
+        shifted = [self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]
+        if any(shifted):
+            found.append("widths")
+        taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
+        strange = [chart.add(taken) for chart in self.branches]
+        if any(strange):
+            found.append("branches")
+        if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
+            found.append("failures")
+        if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(part.outcome == "reject"):
+            found.append("rejects")
+        for name, chart, value in zip(
+            COORDINATES, self.residuals, standardised(self.table, part), strict=False
+        ):
+            if chart.add(value):
+                found.append(f"residual {name}")
+        return found
+
+
+def watch(history: History, expected: Expectation | None = None) -> Iterator[Alarm]:
+    """All alarms of a history, in order; of the readings too where it is known what to expect of them.
+
+    Raises:
+        UsageError: the expectation is of another table.
+    """
+    if expected is not None:
+        expected.check(history)
+    monitor = Monitor.of(history.table, expected)
+    for index, part in enumerate(history.parts):
+        for chart, sentence in monitor.add(part):
+            yield Alarm(index, part.number, chart, sentence)
+
+
+def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
+    """How far a width is from what its branch expects, and its standard deviation there, um.
+
+    A rejected width is held against the nearest branch; one that is near none says nothing of a shift.
+    """
+    branches = table.nodes[squeeze.node].branches
+    if squeeze.branch is None:
+        nearest = min(branches, key=lambda b: abs(b.expected_um - squeeze.width_um))
+        if not nearest.low_um - NEAR_UM <= squeeze.width_um <= nearest.high_um + NEAR_UM:
+            return 0.0, inf
+    else:
+        nearest = branches[squeeze.branch]
+    # An interval spans all widths that planning has seen: nothing in it scatters more than an even spread.
+    spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
+    return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)
+
+
+def standardised(table: Table, part: Part) -> tuple[float, ...]:
+    """A part's residual in units of what its leaf predicts; empty where it was not measured."""
+    if part.residual is None or part.leaf is None:
+        return ()
+    return tuple(r / s for r, s in zip(part.residual, sigmas(table, table.leaves[part.leaf]), strict=True))
+
+
+def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
+    """Standard deviations of a leaf's pose, mm, mm, rad, none below a share of the goal."""
+    xx, _, yy, _, _, tt = leaf.covariance
+    floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
+    floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
+    return (
+        max(0.1 * sqrt(max(xx, 0)), floor_mm),
+        max(0.1 * sqrt(max(yy, 0)), floor_mm),
+        max(0.01 * sqrt(max(tt, 0)), floor_rad),
+    )
+
+
+def branch_shares(table: Table) -> list[list[float]]:
+    """Predicted shares of each node's branches, none of them zero.
+
+    From the trials of the table's evaluation where its leaves tell of them, for they are many more than the
+    poses of the beliefs that the tree was grown with; from these where a node has met none of the trials.
+    """
+    reached = [0] * len(table.nodes)
+
+    def trials(target: int) -> int:
+        return reached[target] if target >= 0 else table.leaves[~target].trials
+
+    for index in reversed(range(len(table.nodes))):  # children come after their parents
+        reached[index] = sum(trials(branch.target) for branch in table.nodes[index].branches)
+    return [
+        _shares(node.branches, [trials(branch.target) for branch in node.branches]) for node in table.nodes
+    ]
+
+
+def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
+    if not any(trials):
+        return [branch.probability_ppm / PPM for branch in branches]
+    # Half a trial more (Jeffreys): a branch that no trial took is rare, not impossible.
+    total = sum(trials) + 0.5 * len(trials)
+    return [(taken + 0.5) / total for taken in trials]
+
+
+def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
+    """How often each branch of each node was taken; the last count of a node is of its rejects."""
+    counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
+    for part in parts:
+        for squeeze in part.squeezes:
+            counts[squeeze.node][-1 if squeeze.branch is None else squeeze.branch] += 1
+    return counts
