@@ -1,10 +1,6 @@
-"""Lets every test import the shared problem libraries in this folder by name."""
+"""What every test needs of its process."""
 
 import signal
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 # A shell without job control ignores Ctrl-C in what it starts with `&`, and processes hand that down; the
 # tests send Ctrl-C to the commands they start.

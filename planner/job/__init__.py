@@ -1,1 +1,1 @@
-"""The job: everything that a plan depends on. Its file, its fields and checks, and copies with values replaced."""
+"""The job: what a plan depends on. Its file, fields and checks, and copies with values replaced."""

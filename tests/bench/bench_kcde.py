@@ -26,7 +26,7 @@ import scipy
 from scipy.spatial import cKDTree
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 

@@ -10,12 +10,16 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-PACKAGES = PYPROJECT["tool"]["setuptools"]["packages"]
+PACKAGES = sorted(
+    ".".join(module.parent.relative_to(ROOT).parts)
+    for top in ("planner", "runtime", "drivers")
+    for module in (ROOT / top).rglob("__init__.py")
+)
 COMMANDS = PYPROJECT["project"]["scripts"]
 TOP_LEVEL = {"planner", "runtime", "drivers", "trees", "tests", "tools", ".ci"}
 TEST_KINDS = {
     *("unit", "property", "reference", "protocol", "contract"),
-    *("golden", "integration", "hardware", "bench"),
+    *("golden", "integration", "hardware", "bench", "support"),
 }
 HEADINGS = ["Status", "Context", "Decision", "Consequences"]
 
@@ -35,13 +39,21 @@ def test_tests_are_sorted_by_kind() -> None:
     assert folders(ROOT / "tests") <= TEST_KINDS
 
 
-def test_pyproject_lists_every_package_on_disk() -> None:
+def test_every_folder_of_modules_is_a_package_that_is_installed() -> None:
     on_disk = {
         ".".join(module.parent.relative_to(ROOT).parts)
         for top in ("planner", "runtime", "drivers")
         for module in (ROOT / top).rglob("*.py")
     }
-    assert sorted(PACKAGES) == sorted(on_disk)
+    assert sorted(on_disk) == PACKAGES
+    included = PYPROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
+    assert all(any(fnmatch(package, pattern) for pattern in included) for package in PACKAGES)
+
+
+def test_unit_tests_mirror_the_packages() -> None:
+    unit = ROOT / "tests" / "unit"
+    mirrored = {".".join(test.parent.relative_to(unit).parts) for test in unit.rglob("test_*.py")}
+    assert mirrored - {""} <= set(PACKAGES)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -56,7 +68,7 @@ def test_package_exports_only_names_that_exist(package: str) -> None:
 def test_packages_are_marked_as_typed() -> None:
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
     missing = [
-        f"{top}/{name}" for top, names in data.items() for name in names if not (ROOT / top / name).is_file()
+        f"{top}/{name}" for top, names in data.items() for name in names if not list((ROOT / top).glob(name))
     ]
     assert missing == []
 

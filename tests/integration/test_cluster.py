@@ -22,7 +22,7 @@ from planner.work.scheduler import Cluster, Threads, scheduler_of
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {
-    "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")]),
+    "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests" / "support")]),
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
 ITEMS = 60

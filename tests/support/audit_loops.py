@@ -1,0 +1,141 @@
+"""Whole runs with an audit: `grasp-runtime --port sim --audit`, a rendered camera, and what they come to."""
+
+import json
+import math
+import shlex
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from runtime.journal.chain import records
+from runtime.table import Table
+
+ROOT = Path(__file__).parents[2]
+# By how many mm the poses of leaf k, k + 8, ... are off: right, wrong, and close to a threshold of 3 mm.
+OFF_MM = (0.0, 3.03, 0.0, 2.85, 3.12, 3.2, 5.0, 4.0)
+
+
+class Judged(NamedTuple):
+    """One part at a leaf.
+
+    Attributes:
+        answer: the audit's record in the journal.
+        error_mm: where the world says the part is, against the leaf.
+        within: whether that meets the goal.
+    """
+
+    answer: dict[str, Any]
+    error_mm: float
+    within: bool
+
+
+def mixed(table: Table) -> Table:
+    """The table with some leaves as they are, and some deliberately wrong."""
+    leaves = []
+    for number, leaf in enumerate(table.leaves):
+        off_um, bearing = 1e3 * OFF_MM[number % len(OFF_MM)], 2.4 * number
+        x_um = leaf.x_um + round(off_um * math.cos(bearing))
+        leaves.append(leaf._replace(x_um=x_um, y_um=leaf.y_um + round(off_um * math.sin(bearing))))
+    return replace(table, leaves=tuple(leaves))
+
+
+def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: float) -> list[str]:
+    """The command; `folder` holds camera.json and tag.json, and gets the journal."""
+    audit = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(tree)]
+    audit += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
+    audit += ["--deadline", "9.5"]
+    words = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
+    words += ["--world", "planner.world:make", "--count", str(count), "--seed", str(seed)]
+    words += ["--time-scale", str(time_scale), "--journal", str(folder / "journal.jsonl")]
+    return [*words, "--audit", f"{shlex.join(audit)} --camera {{camera}}"]
+
+
+class Loop(NamedTuple):
+    """What came of so many parts.
+
+    Attributes:
+        parts: that were judged.
+        outcomes: of all parts.
+        faults: reasons of those that ended in one.
+    """
+
+    parts: list[Judged]
+    outcomes: Counter[str]
+    faults: list[str]
+
+
+def loop(tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20) -> Loop:
+    """Run so many parts to a leaf. After a fault another run goes on, with the next seed.
+
+    At many times life's speed a busy machine makes the deadlines of gripper and arm fail; that is not the
+    audit's, so faults are told, not judged.
+    """
+    found = Loop([], Counter(), [])
+    for number in range(runs):
+        if (left := parts - len(found.parts)) <= 0:
+            break
+        words = command(tree, folder, count=left, seed=seed + number, time_scale=time_scale)
+        before = len(of_runs(folder / "journal.jsonl"))
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+        runs_now = of_runs(folder / "journal.jsonl")[before:]
+        if not runs_now:  # the cell did not come up
+            found.faults.append(done.stderr.strip().rpartition("\n")[2])
+            continue
+        more, ended = judged(done.stdout, runs_now[0])
+        found.parts.extend(more)
+        found.outcomes.update(part["outcome"] for part in ended)
+        found.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
+    return found
+
+
+def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
+    """The records of each run in a journal; none where there is no journal yet."""
+    runs: list[list[dict[str, Any]]] = []
+    for record in records(journal) if journal.exists() else ():
+        if record["kind"] == "header":
+            runs.append([])
+        runs[-1].append(dict(record))
+    return runs
+
+
+def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dict[str, Any]]]:
+    """The parts of one run that were judged, and all of them as `--json` tells them.
+
+    Args:
+        said: the run's standard output.
+        run: its records.
+    """
+    told = {part["part"]: part for part in map(json.loads, said.splitlines())}
+    asked = [(record, told[record["part"]]) for record in run if record["kind"] == "audit"]
+    return [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked], list(
+        told.values()
+    )
+
+
+def agreement(parts: list[Judged]) -> dict[str, Any]:
+    """How well the audit's verdicts agree with the world.
+
+    `false_passes` are parts beyond the goal that passed; `beyond_the_budget` those whose measured distance is
+    farther from the truth than the error that the audit gave.
+    """
+    given = [part for part in parts if part.answer["verdict"] != "unknown"]
+    measured = [part for part in parts if "distance" in part.answer]
+    off = [abs(part.answer["distance"] - part.error_mm) / part.answer["error"] for part in measured]
+    unknown = [
+        part.answer["reason"].partition(":")[0] for part in parts if part.answer["verdict"] == "unknown"
+    ]
+    agree = [(part.answer["verdict"] == "pass") == part.within for part in given]
+    return {
+        "at_leaves": len(parts),
+        "verdicts": dict(Counter(part.answer["verdict"] for part in parts)),
+        "unknown_because": dict(Counter(unknown)),
+        "truly_within": sum(part.within for part in parts),
+        "agreement": sum(agree) / len(agree) if agree else None,
+        "false_passes": sum(part.answer["verdict"] == "pass" and not part.within for part in given),
+        "false_fails": sum(part.answer["verdict"] == "fail" and part.within for part in given),
+        "beyond_the_budget": sum(share > 1.0 for share in off),
+        "largest_error_in_units_of_the_budget": max(off, default=None),
+    }

@@ -1,0 +1,75 @@
+"""The command blocks of the documentation, and the project's commands as programs to run them with."""
+
+import re
+import subprocess
+import sys
+import textwrap
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "tools" / "docs"
+COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+PAGES = sorted(
+    path
+    for pattern in ("*.md", "tools/d*s/*.md", "tools/docs/*.rst", "runtime/*.md", "drivers/*/*.md")
+    for path in ROOT.glob(pattern)
+)
+BLOCK = re.compile(r"^( *)```(console|bash|sh)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+MARK = "==== next block ===="
+
+
+class Block(NamedTuple):
+    """What a block tells to type, line by line, and what it says is printed."""
+
+    commands: list[str]
+    printed: list[str]
+
+
+def blocks(page: Path) -> list[Block]:
+    """The command blocks of a page, in their order; one of bash or sh is commands only."""
+    found = []
+    for match in BLOCK.finditer(page.read_text()):
+        text = textwrap.dedent(match[3])
+        if match[2] == "console":
+            lines = text.splitlines()
+            commands = [line[2:] for line in lines if line.startswith("$ ")]
+            found.append(Block(commands, [line for line in lines if not line.startswith("$ ")]))
+        else:
+            found.append(Block(text.replace("\\\n", " ").splitlines(), []))
+    return found
+
+
+def shims(folder: Path) -> Path:
+    """The project's commands as programs in a folder, whether or not it is installed."""
+    folder.mkdir()
+    for name, target in COMMANDS.items():
+        module, _, function = target.partition(":")
+        body = f"import sys; from {module} import {function}; sys.exit({function}())"
+        program = folder / name
+        program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -c '{body}' \"$@\"\n")
+        program.chmod(0o755)
+    return folder
+
+
+def run(found: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
+    """Runs blocks in one shell, in a folder; what each printed, in lines."""
+    script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in found)
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", script], cwd=work, env=environment, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True, timeout=280, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    return [part.strip().splitlines() for part in done.stdout.split(MARK)]
+
+
+def matches(shown: list[str], printed: list[str]) -> bool:
+    """Whether lines are printed in this order; "..." stands for any lines, or for any part of one."""
+    rest = iter(printed)
+    for line in shown:
+        if line == "...":
+            continue
+        like = re.compile(".*".join(re.escape(piece) for piece in line.split("...")))
+        assert any(like.fullmatch(p) for p in rest), f"{line!r} is not printed"
+    return True

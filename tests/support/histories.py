@@ -1,0 +1,97 @@
+"""Histories of parts drawn from a table's own predictions, healthy or with something wrong."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.spc.expectation import bin_of
+from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.monitor import branch_shares, sigmas
+from runtime.table import PPM, Calibration, Table, by_count, decision_map, load
+
+TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
+COUNT_UM = 374.0
+LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches where fewer parts jam
+
+
+def table() -> Table:
+    """The rectangle's."""
+    return load(TREE).table
+
+
+def drawn(
+    tree: Table,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    width_shift_um: float = 0.0,
+    shares: dict[int, list[float]] | None = None,
+    residual_shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    fail_rate: float | None = None,
+    first: int = 0,
+) -> list[Part]:
+    """Parts that behave as the table says, but for what is named.
+
+    Args:
+        tree: the table.
+        count: how many.
+        rng: of everything.
+        width_shift_um: added to each reading.
+        shares: other shares of the branches of some nodes.
+        residual_shift: added to each residual, mm, mm, rad.
+        fail_rate: share of failures, None: as predicted.
+        first: number of the first part.
+    """
+    maps = [by_count(decision_map(node, Calibration.linear(tree.gripper))) for node in tree.nodes]
+    predicted = branch_shares(tree)
+    rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
+    return [
+        _part(tree, maps, predicted, number, rng, width_shift_um, shares or {}, residual_shift, rate)
+        for number in range(first, first + count)
+    ]
+
+
+def _part(tree, maps, predicted, number, rng, width_shift_um, shares, residual_shift, rate):
+    squeezes, target = [], 0
+    calibration = Calibration.linear(tree.gripper)
+    while target >= 0:
+        node = tree.nodes[target]
+        odds = np.array(shares.get(target) or predicted[target], float)
+        branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
+        spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
+        healthy = np.clip(rng.normal(branch.expected_um, spread), branch.low_um, branch.high_um)
+        width = healthy + width_shift_um
+        step = tree.gripper.opening_um / (tree.gripper.count_closed - tree.gripper.count_open)
+        reading = int(np.clip(round(tree.gripper.count_closed - width / step), 0, 255))
+        taken = maps[target][reading]
+        read_um = calibration.width_um(reading)
+        if taken < 0:
+            return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
+        squeezes.append(Squeezed(target, taken, read_um))
+        target = node.branches[taken].target
+    leaf = tree.leaves[~target]
+    if not leaf.resolved:
+        return Part(number, tuple(squeezes), "unresolved", ~target)
+    residual = rng.normal(0.0, 0.6 * np.array(sigmas(tree, leaf))) + residual_shift
+    verdict = "fail" if rng.random() < rate else "pass"
+    return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
+
+
+def history(tree: Table, *stretches: list[Part]) -> History:
+    """Stretches of parts one after the other, numbered through."""
+    parts = [part for stretch in stretches for part in stretch]
+    return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
+
+
+def expectation_document(tree: Table, digest: str, count: int = 3000) -> dict[str, object]:
+    """What `plan-expect` would write of such parts: as planned, and "less", in which fewer jam."""
+    worlds = []
+    for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):
+        rows = [Counter() for _ in tree.nodes]
+        for part in drawn(tree, count, np.random.default_rng([seed, 0x4558]), shares=shares):
+            for squeeze in part.squeezes:
+                rows[squeeze.node][str(bin_of(tree, squeeze))] += 1
+        worlds.append({"name": name, "readings": [dict(row) for row in rows]})
+    return {"kind": "expected readings", "version": 1, "table_sha256": digest, "worlds": worlds}

@@ -1,0 +1,388 @@
+"""Files that are almost right, for every command that reads one: what `tools/hostile inputs` runs.
+
+A case is a sound file with something wrong in it, and a command that reads it. It must end with one of the
+codes that its --help lists, an internal error not among them; where it fails, with a line on standard error
+that names it and no traceback; with the file as it was; and with no draft left beside it. One that hangs is
+killed.
+
+`run(seed, numbers)` judges the cases of some numbers, each the same for the same seed.
+"""
+
+import base64
+import contextlib
+import dataclasses
+import hashlib
+import importlib
+import io
+import json
+import multiprocessing
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+from random import Random
+
+import fuzz_tables
+from hostile_changes import chained, journal, sealed, text, values
+from sample_tables import small_table, with_job
+from written_journals import write_run
+
+from drivers.camera import documents
+from runtime.execution import calibration
+from runtime.table import dumps, load
+
+ROOT = Path(__file__).parents[2]
+RECTANGLE = ROOT / "trees" / "rectangle"
+LONGEST_S = 120.0  # generous: the machine may have other work
+PROCESS_EVERY = 150  # one case in so many is a process of its own
+INTERNAL = 1
+ALARM = 13  # an answer, not an error: grasp-audit report found what it looks for
+
+
+INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REPORT = (
+    (f"planner.cli.{name}", "main")
+    for name in ("init", "simulate", "compile", "identify", "evaluate", "report")
+)
+RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
+    (f"{name}", "main")
+    for name in (
+        "runtime.cli", "runtime.commands.journal", "runtime.spc.command",
+        "drivers.camera.calibration.command", "drivers.sim.cli",
+    )
+)  # fmt: skip
+LOOKS = (
+    "show {j}", "show {j} --json --since 2026-01-01 --outcome leaf", "verify {j}", "replay {j} --json",
+    "export {j} -o o.csv", "export {j} -o o.parquet",
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Kind:
+    """One sort of case.
+
+    Attributes:
+        entry: module and function of the command.
+        words: its arguments; `{name}` stands for a file.
+        files: sound files by name, each with what changes it.
+        keep: files that go with them unchanged.
+        share: how often it is drawn, relative to others.
+    """
+
+    entry: tuple[str, str]
+    words: str
+    files: dict[str, tuple[bytes, Callable[[bytes, Random], bytes]]]
+    keep: dict[str, bytes] = dataclasses.field(default_factory=dict)
+    share: int = 1
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Case:
+    """A command with its files, ready to run in an empty folder."""
+
+    entry: tuple[str, str]
+    words: tuple[str, ...]
+    files: dict[str, bytes]
+
+
+def table(data: bytes, random: Random) -> bytes:
+    """A mutated table, of which most have a digest that is right; or one whose embedded job is odd."""
+    if random.random() < 0.6:
+        return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
+    job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
+    return dumps(with_job(load(RECTANGLE / "rectangle.msgpack"), job.decode("utf-8", "replace")))
+
+
+@cache
+def job_text() -> bytes:
+    """The rectangle's job as tables carry it."""
+    from planner.job import model as job
+
+    return job.load(RECTANGLE / "job.toml").canonical().encode()
+
+
+@cache
+def kinds() -> tuple[Kind, ...]:
+    """All sorts of cases."""
+    job, small = (RECTANGLE / "job.toml").read_bytes(), dumps(small_table())
+    asked = "{j.toml} --poses {p} -o o.csv"
+    runs, whole = recorded()
+    init = "-o o.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber"
+    tag = "tag --part p --number 7 --side 20 --calibration {c} --poses {p} -o o.json"
+    reports = "{t} -o o.html --trials 20"
+    return (
+        Kind(INIT, f"{{f.dxf}} --units mm {init}", {"f.dxf": (lever(), text)}, {}, 2),
+        Kind(INIT, f"{{f.svg}} {init}", {"f.svg": (SVG, text)}, {}, 2),
+        Kind(INIT, f"{{f.csv}} {init}", {"f.csv": (OUTLINE, text)}, {}, 2),
+        Kind(INIT, f"{{f.stl}} --units mm {init}", {"f.stl": (STL, text)}, {}, 2),
+        Kind(SIMULATE, asked, {"j.toml": (job, text)}, {"p": POSES}, 4),
+        Kind(SIMULATE, asked, {"p": (POSES, text)}, {"j.toml": job}, 2),
+        Kind(COMPILE, "{j.toml} --baseline sensorless --trials 20", {"j.toml": (job, text)}, {}, 2),
+        Kind(IDENTIFY, "{l.csv} -o o.toml --splits 2 --kind ellipsoid", {"l.csv": (pairs(), text)}, {}, 2),
+        Kind(IDENTIFY, "{l.txt} -o o.toml --splits 2 --kind ellipsoid", {"l.txt": (PUSHES, text)}, {}, 2),
+        Kind(EVALUATE, "{t} --trials 20 --workers 1", {"t": (small, table)}, {}, 2),
+        Kind(REPORT, reports, {"t": (small, table)}),
+        Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
+        Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),
+        Kind(RUNTIME, "--tree {t} --check --calibration {c}", {"c": (gauged(), GRIPPERS)}, {"t": small}, 3),
+        Kind(RUNTIME, "--tree {t} --check --deliver {d.toml}", {"d.toml": (DELIVERY, text)}, {"t": small}, 2),
+        *(Kind(JOURNAL, words, {"j": (runs, journal)}, {}, 2) for words in LOOKS),
+        Kind(AUDIT, "{j} -o o.html --export o.csv", {"j": (runs, journal)}, {}, 4),
+        Kind(AUDIT, "{j} --expected {e}", {"e": (readings(whole), values)}, {"j": runs}, 2),
+        Kind(TAG, tag, {"c": (lens(), CAMERAS)}, {"p": TOUCHED}, 2),
+        Kind(TAG, tag, {"p": (TOUCHED, text)}, {"c": lens()}),
+        Kind(CELL, "--tree none --faults {f.toml}", {"f.toml": (FAULTS, text)}),
+    )
+
+
+def recorded() -> tuple[bytes, bytes]:
+    """A journal of two runs, and the table that it says they were made with: a small one with a job."""
+    whole = dumps(with_job(small_table(), job_text().decode()))
+    with tempfile.TemporaryDirectory() as name:
+        path = write_run(write_run(Path(name) / "j.jsonl"))
+        entries = [json.loads(line) for line in path.read_bytes().splitlines()]
+    for entry in entries:
+        if entry["kind"] == "header":
+            entry["table_base64"] = base64.b64encode(whole).decode()
+            entry["table_sha256"] = hashlib.sha256(whole).hexdigest()
+    return chained(entries), whole
+
+
+def readings(whole: bytes) -> bytes:
+    """What `plan-expect` might write of a table's file."""
+    worlds = [{"name": name, "readings": [{"132": 20}, {"150": 9}]} for name in ("as planned", "less")]
+    told = {"kind": "expected readings", "version": 1, "worlds": worlds}
+    return json.dumps({**told, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
+
+
+def lens() -> bytes:
+    """A camera's calibration as `grasp-calibrate camera` writes it."""
+    from cameras import camera, true_calibration
+
+    from drivers.camera.calibration import file as calibration
+
+    with tempfile.TemporaryDirectory() as name:
+        calibration.save(true_calibration(camera()), Path(name) / "c.json")
+        return (Path(name) / "c.json").read_bytes()
+
+
+def lever() -> bytes:
+    """The drawing of the tutorial."""
+    return (ROOT / "tools" / "docs" / "lever.dxf").read_bytes()
+
+
+def pairs() -> bytes:
+    """Wrench-twist pairs as `plan-identify` reads them."""
+    from planner.identification.pushes import COLUMNS
+
+    random = Random(1)
+    rows = [[random.gauss(0.0, 1.0) for _ in range(3)] for _ in range(40)]
+    lines = [",".join(COLUMNS), *(",".join(f"{x:.6f}" for x in (*row, *row)) for row in rows)]
+    return "\n".join(lines).encode() + b"\n"
+
+
+SVG = b"""<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">
+<g transform="rotate(10 5 5) scale(1.5)"><path d="M5 5 h30 v21 a5 5 0 0 1 -5 5 L5 26 Z" fill="none"/></g>
+</svg>
+"""
+CORNERS = ((0, 0, 0), (30, 0, 0), (0, 20, 0), (0, 0, 9))
+STL = b"solid a\n%sendsolid a\n" % b"".join(
+    b"facet normal 0 0 0\nouter loop\n%sendloop\nendfacet\n"
+    % b"".join(b"vertex %d %d %d\n" % CORNERS[k] for k in facet)
+    for facet in ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))
+)
+OUTLINE = b"x_mm,y_mm\n0,0\n30,0\n30,21\n0,21\n"
+POSES = b"x_mm,y_mm,theta_rad\n1,2,0.3\n-4,0,1.5\n"
+TOUCHED = b"picture,x_mm,y_mm,theta_rad\nnone.png,1,2,3\n"
+PUSHES = (
+    b"14\n"
+    + 14
+    * b"""500 100 9.5 1 0 0 0
+501 102 9.5 0.99995 0 0 0.01
+4
+0.0 0.1 0.1
+0.1 0.1 0.1
+0.2 2.0 1.0
+0.3 2.1 1.1
+3
+0.0 450 150 9 1 0 0 0
+0.2 451 150 9 1 0 0 0
+0.3 452 150 9 1 0 0 0
+"""
+)
+DELIVERY = b"""drop_mm = [50.0, 0.0]
+drop_angle_deg = 90.0
+grasp_mm = [0.0, 0.0]
+width_mm = 21.0
+width_tolerance_mm = 1.5
+area_mm = [-60, -60, 90, 60]
+"""
+FAULTS = b'[[fault]]\nkind = "reply_lost"\npart = 0\nat = 2\nlength = 1\nvalue = 0.5\n'
+
+
+@cache
+def gauged() -> bytes:
+    """A gripper's calibration as `grasp-calibrate width` writes it."""
+    from runtime.execution.calibration import Gauge, fit, save
+
+    with tempfile.TemporaryDirectory() as name:
+        gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(90.0, (3, 3))]
+        save(fit(gauges, "S-1", "2026-01-01T00:00:00+00:00"), Path(name) / "g.json")
+        return (Path(name) / "g.json").read_bytes()
+
+
+GRIPPERS, CAMERAS = sealed(calibration._digest), sealed(documents._digest)
+
+
+def case(seed: int, number: int) -> Case:
+    """The case of a number."""
+    random = Random(f"inputs {seed} {number}")
+    every = kinds()
+    kind = random.choices(every, [kind.share for kind in every])[0]
+    files = {name: change(sound, random) for name, (sound, change) in kind.files.items()} | kind.keep
+    words = tuple(re.sub(r"\{([\w.]+)\}", r"\1", word) for word in kind.words.split())
+    return Case(kind.entry, words, files)
+
+
+def judge(made: Case, as_process: bool = False) -> str:
+    """Run a case in a folder of its own.
+
+    Returns:
+        Its command and exit code.
+
+    Raises:
+        AssertionError: it did not end as every command has to.
+    """
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        for file, data in made.files.items():
+            Path(file).write_bytes(data)
+        code, err = (_as_process if as_process else _within)(made)
+        left = {path.name for path in Path().iterdir()}
+        command = err_name(made.entry)
+        assert "Traceback" not in err, err
+        assert code in documented(made.entry), f"exit code {code}: {err}"
+        if code not in (0, ALARM):
+            assert err.startswith(command) or f"\n{command}" in err, (
+                f"exit code {code} without a word: {err!r}"
+            )
+            assert err.count("\n") <= 3, err
+        assert all(Path(file).read_bytes() == data for file, data in made.files.items()), (
+            "an input was changed"
+        )
+        drafts = {file for file in left - made.files.keys() if not file.startswith("o.")}
+        assert not drafts, f"left behind: {drafts}"
+    return f"{command} {made.words[0] if command == 'grasp-journal' else ''}".strip() + f": {code}"
+
+
+def _within(made: Case) -> tuple[int, str]:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        main = getattr(importlib.import_module(made.entry[0]), made.entry[1])
+        code = main(list(made.words))
+    return code, err.getvalue()
+
+
+def _as_process(made: Case) -> tuple[int, str]:
+    module, function = made.entry
+    call = f"import sys; from {module} import {function}; sys.exit({function}())"
+    done = subprocess.run(
+        [sys.executable, "-c", call, *made.words],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=LONGEST_S,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    return done.returncode, done.stderr
+
+
+@cache
+def documented(entry: tuple[str, str]) -> frozenset[int]:
+    """The codes that a command's --help lists, but for that of a bug."""
+    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
+    listed = (importlib.import_module(module).parser().epilog or "").partition("exit codes")[2]
+    each = re.sub(r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed)
+    return frozenset(map(int, re.findall(r"\b\d{1,3}\b(?=\s)", each))) - {INTERNAL}
+
+
+def err_name(entry: tuple[str, str]) -> str:
+    """What a command's errors begin with."""
+    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
+    return str(importlib.import_module(module).parser().prog)
+
+
+def run(
+    seed: int, numbers: Iterable[int], tell: Callable[[str], object] = print, longest_s: float = LONGEST_S
+) -> Counter[str]:
+    """Judge the cases of some numbers in a worker process, which is replaced when one of them hangs.
+
+    Args:
+        seed: another one, other cases.
+        numbers: which.
+        tell: is given a line for each failure, with what repeats it.
+        longest_s: what a case may take.
+
+    Returns:
+        How many ended how; those that failed under "FAILED".
+    """
+    ends: Counter[str] = Counter()
+    kinds()  # before the worker is forked, so that the next one need not make them again
+    worker = _Worker(seed)
+    for number in numbers:
+        told = worker.judge(number, longest_s)
+        if told is None:
+            told = f"FAILED killed itself, or no end within {longest_s:g} s"
+            worker.kill()
+            worker = _Worker(seed)
+        ends[told.split()[0] if told.startswith("FAILED") else told] += 1
+        if told.startswith("FAILED"):
+            tell(f"--seed {seed} --first {number}: {told}")
+    worker.kill()
+    return ends
+
+
+class _Worker:
+    """A forked process that judges one case after the other."""
+
+    def __init__(self, seed: int) -> None:
+        context = multiprocessing.get_context("fork")
+        self._here, there = context.Pipe()
+        self._process = context.Process(target=_work, args=(seed, there), daemon=True)
+        self._process.start()
+        there.close()
+
+    def judge(self, number: int, longest_s: float) -> str | None:
+        """What became of a case; None where it did not end."""
+        self._here.send(number)
+        if not self._here.poll(longest_s):
+            return None
+        try:
+            return str(self._here.recv())
+        except EOFError:
+            return None
+
+    def kill(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+
+
+def _work(seed: int, there: Connection) -> None:
+    with contextlib.suppress(EOFError):
+        while True:
+            number = there.recv()
+            made = case(seed, number)
+            try:
+                told = judge(made, as_process=number % PROCESS_EVERY == 0)
+            except BaseException as error:
+                frames = traceback.extract_tb(error.__traceback__)[-1]
+                told = f"FAILED {' '.join(made.words)}: {type(error).__name__}: {error} ({frames.name})"
+            there.send(told)

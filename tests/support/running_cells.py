@@ -1,0 +1,88 @@
+"""`grasp-cell` and the commands of the cell as processes: real bytes, real files, real signals."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 90
+REHEARSAL = "runtime.devices.rehearsal:make"
+
+
+class RunningCell:
+    """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it.
+
+    With seed 0 the first part takes both squeezes of the small table.
+
+    Attributes:
+        endpoints: where its devices are.
+    """
+
+    def __init__(self, tree: Path, *more: str, time_scale: float = 12, seed: int = 0) -> None:
+        command = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json"]
+        command += ["--world", REHEARSAL, "--time-scale", str(time_scale), "--seed", str(seed)]
+        command += ["--until-stdin-closes", *more]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        assert self.process.stdout is not None
+        self.endpoints = json.loads(self.process.stdout.readline())
+
+    def __enter__(self) -> "RunningCell":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self.process as process:
+            assert process.stdin is not None
+            process.stdin.close()
+            process.wait(WAIT_S)
+
+
+class Notices:
+    """What a run tells the service manager, `READY=1` and its phases, to know where it is."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "notify"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(self.path))
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """A process's own, that tells us."""
+        return {**os.environ, "NOTIFY_SOCKET": str(self.path)}
+
+    def wait(self, text: str, process: "subprocess.Popen[str]") -> bool:
+        """Wait until it tells so; False: it ended before."""
+        until = time.monotonic() + WAIT_S
+        self._socket.settimeout(0.05)
+        while time.monotonic() < until:
+            try:
+                if text in self._socket.recv(4096).decode():
+                    return True
+            except TimeoutError:
+                if process.poll() is not None:
+                    return False
+        raise TimeoutError(f"{text} was not told within {WAIT_S} s")
+
+    def close(self) -> None:
+        """Forget it."""
+        self._socket.close()
+        self.path.unlink()
+
+
+def runtime_command(tree: Path, cell: RunningCell, journal: Path, *more: str) -> list[str]:
+    """`grasp-runtime` on a running cell."""
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate", "--tips", "straight"]
+    command += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
+    return [*command, "--journal", str(journal), *more]
+
+
+def calibrate_command(cell: RunningCell, output: Path, *more: str) -> list[str]:
+    """`grasp-calibrate width` on a running cell."""
+    code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
+    command = [sys.executable, "-c", code, "width", "--port", cell.endpoints["gripper"]]
+    return [*command, "--gripper", "S/N-1", "-o", str(output), *more]

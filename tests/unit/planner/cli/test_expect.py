@@ -1,0 +1,76 @@
+"""plan-expect: what is read at each node, in several worlds; a change of friction shows by it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drifting import Drift, parts, squeezed
+
+from planner.cli import expect
+from planner.evaluation import expectation
+from planner.job import model as job_file
+from planner.work.scheduler import Threads
+from runtime.spc.expectation import load as load_expectation
+from runtime.spc.history import History
+from runtime.spc.monitor import watch
+from runtime.table import load
+
+TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+LOADED = load(TREE)
+TABLE = LOADED.table
+JOB = job_file.from_canonical(str(TABLE.job))
+BEFORE, WITHIN = 200, 50
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    path = tmp_path_factory.mktemp("expect") / "expected.json"
+    assert expect.main([str(TREE), "-o", str(path), "--trials", "3000"]) == 0
+    return path
+
+
+def test_every_squeeze_is_counted_once_where_it_was_made():
+    found = squeezed(TABLE, JOB, 400, 1)
+    counts = expectation.readings(found, len(TABLE.nodes))
+    assert counts.sum() == found.squeezes.sum()
+    assert counts[0].sum() == 400
+    seen = {(int(n), int(c)) for n, c in zip(found.path.ravel(), found.counts.ravel(), strict=True) if n >= 0}
+    assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen
+
+
+def test_worlds_are_the_planned_one_and_others_about_it():
+    first, *others = expectation.cases(JOB)
+    assert (first.name, first.overrides) == (expectation.PLANNED, ())
+    planned = (JOB.friction.finger_part_min, JOB.friction.finger_part_max)
+    for case, factor in zip(others, expectation.FACTORS, strict=True):
+        assert ("less" in case.name, "more" in case.name) == (case is others[0], case is others[-1])
+        assert [float(value) for _, value in case.overrides] == pytest.approx(
+            [factor * value for value in planned]
+        )
+
+
+def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
+    assert len(load_expectation(written).names) == 1 + len(expectation.FACTORS)
+    told = json.loads(written.read_text())
+    assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(told["worlds"])
+    again = list(expectation.expected(TABLE, JOB, 3000, 0, Threads(1)))
+    assert json.loads(json.dumps(expectation.document(LOADED.digest, again, 3000, 0))) == told
+
+
+@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])
+def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
+    drift = Drift(friction)
+    before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))
+    after = list(parts(TABLE, squeezed(TABLE, JOB, WITHIN, 22, drift), 22, drift))
+    found = list(watch(History(TABLE, (*before, *after)), load_expectation(written)))
+    assert all(alarm.place >= BEFORE for alarm in found)
+    assert "readings" in {alarm.chart for alarm in found}
+
+
+def test_wrong_input_is_told_in_one_line(tmp_path, capsys):
+    assert expect.main([str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "e.json")]) == 3
+    assert expect.main([str(TREE), "-o", str(tmp_path / "none" / "e.json")]) == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 2
+    assert all(line.startswith("plan-expect: ") for line in errors)

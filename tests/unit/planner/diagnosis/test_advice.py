@@ -1,0 +1,107 @@
+"""Advice, where it is plain what limits a plan."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.belief.observation import encoder_of
+from planner.diagnosis.advice import advise
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.sensitivity import EVERYTHING, noise_sources, sensitivity
+from planner.job import model as job_file
+from planner.job.overrides import job_with
+from planner.world import ContactWorlds
+from runtime.table import load
+
+TREES = Path(__file__).parents[4] / "trees" / "rectangle"
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(TREES / "job.toml")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return load(TREES / "rectangle.msgpack").table
+
+
+@pytest.fixture(scope="module")
+def evaluation(table, job):
+    return evaluate(table, job, ContactWorlds.of_job(job, 1), 4000, 2)
+
+
+def test_shares_are_those_of_the_evaluation(table, job, evaluation):
+    advice = advise(table, evaluation, job)
+    assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
+    assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
+    assert advice.gains == ()
+
+
+def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
+    found = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
+    counts = 4.0 * 1e3 * encoder_of(job).mm_per_count
+    for index, node in enumerate(table.nodes):
+        for lower in range(len(node.branches) - 1):
+            below, above = node.branches[lower : lower + 2]
+            close = above.expected_um - below.expected_um < counts or below.high_um >= above.low_um
+            assert ((index, lower) in found) == close
+
+
+def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):
+    # The first branch of the root becomes two, a count apart, and the new one ends in some leaf.
+    root = table.nodes[0]
+    first = root.branches[0]
+    middle = first.expected_um
+    low = first._replace(expected_um=middle - 200)
+    stray = first._replace(expected_um=middle + 200, target=~0)
+    split = root._replace(branches=(low, stray, *root.branches[1:]))
+    spoiled = replace(table, nodes=(split, *table.nodes[1:]))
+    run = evaluate(spoiled, job, ContactWorlds.of_job(job, 1), 4000, 2)
+    worst = next(pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, 0))
+    assert worst.counts < 2.0
+    assert worst.overlap
+    assert worst.excess > 0.02
+    assert worst.near <= 1.0
+    assert worst.lost <= 1.0 - run.success.mean()
+    assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
+
+
+def test_leaves_that_know_nothing_are_told_from_paths_that_are_too_long(table, job):
+    nobody = replace(table, leaves=tuple(leaf._replace(resolved=False) for leaf in table.leaves))
+    run = evaluate(nobody, job, ContactWorlds.of_job(job, 1), 2000, 2)
+    advice = advise(nobody, run, job)
+    assert advice.failing == 1.0
+    assert advice.unresolved == pytest.approx(1.0 - run.rejected.mean())
+    assert advice.at_depth_limit == 0.0
+    short = job_with(job.canonical(), [("search.max_depth", "3")])
+    deep = advise(nobody, run, short).at_depth_limit
+    assert deep == pytest.approx(((run.squeezes >= 3) & ~run.rejected).mean())
+    assert any("max_depth" in line for line in advise(nobody, run, short).lines())
+
+
+def test_every_source_switched_off_is_one_the_job_has(job):
+    assert [case.name for case in noise_sources(job)] == ["pressure", "friction", "encoder noise", EVERYTHING]
+    still = [("friction.finger_part_max", "0.4"), ("gripper.encoder_noise_mm", "0")]
+    quiet = job_with(job.canonical(), [*still, ("release.shift_mm", "0.1")])
+    assert [case.name for case in noise_sources(quiet)] == ["pressure", "release", EVERYTHING]
+    for case in noise_sources(job):
+        assert job_with(job.canonical(), case.overrides) != job
+
+
+def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
+    coarse = job_with(job.canonical(), [("gripper.encoder_noise_mm", "1.2")])
+    gains = sensitivity(table, coarse, 2000)
+    assert gains[0].source == "encoder noise"
+    assert gains[0].certain
+    assert gains[0].gain > 0.02
+    assert gains[-1].source == EVERYTHING
+    assert gains[-1].success_rate >= gains[0].success_rate - 0.01
+    evaluation = evaluate(table, coarse, ContactWorlds.of_job(coarse, 1), 2000, 2)
+    lines = advise(table, evaluation, coarse, gains).lines()
+    assert any("encoder noise" in line for line in lines)
+
+
+def test_sensitivity_is_the_same_every_time(table, job):
+    assert sensitivity(table, job, 1200) == sensitivity(table, job, 1200)

@@ -1,0 +1,242 @@
+"""Trials of a table: against a slow twin, on any number of workers, with a cell that errs."""
+
+import math
+import pickle
+from dataclasses import fields, replace
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+from sample_tables import random_table
+
+from planner.belief.metric import Metric
+from planner.belief.observation import encoder_of
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
+from planner.evaluation.outcome import NOWHERE, Evaluation
+from planner.evaluation.trials import Program
+from planner.evaluation.worlds import NamedWorlds
+from planner.frames import to_hand, to_world
+from planner.job import model as job_file
+from planner.job.overrides import job_with
+from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
+from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
+
+TREES = Path(__file__).parents[4] / "trees" / "rectangle"
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_with(TREES / "job.toml", [("gripper.encoder_noise_mm", "0")])
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return job_file.load(TREES / "job.toml")
+
+
+class Wrung:
+    """A world without physics: where a part ends, its width and whether it is held follow from its pose."""
+
+    def __init__(self):
+        self.seen = []
+
+    def squeeze(self, pose):
+        self.seen.append(pose)
+        x, y, theta = pose
+        width = max(0.0, 26.0 + 12.0 * math.sin(3.0 * theta + 0.2 * x + 0.1 * y))
+        status = STATUS_NAMES[GRASPED if math.cos(7.0 * theta) > -0.5 else SLIPPED]
+        return (0.8 * x, -0.5 * y, theta + 0.3), width, status
+
+
+def spread_table(nodes=12, seed=3):
+    """A random table whose branches cover most widths, some of its nodes dragging what they hold."""
+    random = Random(seed)
+    table = random_table(seed, nodes)
+    rows = []
+    for node in table.nodes:
+        cuts = np.linspace(16_000, 36_000, len(node.branches) + 1).round(-2).astype(int).tolist()
+        branches = tuple(
+            branch._replace(low_um=low, expected_um=(low + high) // 2, high_um=high)
+            for branch, low, high in zip(node.branches, cuts, cuts[1:], strict=False)
+        )
+        release = random.choice([None, (random.randint(-9_000, 9_000), 1_000)])
+        rows.append(node._replace(branches=branches, release=release))
+    return replace(table, nodes=tuple(rows))
+
+
+def walk(table, job, start):
+    """The slow twin: one part, one node after another, as a runtime would go."""
+    calibration, encoder = Calibration.linear(table.gripper), encoder_of(job)
+    rng, world = np.random.default_rng(0), Wrung()
+    pose, target, path, seconds, hand = start, 0, [], 0.0, np.zeros(2)
+    while target >= 0:
+        node = table.nodes[target]
+        place = placement_of(node.squeeze)
+        final, width, status = world.squeeze(tuple(to_hand(pose, place)))
+        count = int(encoder.read(np.array([width]), rng)[0])
+        path.append((target, count))
+        pose = to_world(np.array(final), place)
+        lift = 2 * (table.limits.retreat_height_um - table.limits.squeeze_height_um) / 1e3
+        seconds += (np.hypot(*(place[:2] - hand)) + lift) / (table.limits.arm_speed_um_s / 1e3)
+        stroke = 2 * (node.squeeze.opening_um / 1e3 - width)
+        seconds += stroke / (node.squeeze.speed_um_s / 1e3)
+        hand = place[:2]
+        number = by_count(decision_map(node, calibration))[count]
+        if number == REJECT:
+            return REJECTED, path, pose, seconds
+        branch = node.branches[number]
+        if node.release is not None and branch.expected_um >= HELD_UM:
+            release = np.array(node.release) / 1e3
+            if status == STATUS_NAMES[GRASPED]:
+                pose = pose + np.array([*(release - place[:2]), 0.0])
+            seconds += np.hypot(*(release - place[:2])) / (table.limits.arm_speed_um_s / 1e3)
+            hand = release
+        target = branch.target
+    return ~target, path, pose, seconds
+
+
+def test_trials_go_as_one_part_after_another_would(job):
+    table = spread_table()
+    assert any(node.release is not None for node in table.nodes)
+    evaluation = evaluate(table, job, Wrung(), 300, seed=5)
+    outcomes = set()
+    for trial in range(300):
+        leaf, path, pose, seconds = walk(table, job, evaluation.initial[trial])
+        outcomes.add(leaf)
+        assert evaluation.leaf[trial] == leaf
+        assert evaluation.squeezes[trial] == len(path)
+        assert list(zip(evaluation.path[trial], evaluation.counts[trial], strict=True))[: len(path)] == path
+        assert np.all(evaluation.path[trial, len(path) :] == NOWHERE)
+        assert np.allclose(evaluation.poses[trial], pose, atol=1e-9)
+        assert evaluation.seconds[trial] == pytest.approx(seconds)
+    assert REJECTED in outcomes
+    assert len(outcomes) > 5
+
+
+def test_the_verdict_is_the_metric_to_the_leaf(job):
+    table = spread_table()
+    evaluation = evaluate(table, job, Wrung(), 300, seed=6)
+    metric = Metric(table.goal.distance_um / 1e3, table.goal.rho_um / 1e3, table.goal.symmetry)
+    for trial in np.flatnonzero(evaluation.leaf >= 0):
+        leaf = table.leaves[evaluation.leaf[trial]]
+        said = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+        assert evaluation.error_mm[trial] == pytest.approx(metric.between(evaluation.poses[trial], said))
+    assert np.array_equal(evaluation.within, evaluation.error_mm < metric.distance_mm)
+    assert not np.any(evaluation.within & (evaluation.leaf == REJECTED))
+
+
+def test_every_trial_ends_in_exactly_one_way(noisy):
+    table = load(TREES / "rectangle.msgpack").table
+    world = ContactWorlds.of_job(job_with(noisy.canonical(), [("gripper.encoder_noise_mm", "0.5")]), 1)
+    evaluation = evaluate(table, noisy, world, 1500, seed=2)
+    ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
+    assert np.all(np.sum(ways, axis=0) == 1)
+    figures = evaluation.summary()
+    rates = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
+    assert sum(figures[rate] for rate in rates) == pytest.approx(1.0)
+
+
+def same(a: Evaluation, b: Evaluation) -> bool:
+    return all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(Evaluation))
+
+
+def test_any_number_of_workers_gives_the_same_bytes(noisy):
+    table = load(TREES / "rectangle.msgpack").table
+    runs = [
+        evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2300, 2, Threads(workers))
+        for workers in (1, 2, 3)
+    ]
+    assert same(runs[0], runs[1])
+    assert same(runs[0], runs[2])
+    assert len(runs[0].leaf) == 2300
+    assert not same(runs[0], evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2300, 3))
+
+
+def test_a_chunk_comes_to_the_same_in_another_process(noisy):
+    table = load(TREES / "rectangle.msgpack").table
+    setting = ChunkRun(Program.of(table), noisy, ContactWorlds.of_job(noisy, 1), 2, Disturbance(0.1, 0.2))
+    sent = pickle.loads(pickle.dumps(setting))
+    assert same(sent(Chunk(3, 40)), setting(Chunk(3, 40)))
+
+
+def test_chunks_differ_from_one_another(noisy):
+    table = load(TREES / "rectangle.msgpack").table
+    evaluation = evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2000, 2)
+    assert not np.any(evaluation.initial[:1000] == evaluation.initial[1000:])
+    assert len(np.unique(evaluation.poses, axis=0)) == 2000
+
+
+def test_copies_of_a_named_world_have_seeds_of_their_own(noisy):
+    table = load(TREES / "rectangle.msgpack").table
+    worlds = NamedWorlds("planner.world:make", noisy, 4)
+    runs = [evaluate(table, noisy, worlds, 1100, 2, Threads(workers)) for workers in (1, 2)]
+    assert same(*runs)
+    pose = (2.0, 3.0, 0.4)
+    assert worlds.world(0).squeeze(pose) == worlds.world(0).squeeze(pose)
+    assert worlds.world(0).squeeze(pose) != worlds.world(1).squeeze(pose)
+
+
+def test_an_encoder_offset_moves_every_reading_alike(job):
+    table = spread_table()
+    step = encoder_of(job).mm_per_count
+    plain = evaluate(table, job, Wrung(), 400, seed=7)
+    moved = evaluate(table, job, Wrung(), 400, seed=7, disturbance=Disturbance(encoder_offset_mm=3 * step))
+    assert np.array_equal(moved.counts[:, 0], plain.counts[:, 0] - 3)
+
+
+def test_a_bias_displaces_the_hand_in_the_world(job):
+    table, world = spread_table(), Wrung()
+    bias = Disturbance(bias_mm=(2.0, -1.0), bias_deg=3.0)
+    evaluation = evaluate(table, job, world, 200, seed=8, disturbance=bias)
+    place = placement_of(table.nodes[0].squeeze) + np.array([2.0, -1.0, math.radians(3.0)])
+    assert np.allclose(world.seen[:200], to_hand(evaluation.initial, place))
+
+
+def test_a_bias_across_turns_with_the_hand(job):
+    table, world = spread_table(), Wrung()
+    plain = evaluate(table, job, Wrung(), 200, seed=8)
+    evaluate(table, job, world, 200, seed=8, disturbance=Disturbance(across_mm=2.5))
+    place = placement_of(table.nodes[0].squeeze)
+    assert np.allclose(world.seen[:200], to_hand(plain.initial, place) - np.array([0.0, 2.5, 0.0]))
+
+
+def test_placement_errors_have_the_stated_spread(job):
+    table, world = spread_table(), Wrung()
+    error = Disturbance(placement_mm=0.7, placement_deg=1.5)
+    evaluation = evaluate(table, job, world, 1000, seed=9, disturbance=error)
+    seen = np.array(world.seen[:1000])
+    turned = evaluation.initial[:, 2] - placement_of(table.nodes[0].squeeze)[2] - seen[:, 2]
+    assert np.degrees(turned).std() == pytest.approx(1.5, rel=0.1)
+    assert abs(np.degrees(turned).mean()) < 0.2
+    back = np.array([to_world(pose, np.array([0, 0, 0.0])) for pose in seen])
+    angle = placement_of(table.nodes[0].squeeze)[2] + turned
+    c, s = np.cos(angle), np.sin(angle)
+    hand = evaluation.initial[:, :2] - np.column_stack(
+        [c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]]
+    )
+    offset = hand - placement_of(table.nodes[0].squeeze)[:2]
+    assert offset.std(axis=0) == pytest.approx([0.7, 0.7], rel=0.1)
+
+
+def test_a_world_that_holds_nothing_drags_nothing(job):
+    class Slippery(Wrung):
+        def squeeze(self, pose):
+            final, width, _ = super().squeeze(pose)
+            return final, width, "slipped"
+
+    table = spread_table()
+    still = replace(table, nodes=tuple(node._replace(release=None) for node in table.nodes))
+    dragged, plain = (evaluate(t, job, Slippery(), 200, seed=5) for t in (table, still))
+    assert np.array_equal(dragged.poses, plain.poses)
+    assert np.any(evaluate(table, job, Wrung(), 200, seed=5).poses != plain.poses)
+
+
+def test_initial_poses_come_from_what_the_parts_are_like(job):
+    wide = job_with(job.canonical(), [("uncertainty.radius_mm", "30")])
+    evaluation = evaluate(spread_table(), wide, Wrung(), 500, seed=1)
+    radius = np.hypot(*evaluation.initial[:, :2].T)
+    assert 29.0 < radius.max() <= 30.0

@@ -1,0 +1,90 @@
+"""The standard set of worlds that are not as planned."""
+
+import math
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from problems import OUTLINES
+
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.sweep import standard_cases, sweep, three_feet
+from planner.evaluation.text import SWEEP_HEAD, sweep_row
+from planner.job import model as job_file
+from planner.job.overrides import job_with
+from planner.world import ContactWorlds
+from runtime.table import load
+
+TREES = Path(__file__).parents[4] / "trees" / "rectangle"
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(TREES / "job.toml")
+
+
+def worlds(real):
+    return ContactWorlds.of_job(real, 5)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_every_part_can_be_put_into_every_world(job, name):
+    outline = OUTLINES[name]().tolist()
+    part = job_with(job.canonical(), [("part.outline_mm", str(outline)), ("part.symmetry", "auto")])
+    for case in standard_cases(part):
+        real = job_with(part.canonical(), case.overrides)
+        assert (real == part) == (not case.overrides)
+        assert np.array_equal(real.part.outline_mm, part.part.outline_mm)
+
+
+def test_a_job_that_chooses_openings_can_be_swept_too(job):
+    choosy = job_with(job.canonical(), [("actions.openings_mm", "[60, 85]")])
+    assert len({job_with(choosy.canonical(), case.overrides) for case in standard_cases(choosy)}) > 8
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_no_three_corners_span_a_larger_triangle(name):
+    outline = OUTLINES[name]()
+    span = shapely.Polygon(three_feet(outline)).area
+    corners = shapely.get_coordinates(shapely.MultiPoint(outline).convex_hull)[:-1]
+    if len(corners) <= 24:
+        assert span == pytest.approx(max(shapely.Polygon(c).area for c in combinations(corners, 3)))
+    else:  # of a curve, nearly: the largest triangle covers at least 3 sqrt(3) / (4 pi) of the hull
+        assert span >= 0.95 * 3 * math.sqrt(3) / (4 * math.pi) * shapely.Polygon(corners).area
+
+
+def test_only_the_world_differs_from_case_to_case(job):
+    table = load(TREES / "rectangle.msgpack").table
+    cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
+    plain, moved = sweep(table, job, cases, worlds, 1000, 3)
+    assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
+    assert np.array_equal(plain.evaluation.poses, evaluate(table, job, worlds(job), 1000, 3).poses)
+    shift = 1.0 / (job.gripper.opening_mm / (job.gripper.count_closed - job.gripper.count_open))
+    shifts = plain.evaluation.counts[:, 0] - moved.evaluation.counts[:, 0]
+    assert set(np.unique(shifts)) <= {math.floor(shift), math.ceil(shift)}
+
+
+def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_told_to(job):
+    (case,) = [case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"]
+    real = job_with(job.canonical(), case.overrides)
+    world = ContactWorlds.of_job(real, 1).world(0)
+    # Flush between the fingers, 21 mm across; the hand itself was displaced.
+    poses, width, _, _ = world.squeeze_many(np.array([[0.0, -case.disturbance.across_mm, 0.0]]))
+    assert width == pytest.approx([21.0], abs=0.1)
+    assert poses[0, 1] + case.disturbance.across_mm == pytest.approx(0.0, abs=0.1)
+
+
+def test_lower_friction_jams_less(job):
+    table = load(TREES / "rectangle.msgpack").table
+    cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.15 to 0.25")]
+    plain, slippery = sweep(table, job, cases, worlds, 2000, 4)
+    assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
+
+
+def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
+    table = load(TREES / "rectangle.msgpack").table
+    longest = max(standard_cases(job), key=lambda case: len(case.name))
+    (line,) = sweep(table, job, [longest], worlds, 50, 1)
+    assert len(sweep_row(line)) == len(SWEEP_HEAD)

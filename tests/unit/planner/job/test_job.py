@@ -1,0 +1,280 @@
+"""The job file: what it becomes, its exact text, and files that cannot be read."""
+
+import dataclasses
+import hashlib
+import json
+import math
+import pickle
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import errors
+from planner.job import fields, schema
+from planner.job import model as job
+from runtime.execution import delivery
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+TEXT = RECTANGLE.read_text(encoding="utf-8")
+
+
+def edited(old: str, new: str) -> str:
+    assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
+    return TEXT.replace(old, new)
+
+
+@pytest.fixture
+def rectangle() -> job.Job:
+    return job.load(RECTANGLE)
+
+
+def test_the_rectangle_is_the_one_of_the_paper(rectangle):
+    part = rectangle.part
+    assert np.ptp(part.outline_mm, axis=0).tolist() == [30.0, 21.0]
+    assert part.symmetry == 2
+    assert rectangle.pressure.kind == "boundary"
+    assert rectangle.friction == job.Friction(0.4, 0.6, 0.3)
+    gripper = rectangle.gripper
+    assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (27.5, 9.5, 85.0)
+    assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)
+    assert rectangle.uncertainty == job.Uncertainty(12.75, 180.0)
+    assert rectangle.uncertainty.orientation == "unknown"
+    assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
+    assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
+    assert rectangle.goal == job.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
+    assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
+    assert rectangle.seed == 1
+
+
+def test_a_job_is_frozen(rectangle):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        rectangle.seed = 2
+    for array in (rectangle.part.outline_mm, rectangle.actions.centers_mm):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
+def test_canonical_text_round_trips_exactly(rectangle):
+    text = rectangle.canonical()
+    again = job.from_canonical(text)
+    assert again == rectangle
+    assert again.canonical() == text
+    assert hash(again) == hash(rectangle)
+    assert text == json.dumps(json.loads(text), sort_keys=True, separators=(",", ":"))
+    assert rectangle.digest() == hashlib.sha256(text.encode()).digest()
+
+
+def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
+    without_defaults = re.sub(
+        r"(?m)^(symmetry|wishart_dof|model|count_\w+|encoder\w+|speed\w+|force\w+) .*\n", "", TEXT
+    )
+    assert len(without_defaults) < len(TEXT)
+    elsewhere = edited(
+        "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[100.0, 7], [100.0, 28], [130, 28], [130, 7]]"
+    )
+    for text in (without_defaults, elsewhere, TEXT.replace("\n", "\r\n")):
+        assert job.parse(text).digest() == rectangle.digest()
+    assert job.parse(edited("seed = 1", "seed = 2")).digest() != rectangle.digest()
+
+
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path, rectangle):
+    path = tmp_path / "job.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
+    assert job.load(path) == rectangle
+
+
+def test_support_points_move_with_the_outline():
+    points = 'kind = "points"\npoints_mm = [[0, 0], [30, 0], [15, 21]]'
+    even = job.parse(edited('kind = "boundary"', points)).pressure
+    assert even.points_mm.tolist() == [[-15.0, -10.5], [15.0, -10.5], [0.0, 10.5]]
+    assert even.weights.tolist() == [1 / 3] * 3
+    weighted = job.parse(edited('kind = "boundary"', points + "\nweights = [1, 2, 4]"))
+    assert weighted.pressure.weights.tolist() == [1 / 7, 2 / 7, 4 / 7]
+    assert job.from_canonical(weighted.canonical()) == weighted
+
+
+def test_bounded_orientation_and_stated_ellipsoid_round_trip():
+    text = edited('orientation = "unknown"', "orientation_halfwidth_deg = 20")
+    text = text.replace(
+        '"boundary"', '"stated"\nrho_mm = 10\nellipsoid = [[1, 0, 0], [0, 1, 0.1], [0, 0.1, 0.5]]', 1
+    )
+    stated = job.parse(text)
+    assert stated.uncertainty.orientation == "bounded"
+    assert stated.pressure.ellipsoid[1, 2] == 0.1
+    assert job.from_canonical(stated.canonical()) == stated
+
+
+def test_a_marked_rectangle_may_state_no_symmetry():
+    assert job.parse(edited('symmetry = "auto"', "symmetry = 1")).part.symmetry == 1
+
+
+def test_broken_toml_gives_line_and_column():
+    with pytest.raises(errors.TomlError, match="line 2, column 8") as caught:
+        job.parse("seed = 1\nname = = 2\n", "my.toml")
+    assert (caught.value.line, caught.value.column) == (2, 8)
+    with pytest.raises(errors.TomlError, match="line 3") as caught:
+        job.parse("[part]\n\noutline_mm = [[0, 0]")
+    assert caught.value.line == 3
+    for text in ("[part]\n[part]", "x = " + "[" * 100_000, "seed = " + "9" * 10_000, "\x00"):
+        with pytest.raises(errors.TomlError, match="not valid TOML"):
+            job.parse(text)
+
+
+def test_unreadable_files_are_named(tmp_path):
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes("name = 'Würfel'".encode("latin-1"))
+    for path, reason in (
+        (tmp_path / "absent.toml", "No such file"),
+        (tmp_path, "Is a directory"),
+        (latin, r"not UTF-8 text \(byte 10\)"),
+        ("a\0b", "null"),
+    ):
+        with pytest.raises(errors.InputFileError, match=reason) as caught:
+            job.load(path)
+        assert caught.value.where == str(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "[" * 100_000])
+def test_canonical_text_that_is_not_a_json_object_is_refused(text):
+    with pytest.raises(errors.TomlError, match="compile the job again"):
+        job.from_canonical(text)
+
+
+def test_canonical_text_with_a_foreign_outline_is_refused(rectangle):
+    document = json.loads(rectangle.canonical())
+    document["part"]["outline_mm"] = [[0, 0], [30, 0], [30, 21], [0, 21]]
+    with pytest.raises(errors.OutlineError, match="from the origin"):
+        job.from_canonical(json.dumps(document))
+    document["friction"]["finger_part_min"] = math.nan
+    with pytest.raises(errors.JobError):
+        job.from_canonical(json.dumps(document))
+
+
+def test_every_error_class_has_its_own_exit_code_and_survives_a_process_boundary():
+    classes = [value for value in vars(errors).values() if isinstance(value, type)]
+    leaves = [cls for cls in classes if issubclass(cls, errors.PlannerError) and not cls.__subclasses__()]
+    assert sorted(cls.exit_code for cls in leaves) == [2, 3, 4, 5, 6, 7, 8, 9, 32]
+    for cls in leaves:
+        assert re.search(rf"{cls.__name__} +{cls.exit_code} ", errors.__doc__)
+    with pytest.raises(errors.KeyNameError) as caught:
+        job.parse("sede = 1", "my.toml")
+    copy = pickle.loads(pickle.dumps(caught.value))
+    assert str(copy) == str(caught.value)
+    assert vars(copy) == vars(caught.value)
+
+
+def test_the_schema_and_the_records_name_the_same_keys():
+    records = {field.name: field.type for field in dataclasses.fields(job.Job)} | {"seed": None}
+    assert set(records) == {*schema.FIELDS, *schema.TOP_LEVEL}
+    for section, keys in schema.FIELDS.items():
+        record = getattr(job, section.capitalize())
+        names = {field.name for field in dataclasses.fields(record)}
+        further = (
+            {key for kind in schema.PRESSURE_FIELDS.values() for key in kind}
+            if section == "pressure"
+            else set()
+        )
+        resolved = {"orientation", "surface_file"}  # stated in a file, written out as other keys
+        assert names | resolved == {*keys} | further | resolved
+
+
+def test_the_jobs_defaults_are_valid_and_the_example_states_only_known_keys():
+    stated = tomllib.loads(TEXT)
+    for section, keys in schema.FIELDS.items():
+        assert set(stated.get(section, {})) <= set(keys)
+        for field in keys.values():
+            if field.default is not fields.REQUIRED and field.default is not None:
+                field.read(field.default)
+
+
+def test_reading_a_job_loads_no_heavy_package():
+    heavy = ("numba", "sklearn", "scipy", "matplotlib")
+    code = f"import planner.job.model, sys; print([m for m in {heavy} if m in sys.modules])"
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=RECTANGLE.parents[2], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("line", "advice"),
+    [
+        ("openings_mm = [90.0]", "more than opening_mm"),
+        ("forces_n = [20.0, 300.0]", "above max_force_n"),
+    ],
+)
+def test_choices_beyond_gripper_and_cell_are_refused(line, advice):
+    text = RECTANGLE.read_text().replace("[goal]", f"{line}\n[goal]")
+    with pytest.raises(errors.ValueRangeError, match=advice):
+        job.parse(text)
+
+
+def test_openings_to_choose_from_need_fingers_that_close_alike():
+    text = RECTANGLE.read_text().replace("[goal]", "openings_mm = [60.0, 85.0]\n[goal]")
+    assert job.parse(text).actions.openings_mm == (60.0, 85.0)
+    with pytest.raises(errors.ValueRangeError, match="which finger touches first"):
+        job.parse(text.replace("[gripper]", "[gripper]\nupper_finger_share = 0.4"))
+
+
+WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
+DELIVERY = """
+[delivery]
+drop_mm = [50, 0]
+drop_angle_deg = 180
+"""
+
+
+def test_a_job_without_a_delivery_says_nothing_of_one():
+    made = job.parse(TEXT)
+    assert made.delivery is None
+    assert "delivery" not in json.loads(made.canonical())
+
+
+def test_the_runtime_reads_the_delivery_that_a_job_states():
+    made = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
+    assert job.from_canonical(made.canonical()) == made
+    stated = tomllib.loads(DELIVERY)["delivery"]
+    assert delivery.from_job(json.loads(made.canonical())) == delivery.from_keys(
+        stated | WIDTH_AND_AREA, "here"
+    )
+    assert delivery.from_job(json.loads(job.parse(TEXT + DELIVERY).canonical())) == delivery.from_text(
+        "50,0,180"
+    )
+
+
+def test_job_and_runtime_know_the_same_keys_of_a_delivery():
+    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS}
+    for key, count in delivery.KEYS.items():
+        field = schema.FIELDS["delivery"][key]
+        assert (field.least if isinstance(field, fields.Numbers) else 0) == count
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[delivery]\ndrop_angle_deg = 3", "missing key drop_mm"),
+        ("[delivery]\ndrop_mm = [1, 2, 3]", "must have 2 entries"),
+        ("[delivery]\ndrop_mm = [50, 0]\ndrop = 3", "unknown key"),
+        ("[delivery]\ndrop_mm = [500, 0]", "brings the hand to .500, 0., outside work_area_mm of .cell."),
+        ("[delivery]\ndrop_mm = [50, 0]\narea_mm = [9, 9, 0, 0]", "min below max"),
+        ("[delivery]\ndrop_mm = [50, 0]\nwidth_mm = 90", "not below opening_mm"),
+        ("delivery = 3", "must be a section"),
+    ],
+)
+def test_a_delivery_that_cannot_be_is_refused(text, told):
+    with pytest.raises(errors.JobError, match=told) as raised:
+        job.parse(f"{text}\n{TEXT}" if text.startswith("delivery =") else f"{TEXT}\n{text}\n", "my.toml")
+    assert "\n" not in str(raised.value)
+
+
+def test_a_part_may_be_put_down_in_any_turn_that_looks_the_same():
+    text = "[delivery]\ndrop_mm = [140, 0]\ngrasp_mm = [12, 0]\n"
+    assert job.parse(TEXT + text).delivery is not None  # turned by half, the hand stays inside
+    with pytest.raises(errors.ValueRangeError, match="outside"):
+        job.parse(TEXT.replace('symmetry = "auto"', "symmetry = 1") + text)

@@ -1,0 +1,150 @@
+"""Mistakes in a job file: each is named with its place and a way out."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from planner import errors
+from planner.job import fields, schema
+from planner.job import model as job
+from planner.part import outline
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+TEXT = RECTANGLE.read_text(encoding="utf-8")
+
+
+def edited(old: str, new: str) -> str:
+    assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
+    return TEXT.replace(old, new)
+
+
+UNKNOWN = [
+    ("radius_mm", "radius", "uncertainty", 'did you mean "radius_mm"?'),
+    ("opening_mm", "opening_m", "gripper", 'did you mean "opening_mm"?'),
+    ("angles_deg", "angels_deg", "actions", 'did you mean "angles_deg"?'),
+    ("[friction]", "[frictoin]", "", 'did you mean "friction"?'),
+    ("confidence", "zzz", "goal", "valid are kind, distance_mm, confidence"),
+    ("[goal]", "[goal]\nopening_mm = 85", "goal", "belongs in [gripper]"),
+    ("[goal]", "[goal]\nseed = 85", "goal", "belongs on top"),
+    ("seed = 1", "opening_mm = 1", "", "belongs in [gripper]"),
+    ("[friction]", "points_mm = [[0, 0], [1, 1]]\n[friction]", "pressure", 'goes with kind = "points"'),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "section", "advice"), UNKNOWN)
+def test_an_unknown_name_is_refused_with_the_nearest_valid_one(old, new, section, advice):
+    with pytest.raises(errors.KeyNameError) as caught:
+        job.parse(TEXT.replace(old, new, 1), "my.toml")
+    message = str(caught.value)
+    assert message.startswith(f"my.toml: [{section}]" if section else "my.toml: ")
+    assert advice in message
+    assert "\n" not in message
+    assert caught.value.section == section
+    assert caught.value.names[0] in message
+
+
+REQUIRED = [
+    (section, key)
+    for section, keys in schema.FIELDS.items()
+    for key, field in keys.items()
+    if field.default is fields.REQUIRED and section not in schema.ABSENT_SECTIONS
+]
+
+
+@pytest.mark.parametrize(("section", "key"), [*REQUIRED, ("uncertainty", "orientation")])
+def test_a_missing_key_is_named(section, key):
+    text = re.sub(rf"(?m)^{key} = .*\n", "", TEXT)
+    assert text != TEXT
+    with pytest.raises(errors.KeyNameError, match=rf"\[{section}\].*missing key {key}") as caught:
+        job.parse(text, "my.toml")
+    assert caught.value.names == (key,)
+
+
+def test_all_missing_sections_are_named_at_once():
+    with pytest.raises(errors.KeyNameError) as caught:
+        job.parse("[part]\n")
+    assert caught.value.names == ("friction", "gripper", "uncertainty", "actions", "goal")
+
+
+WRONG = [
+    ("seed = 1", "seed = -1", "", "seed"),
+    ("seed = 1", "seed = true", "", "seed"),
+    ('name = "rectangle"', "name = 3", "part", "name"),
+    ('name = "rectangle"', 'name = ""', "part", "name"),
+    ('name = "rectangle"', 'name = "a\\nb"', "part", "name"),
+    ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 0, 1]]", "part", "outline_mm"),
+    ("[[0, 0], [30, 0], [30, 21], [0, 21]]", '"square"', "part", "outline_mm"),
+    ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, nan], [3, 3]]", "part", "outline_mm"),
+    ('symmetry = "auto"', "symmetry = 4", "part", "symmetry"),
+    ('symmetry = "auto"', "symmetry = 0", "part", "symmetry"),
+    ('symmetry = "auto"', 'symmetry = "none"', "part", "symmetry"),
+    ('kind = "boundary"', 'kind = "bondary"', "pressure", "kind"),
+    ('kind = "boundary"', "kind = 2", "pressure", "kind"),
+    ("wishart_dof = 100", "wishart_dof = 2", "pressure", "wishart_dof"),
+    ("wishart_dof = 100", "wishart_dof = 100.5", "pressure", "wishart_dof"),
+    ("finger_part_min = 0.4", "finger_part_min = 0.7", "friction", "finger_part_min"),
+    ("finger_part_max = 0.6", "finger_part_max = 2.1", "friction", "finger_part_max"),
+    ("finger_part_min = 0.4", "finger_part_min = -0.1", "friction", "finger_part_min"),
+    ("finger_part_min = 0.4", "finger_part_min = nan", "friction", "finger_part_min"),
+    ("opening_mm = 85.0", "opening_mm = inf", "gripper", "opening_mm"),
+    ("opening_mm = 85.0", "opening_mm = 0", "gripper", "opening_mm"),
+    ("opening_mm = 85.0", 'opening_mm = "85"', "gripper", "opening_mm"),
+    ("opening_mm = 85.0", "opening_mm = 1979-05-27", "gripper", "opening_mm"),
+    ("opening_mm = 85.0", "opening_mm = " + "9" * 400, "gripper", "opening_mm"),
+    ("count_closed = 230", "count_closed = 256", "gripper", "count_closed"),
+    ("count_open = 3", "count_open = 230", "gripper", "count_open"),
+    ("speed_mm_s = 60.0", "speed_mm_s = 151", "gripper", "speed_mm_s"),
+    ("force_n = 40.0", "force_n = 236", "gripper", "force_n"),
+    ('orientation = "unknown"', 'orientation = "known"', "uncertainty", "orientation"),
+    ("[actions]", "orientation_halfwidth_deg = 20\n[actions]", "uncertainty", "orientation"),
+    ("[0, 45, 90, 135]", "[]", "actions", "angles_deg"),
+    ("[0, 45, 90, 135]", "[0, 45, 0.0]", "actions", "angles_deg"),
+    ("[0, 45, 90, 135]", "45", "actions", "angles_deg"),
+    ("centers_mm = [[0, 0]]", "centers_mm = [0, 0]", "actions", "centers_mm"),
+    ("centers_mm = [[0, 0]]", "centers_mm = [[0, 0], [0, 151]]", "actions", "centers_mm"),
+    ("distance_mm = 3.0", "distance_mm = 0", "goal", "distance_mm"),
+    ("confidence = 0.99", "confidence = 1", "goal", "confidence"),
+    ("[goal]", "[search]\ndepth = 0\n[goal]", "search", "depth"),
+    ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
+    ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),
+    ("[goal]", "[cell]\nwork_area_mm = [[-9, -9]]\n[goal]", "cell", "work_area_mm"),
+    ('"boundary"', '"points"\npoints_mm = [[0, 0], [0, 22]]', "pressure", "points_mm"),
+    ('"boundary"', '"points"\npoints_mm = [[1, 1], [1, 1]]', "pressure", "points_mm"),
+    ('"boundary"', '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 2, 3]', "pressure", "weights"),
+    ('"boundary"', '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 0]', "pressure", "weights"),
+    ('"boundary"', '"stated"\nrho_mm = 9\nellipsoid = [[1, 0, 0], [0, 1, 1], [0, 1, 1]]', "pressure", "ellipsoid"),  # noqa: E501
+    ('"boundary"', '"stated"\nrho_mm = 9\nellipsoid = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]', "pressure", "ellipsoid"),  # noqa: E501
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "section", "key"), WRONG)
+def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
+    with pytest.raises(errors.ValueRangeError) as caught:
+        job.parse(TEXT.replace(old, new, 1), "my.toml")
+    error = caught.value
+    assert (error.section, error.key, error.where) == (section, key, "my.toml")
+    assert str(error).startswith(f"my.toml: [{section}] {key}: " if section else f"my.toml: {key}: ")
+    assert "\n" not in str(error)
+    assert len(str(error)) < 250
+
+
+def test_a_value_in_place_of_a_section_is_refused():
+    for text in ("goal = 3\n" + TEXT.partition("[goal]")[0], edited("[goal]", "[[goal]]")):
+        with pytest.raises(errors.ValueRangeError, match=r"\[goal\]: must be a section"):
+            job.parse(text)
+
+
+def test_outline_errors_name_file_and_key():
+    crossing = edited("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 21], [30, 0], [0, 21]]")
+    with pytest.raises(errors.OutlineError, match=r"my.toml: \[part\] outline_mm: .* at \(15, 10.5\)"):
+        job.parse(crossing, "my.toml")
+
+
+def test_only_the_narrowest_width_must_fit_between_the_jaws():
+    bar = edited("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]")
+    assert outline.min_width(job.parse(bar).part.outline_mm) == pytest.approx(84.9)
+    for height in ("85", "90"):
+        with pytest.raises(errors.FitError, match="part larger than the opening") as caught:
+            job.parse(bar.replace("84.9", height))
+        assert caught.value.value == 85.0

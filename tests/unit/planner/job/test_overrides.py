@@ -1,0 +1,145 @@
+"""Values of a job replaced on the command line: the same checks and words as for the file itself."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner import errors
+from planner.job import documents
+from planner.job import model as job
+from planner.job.overrides import apply, job_with, split, value_of
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+TEXT = RECTANGLE.read_text(encoding="utf-8")
+PARSED = job.parse(TEXT)
+
+
+@pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED.canonical()], ids=["path", "toml", "canonical"])
+class TestSources:
+    def test_without_overrides_it_is_the_job_itself(self, source):
+        assert job_with(source) == PARSED
+
+    def test_overrides_equal_the_edited_file(self, source):
+        edited = TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
+        assert job_with(source, [("uncertainty.radius_mm", "15"), ("seed", "4")]) == job.parse(edited)
+
+    def test_a_later_one_wins(self, source):
+        twice = [("goal.distance_mm", "1"), ("goal.distance_mm", "2.5")]
+        assert job_with(source, twice).goal.distance_mm == 2.5
+
+    def test_a_section_left_out_of_the_file_can_be_set(self, source):
+        assert job_with(source, [("search.particles", "99")]).search.particles == 99
+
+    def test_one_way_to_state_the_orientation_replaces_the_other(self, source):
+        bounded = [("uncertainty.orientation_halfwidth_deg", "20")]
+        assert job_with(source, bounded).uncertainty.orientation_halfwidth_deg == 20
+        back = [*bounded, ("uncertainty.orientation", "unknown")]
+        assert job_with(source, back) == PARSED
+
+    def test_another_kind_of_pressure_drops_the_keys_of_the_old(self, source):
+        supports = "[[-10, -5], [10, -5], [0, 6]]"
+        changes = [
+            ("pressure.limit_surface", "quartic"),
+            ("pressure.kind", "points"),
+            (
+                "pressure.points_mm",
+                "[[5, 5], [25, 5], [15, 15]]" if source != PARSED.canonical() else supports,
+            ),
+        ]
+        pressure = job_with(source, changes).pressure
+        assert pressure.kind == "points"
+        assert pressure.limit_surface == "quartic"
+        stated = [
+            *changes,
+            ("pressure.kind", "stated"),
+            ("pressure.ellipsoid", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
+            ("pressure.rho_mm", "10"),
+        ]
+        assert job_with(source, stated).pressure.kind == "stated"
+
+    def test_a_new_outline_is_moved_to_its_centroid(self, source):
+        changed = [("part.outline_mm", "[[0, 0], [40, 0], [40, 20], [0, 20]]"), ("part.symmetry", "auto")]
+        assert job_with(source, changed).part.outline_mm.min(axis=0) == pytest.approx([-20, -10])
+
+    @pytest.mark.parametrize(
+        ("name", "value", "error", "words"),
+        [
+            ("uncertainty.radius_mm", "-1", errors.ValueRangeError, "[uncertainty] radius_mm"),
+            ("uncertainty.radius_mm", "wide", errors.ValueRangeError, "must be a number"),
+            ("uncertainty.radius", "3", errors.KeyNameError, 'did you mean "radius_mm"'),
+            ("uncertanty.radius_mm", "3", errors.KeyNameError, 'did you mean "uncertainty"'),
+            ("radius_mm", "3", errors.KeyNameError, "unknown"),
+            ("seed.x", "3", errors.UsageError, "no section"),
+            ("gripper.opening_mm", "20", errors.FitError, "part larger than the opening"),
+            ("friction.finger_part_min", "0.9", errors.ValueRangeError, "exchange them"),
+        ],
+    )
+    def test_what_a_file_may_not_say_an_override_may_not_either(self, source, name, value, error, words):
+        with pytest.raises(error) as caught:
+            job_with(source, [(name, value)])
+        assert words in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_the_document_is_not_modified():
+    document = documents.from_toml(TEXT, "job")
+    apply(document, "uncertainty.radius_mm", "15")
+    assert document == documents.from_toml(TEXT, "job")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("12", 12), ("1e-3", 1e-3), ("true", True), ('"a b"', "a b"), ("closed-loop", "closed-loop"),
+     ("[0, 90]", [0, 90]), (" 3 ", 3)],
+)  # fmt: skip
+def test_values_read_as_in_a_file_and_words_go_without_quotes(text, value):
+    assert value_of("a.b", text) == value
+
+
+@pytest.mark.parametrize("text", ["", "1\nother = 2", "[1, 2", "a b", "1,2", "# nothing", "\x00"])
+def test_what_is_no_value_is_refused(text):
+    with pytest.raises(errors.UsageError) as caught:
+        value_of("goal.distance_mm", text)
+    assert str(caught.value).startswith("goal.distance_mm: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", ".", "a.", ".b", "a.b.c", "a b", "a\nb"])
+def test_what_is_no_name_is_refused(name):
+    with pytest.raises(errors.UsageError, match="names no value"):
+        value_of(name, "1")
+
+
+def test_commas_part_values_unless_they_are_inside_one():
+    assert split("uncertainty.radius_mm=10,12.75, 15") == ("uncertainty.radius_mm", ["10", "12.75", "15"])
+    assert split("actions.angles_deg=[0, 90],[0, [1, 2]]") == (
+        "actions.angles_deg",
+        ["[0, 90]", "[0, [1, 2]]"],
+    )
+    assert split("part.name=\"a,b\",'c=d'") == ("part.name", ['"a,b"', "'c=d'"])
+
+
+@pytest.mark.parametrize("text", ["", "a.b", "=1", "a.b=", "a.b=1,,2", "a.b=1,"])
+def test_a_sweep_without_values_is_refused(text):
+    with pytest.raises(errors.UsageError, match="write it as"):
+        split(text)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_any_numbers_survive_the_command_line(values):
+    name, texts = split("goal.distance_mm=" + ",".join(map(repr, values)))
+    assert [value_of(name, text) for text in texts] == values
+
+
+@given(st.text())
+def test_any_text_reads_or_is_refused_in_one_line(text):
+    for read in (split, lambda text: value_of("a.b", text)):
+        try:
+            read(text)
+        except errors.UsageError as error:
+            message = str(error)
+        else:
+            message = "read"
+        assert message.isprintable()

@@ -1,0 +1,157 @@
+"""Limit surfaces as files, and in jobs in place of a pressure."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
+from planner.job import model as job
+from planner.job import surface_file
+from planner.mechanics import limit_surface, quartic
+
+RHO = 10.0
+A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
+JOB = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
+
+
+def job_with(pressure: str, where: str = "job") -> job.Job:
+    return job.parse(JOB.replace('kind = "boundary"', f'kind = "identified"\n{pressure}'), where)
+
+
+def write(path: Path, surface: dict[str, object]) -> None:
+    path.write_text(surface_file.dumps(surface, {"logs": ["pairs.csv"]}), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def surfaces(tmp_path_factory):
+    """One surface file of each kind."""
+    folder = tmp_path_factory.mktemp("surfaces")
+    write(folder / "ellipsoid.toml", {"rho_mm": RHO, "ellipsoid": A})
+    squared = quartic.of_ellipsoid(A, RHO)
+    found = quartic.sample(squared, 50, np.random.default_rng(0), 1).certificates[0]
+    found = quartic.from_certificate(found, RHO)
+    values = {"quartic": found.coefficients, "certificate": found.certificate}
+    write(folder / "quartic.toml", {"rho_mm": RHO, **values})
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["ellipsoid", "quartic"])
+def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
+    taken = job_with(f'surface_file = "{kind}.toml"', str(surfaces / "job.toml"))
+    values = surface_file.load(surfaces / f"{kind}.toml")
+    pressure = taken.pressure
+    assert pressure.kind == "identified"
+    assert pressure.rho_mm == values["rho_mm"] == RHO
+    for key in ("ellipsoid", "quartic", "certificate"):
+        assert np.array_equal(getattr(pressure, key), values[key])
+    text = taken.canonical()
+    assert "surface_file" not in text
+    assert job.from_canonical(text) == taken
+    inline = {
+        key: values[key].tolist()
+        for key in ("ellipsoid", "quartic", "certificate")
+        if values[key] is not None
+    }
+    written = "\n".join(f"{key} = {json.dumps(value)}" for key, value in inline.items())
+    assert job_with(f"rho_mm = {RHO}\n{written}") == taken
+
+
+def test_an_identified_ellipsoid_works_like_a_stated_one(surfaces):
+    taken = job_with('surface_file = "ellipsoid.toml"', str(surfaces / "job.toml"))
+    surface = limit_surface.of_job(taken)
+    assert np.array_equal(surface.A, taken.pressure.ellipsoid)
+    assert surface.rho_mm == RHO
+
+
+def test_an_identified_quartic_is_the_one_that_was_fitted(surfaces):
+    pressure = job_with('surface_file = "quartic.toml"', str(surfaces / "job.toml")).pressure
+    surface = quartic.from_certificate(pressure.certificate, pressure.rho_mm)
+    assert np.allclose(surface.coefficients, pressure.quartic, rtol=1e-9, atol=1e-12)
+
+
+ROWS = f"ellipsoid = {A.tolist()}"
+SURFACE_MISTAKES = {
+    "nothing": ("", KeyNameError, "missing key rho_mm"),
+    "rho alone": ("rho_mm = 5", KeyNameError, "missing key surface_file"),
+    "no rho": (ROWS, KeyNameError, "missing key rho_mm"),
+    "not symmetric": (
+        "rho_mm = 5\nellipsoid = [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]",
+        ValueRangeError,
+        "ellipsoid",
+    ),
+    "file and inline": (f'surface_file = "s.toml"\n{ROWS}', ValueRangeError, "both stated"),
+    "no such file": ('surface_file = "s.toml"', InputFileError, "check surface_file"),
+    "no certificate": (f"rho_mm = 5\nquartic = {[1] * 15}", KeyNameError, "missing key certificate"),
+    "two surfaces": (f"rho_mm = 5\n{ROWS}\nquartic = {[1] * 15}", ValueRangeError, "keep one surface"),
+    "too short": (f"rho_mm = 5\nquartic = {[1] * 14}", ValueRangeError, "must have 15 entries"),
+}
+
+
+@pytest.mark.parametrize("name", SURFACE_MISTAKES)
+def test_a_spoiled_surface_in_a_job_is_refused_in_one_line(name, tmp_path):
+    pressure, error, problem = SURFACE_MISTAKES[name]
+    with pytest.raises(error) as caught:
+        job_with(pressure, str(tmp_path / "job.toml"))
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_certificate_that_does_not_fit_is_refused(surfaces):
+    values = surface_file.load(surfaces / "quartic.toml")
+    Q, coefficients = values["certificate"], values["quartic"]
+    for bad_q, bad_c in ((Q, coefficients * 1.001), (Q - 100 * np.eye(9), coefficients), (-Q, -coefficients)):
+        text = f"rho_mm = 10\nquartic = {bad_c.tolist()}\ncertificate = {bad_q.tolist()}"
+        with pytest.raises(ValueRangeError, match="does not show that the quartic is convex"):
+            job_with(text)
+
+
+def test_a_quartic_needs_more_degrees_of_freedom(surfaces):
+    canonical = job_with('surface_file = "quartic.toml"', str(surfaces / "job.toml")).canonical()
+    with pytest.raises(ValueRangeError, match="at least 9 for a quartic"):
+        job.from_canonical(canonical.replace('"wishart_dof":100', '"wishart_dof":8'))
+
+
+def test_a_canonical_job_may_not_name_a_file(surfaces):
+    text = job_with('surface_file = "ellipsoid.toml"', str(surfaces / "job.toml")).canonical()
+    spoiled = json.loads(text)
+    spoiled["pressure"] = {
+        "kind": "identified",
+        "surface_file": str(surfaces / "ellipsoid.toml"),
+        "wishart_dof": 100,
+    }
+    with pytest.raises(ValueRangeError, match="compile again"):
+        job.from_canonical(json.dumps(spoiled))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error"),
+    [
+        ("format = 1", "format = 2", ValueRangeError),
+        ("kind =", "kid =", KeyNameError),
+        ('kind = "ellipsoid"', 'kind = "quartic"', KeyNameError),
+        ("rho_mm = ", "rho_mm = [", TomlError),
+        ("rho_mm = 10.0", "rho_mm = -1", ValueRangeError),
+    ],
+)
+def test_a_spoiled_surface_file_is_refused_and_named(surfaces, tmp_path, old, new, error):
+    text = (surfaces / "ellipsoid.toml").read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "spoiled.toml"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(error, match=r"spoiled\.toml: "):
+        job_with('surface_file = "spoiled.toml"', str(tmp_path / "job.toml"))
+
+
+def test_surface_files_hold_any_text_and_exact_numbers(tmp_path):
+    path = tmp_path / "s.toml"
+    exact = np.nextafter(A, 2)
+    exact = 0.5 * (exact + exact.T)
+    path.write_text(
+        surface_file.dumps({"rho_mm": 0.1 + 0.2, "ellipsoid": exact}, {"logs": ['a "b"\\\n\u00fc']}),
+        encoding="utf-8",
+    )
+    values = surface_file.load(path)
+    assert np.array_equal(values["ellipsoid"], exact)
+    assert values["rho_mm"] == 0.1 + 0.2

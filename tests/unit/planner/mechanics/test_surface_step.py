@@ -1,0 +1,99 @@
+"""The step with either limit surface: the quartic of an ellipsoid is that ellipsoid, fixed points hold."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.particles import initial
+from planner.errors import ValueRangeError
+from planner.job import model as job_file
+from planner.mechanics import limit_surface, quartic, surface
+from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
+from planner.mechanics.surface_step import local_matrix
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
+
+
+@pytest.fixture(scope="module")
+def poses():
+    return initial(JOB, 200, np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def quartic_job():
+    return job_file.parse(TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"'))
+
+
+def test_squeezes_with_an_ellipsoid_written_as_a_quartic_end_alike(poses):
+    ellipsoid = Simulator.of_job(JOB, workers=1)
+    assert isinstance(ellipsoid.surface, limit_surface.LimitSurface)
+    as_quartic = quartic.of_ellipsoid(ellipsoid.surface.A, ellipsoid.surface.rho_mm)
+    same = dataclasses.replace(ellipsoid, surface=as_quartic)
+    a = ellipsoid.roll_out(poses, ellipsoid.nominal(len(poses), 0.5))
+    b = same.roll_out(poses, same.nominal(len(poses), 0.5))
+    np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
+    np.testing.assert_array_equal(b.status, a.status)
+
+
+def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_job):
+    form = surface.of_job(quartic_job)
+    assert isinstance(form, quartic.QuarticSurface)
+    A = np.empty((3, 3))
+    for F in np.random.default_rng(1).normal(size=(20, 3)):
+        local_matrix(form.hessian_table(), F, A)
+        np.testing.assert_allclose(A, form.hessian(F) / 3.0, atol=1e-12)
+        np.testing.assert_allclose(A @ F, form.gradient(F), atol=1e-12)
+
+
+def test_tables_of_many_are_the_tables_of_each(quartic_job):
+    form = surface.of_job(quartic_job)
+    draws = quartic.sample(form, 100, np.random.default_rng(2), 5)
+    tables = surface.hessian_tables(draws.coefficients)
+    for row, table in zip(draws.coefficients, tables, strict=True):
+        one = dataclasses.replace(form, coefficients=row)
+        np.testing.assert_allclose(table, one.hessian_table(), atol=1e-12)
+
+
+def test_a_quartic_job_squeezes_to_the_same_widths_with_its_own_poses(poses, quartic_job):
+    simulator = Simulator.of_job(quartic_job, workers=2)
+    sampled = simulator.sample(len(poses), np.random.default_rng(3))
+    assert sampled.surfaces.shape == (len(poses), 6, 6)
+    rolled = simulator.roll_out(poses, sampled)
+    assert rolled.given_up.sum() == 0
+    grasped = rolled.status == STATUS_NAMES.index("grasped")
+    flush = np.minimum(np.abs(rolled.width_mm - 21.0), np.abs(rolled.width_mm - 30.0))
+    assert flush[grasped].max() < 0.02
+    finer = dataclasses.replace(simulator, step_mm=0.05).roll_out(poses, sampled)
+    close = np.abs(finer.poses - rolled.poses).max(axis=1) < 0.3
+    assert close.mean() > 0.985
+
+
+def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):
+    text = TEXT + "\n[release]\nshift_mm = 0.5\nturn_deg = 2.0\n"
+    simulator = Simulator.of_job(job_file.parse(text), workers=1)
+    far = np.concatenate([poses, poses + np.array([100.0, 0.0, 0.0])])
+    drawn = simulator.sample(len(far), np.random.default_rng(4))
+    still = simulator.roll_out(far, Parameters(drawn.surfaces, drawn.mu))
+    moved = simulator.roll_out(far, drawn)
+    offset = moved.poses - still.poses
+    assert np.all(offset[len(poses) :] == 0.0)
+    assert offset[: len(poses), :2].std() == pytest.approx(0.5, rel=0.2)
+    assert offset[: len(poses), 2].std() == pytest.approx(np.radians(2.0), rel=0.2)
+
+
+def test_a_finger_that_sticks_lets_the_other_do_all_the_closing():
+    text = TEXT.replace("force_n = 40.0", "upper_finger_share = 0.0\nforce_n = 40.0")
+    simulator = Simulator.of_job(job_file.parse(text), workers=1)
+    rolled = simulator.roll_out(np.zeros((1, 3)), simulator.nominal(1, 0.5))
+    # The lower finger pushes the part up to the upper one, which stands at half the opening.
+    assert rolled.width_mm[0] == pytest.approx(21.0, abs=0.01)
+    assert rolled.poses[0, 1] == pytest.approx(42.5 - 10.5, abs=0.01)
+
+
+def test_a_quartic_needs_enough_degrees_of_freedom():
+    text = TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"')
+    with pytest.raises(ValueRangeError, match="at least 9"):
+        job_file.parse(text.replace("wishart_dof = 100", "wishart_dof = 5"))

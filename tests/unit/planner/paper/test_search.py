@@ -1,0 +1,199 @@
+"""Algorithm 1 and its variants on a line, with models simple enough to know what must come out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.observation import COUNTS, encoder_of
+from planner.job import model as job_file
+from planner.lower import lower
+from planner.paper.search import (
+    METHODS,
+    SINGLETON_SHARE,
+    Models,
+    PaperPlanner,
+    nearest_observation,
+    search_depth,
+)
+from planner.search.expand import breadth_first
+from runtime.table import REJECT, Calibration, by_count, decision_map, dumps, loads
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+ENCODER = encoder_of(JOB)
+HELD_MM, FREE_MM = 30.0, 10.0
+
+
+class Reach:
+    """What lies within 3 mm of the hand is drawn to it, the rest stays; a little scatter."""
+
+    def move(self, poses, rng):
+        moved = poses + 0.02 * rng.standard_normal(poses.shape) * [1.0, 1.0, 0.0]
+        moved[np.abs(poses[:, 0]) < 3.0, 0] = 0.0
+        return moved
+
+
+class Widths:
+    def predict(self, poses):
+        return np.where(np.abs(poses[:, 0]) < 0.5, HELD_MM, FREE_MM)
+
+
+class Nowhere:
+    def collides(self, poses):
+        return np.zeros(len(poses), bool)
+
+
+class Held:
+    """Two subspaces; the held parts lie on y = 0."""
+
+    def label(self, widths_mm):
+        return np.where(widths_mm > 20.0, 7, 4)
+
+    def project(self, poses, label):
+        projected = poses.copy()
+        projected[label == 7, 1] = 0.0
+        return projected
+
+
+def planner(method, **options):
+    placements = np.array([[x, 0.0, 0.0] for x in (0.0, 3.0, 6.0, 9.0)])
+    models = Models(Reach(), Widths(), Nowhere(), Held())
+    return PaperPlanner(placements, models, ENCODER, lambda _poses, _placement: -1.0, method, **options)
+
+
+def belief(n=600):
+    rng = np.random.default_rng(2)
+    return np.column_stack([rng.uniform(0, 10, n), rng.uniform(-0.1, 0.1, n), np.zeros(n)])
+
+
+@pytest.fixture(scope="module")
+def roots():
+    return {method: planner(method, depth=2, max_depth=8).plan(belief(), [1]) for method in METHODS}
+
+
+def leaves_of(root):
+    return [node for node in breadth_first(root) if not node.children]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_beliefs_are_conserved(roots, method):
+    for node in breadth_first(roots[method]):
+        if node.children:
+            assert sum(child.share for child in node.children) == pytest.approx(node.share)
+            assert sum(len(child.belief) for child in node.children) == len(node.belief)
+            assert node.clearance_mm >= 0.0
+    assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("method", ["paper", "paper-sequence"])
+def test_leaves_are_singletons(roots, method):
+    for leaf in leaves_of(roots[method]):
+        assert leaf.mode.ratio > SINGLETON_SHARE
+        spread = np.abs(leaf.belief[:, 0] - leaf.mode.pose[0])
+        assert np.mean(spread <= 2.5) > SINGLETON_SHARE
+    inner = [node for node in breadth_first(roots[method]) if node.children]
+    assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
+
+
+def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
+    for node in breadth_first(roots["paper"]):
+        for child, count in zip(node.children, node.clusters.mean if node.children else [], strict=True):
+            held = Widths().predict(child.belief - node.placement) > 20.0
+            width = float(ENCODER.width_mm(count))
+            assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
+            assert held.all() or not held.any()
+            if held.all():
+                assert np.all(child.belief[:, 1] == 0.0)
+
+
+def test_a_sequence_is_run_to_its_end_before_it_branches(roots):
+    root = roots["paper-sequence"]
+    assert len(root.children) == 1  # two squeezes gather more than one does
+    assert (root.clusters.low[0], root.clusters.high[0]) == (0, COUNTS - 1)
+    assert any(len(node.children) > 1 for node in breadth_first(root))
+
+
+def test_sensorless_plans_never_branch(roots):
+    nodes = breadth_first(roots["sensorless"])
+    assert all(len(node.children) == 1 for node in nodes[:-1])
+    assert not nodes[-1].children
+    assert [node.depth for node in nodes] == list(range(len(nodes)))
+    assert len(nodes) > 2
+
+
+def test_sensorless_stops_where_it_is_enough():
+    # One squeeze draws all of a narrow belief to the hand.
+    narrow = belief()
+    narrow[:, 0] = np.linspace(0.5, 5.8, len(narrow))
+    root = planner("sensorless").plan(narrow, [1])
+    nodes = breadth_first(root)
+    assert len(nodes) == 2
+    assert nodes[-1].mode.ratio > SINGLETON_SHARE
+
+
+def test_a_singleton_is_not_squeezed():
+    here = np.zeros((50, 3))
+    assert not planner("paper").plan(here, [1]).children
+
+
+def test_where_every_action_collides_the_leaf_is_left_unresolved():
+    class Everywhere:
+        def collides(self, poses):
+            return np.ones(len(poses), bool)
+
+    models = Models(Reach(), Widths(), Everywhere(), Held())
+    stuck = PaperPlanner(np.zeros((1, 3)), models, ENCODER, lambda _poses, _placement: -1.0)
+    root = stuck.plan(belief(), [1])
+    assert not root.children
+    assert root.mode.ratio <= SINGLETON_SHARE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_same_seed_same_tree(roots, method):
+    again = planner(method, depth=2, max_depth=8).plan(belief(), [1])
+    assert dumps(lower(again, JOB)) == dumps(lower(roots[method], JOB))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
+    table = loads(dumps(lower(roots[method], JOB)))
+    calibration = Calibration.linear(table.gripper)
+    for node in table.nodes:
+        expected = np.array([branch.expected_um for branch in node.branches])
+        widths = np.array(calibration.widths_um)
+        apart = widths > 0  # fully closed jaws hold nothing
+        outcome = np.array(by_count(decision_map(node, calibration)))[apart]
+        assert REJECT not in outcome
+        distance = np.abs(widths[apart, None] - expected)
+        assert np.all(distance[np.arange(len(outcome)), outcome] == distance.min(axis=1))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_cells_share_out_all_counts(seed):
+    rng = np.random.default_rng(seed)
+    subspace = rng.integers(0, 5, 300)
+    centres = rng.uniform(0, 85, 5)
+    width = np.clip(centres[subspace] + rng.normal(0, 0.5, 300), 0, 85)
+    cells, child = nearest_observation(ENCODER, width, subspace)
+    assert np.all(np.diff(cells.mean) < 0)
+    assert np.array_equal(np.bincount(child), cells.size)
+    assert cells.size.sum() == len(width)
+    covered = [
+        count for low, high in zip(cells.low, cells.high, strict=True) for count in range(low, high + 1)
+    ]
+    assert sorted(covered) == list(range(COUNTS))
+    for count in range(COUNTS):
+        assert abs(count - cells.mean[cells.label[count]]) == np.abs(count - cells.mean).min()
+
+
+def test_subspaces_that_no_reading_can_tell_apart_become_one_child():
+    width = np.array([30.0, 30.0, 30.01, 50.0])
+    cells, child = nearest_observation(ENCODER, width, np.array([0, 0, 1, 2]))
+    assert len(cells.mean) == 2
+    assert child.tolist() == [0, 0, 0, 1]
+
+
+def test_depth_is_three_for_few_actions_and_less_for_many():
+    assert search_depth(4) == 3
+    assert search_depth(20) == 2
+    assert search_depth(1000) == 1

@@ -1,0 +1,110 @@
+"""plan-simulate's pictures and tools/figures: options, errors in one line, nothing drawn costs nothing."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from planner.cli import simulate
+
+ROOT = Path(__file__).parents[4]
+JOB = ROOT / "trees" / "rectangle" / "job.toml"
+
+
+@pytest.fixture
+def poses(tmp_path: Path) -> Path:
+    path = tmp_path / "in.csv"
+    path.write_text("x_mm,y_mm,theta_rad\n-10,7,-0.3\n5,-7,2.5\n60,0,0\n")
+    return path
+
+
+def run(poses: Path, *options: str) -> int:
+    output = poses.parent / "out.csv"
+    return simulate.main([str(JOB), "--poses", str(poses), "-o", str(output), *options])
+
+
+def test_pictures_are_written_and_named(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = poses.parent
+    files = {option: str(folder / f"s.{option}") for option in ("gif", "html")} | {
+        "figure": str(folder / "s.svg")
+    }
+    options = [word for option, path in files.items() for word in (f"--{option}", path)]
+    assert run(poses, "--json", *options) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert files.items() <= result.items()
+    assert all(Path(path).stat().st_size > 1000 for path in files.values())
+
+
+def test_pictures_do_not_change_the_results(poses: Path) -> None:
+    results = []
+    for options in ([], ["--figure", str(poses.parent / "s.png")]):
+        assert run(poses, "--nominal", "--mu", "0.5", *options) == 0
+        results.append((poses.parent / "out.csv").read_bytes())
+    assert results[0] == results[1]
+
+
+def test_the_page_ends_where_the_results_do(poses: Path) -> None:
+    page = poses.parent / "s.html"
+    assert run(poses, "--html", str(page)) == 0
+    rows = [line.split(",") for line in (poses.parent / "out.csv").read_text().splitlines()[1:]]
+    line = next(line for line in page.read_text().splitlines() if line.startswith("const data"))
+    squeezes = json.loads(line.removeprefix("const data = ").removesuffix(";"))["squeezes"]
+    assert [squeeze["status"] for squeeze in squeezes] == [row[-1] for row in rows]
+    for squeeze, row in zip(squeezes, rows, strict=True):
+        assert squeeze["states"][-1] == pytest.approx([float(value) for value in row[3:7]], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        (["--figure", "s.jpg"], 2),
+        (["--gif", "s.png"], 2),
+        (["--html", "s"], 2),
+        (["--figure", "nowhere/s.png"], 2),
+        (["--gif", "."], 2),
+    ],
+)
+def test_wrong_name_is_one_line_before_any_work(
+    poses: Path, capsys: pytest.CaptureFixture[str], options: list[str], code: int
+) -> None:
+    assert run(poses, *options) == code
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert options[1] in error
+    assert not (poses.parent / "out.csv").exists()
+
+
+def test_no_poses_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = tmp_path / "in.csv"
+    poses.write_text("x_mm,y_mm,theta_rad\n")
+    assert run(poses, "--gif", str(tmp_path / "s.gif")) == 6
+    assert capsys.readouterr().err.count("\n") == 1
+    assert run(poses) == 0
+
+
+def test_commands_load_matplotlib_only_to_draw() -> None:
+    script = (
+        "import sys, planner.cli.simulate, planner.cli.compile, planner.cli.evaluate; "
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["a.msgpack"], 2, "-o a picture"),
+        (["--only", "fig99"], 2, "fig99"),
+        (["a.msgpack", "-o", "a.jpg"], 2, ".svg"),
+        (["missing.msgpack", "-o", "a.svg"], 3, "missing.msgpack"),
+        ([str(JOB), "-o", "a.svg"], 30, "job.toml"),
+    ],
+)
+def test_tools_figures_explains_itself(tmp_path: Path, arguments: list[str], code: int, says: str) -> None:
+    command = [sys.executable, str(ROOT / "tools" / "figures"), *arguments]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == code, result.stderr
+    assert says in result.stderr.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,173 @@
+"""The page of a table: whole, self-contained, the same each time, and true to the table."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from grown_tables import grown_table
+from html_pages import Page
+from run_logs import chained, header, part
+
+from planner.cli import report
+from planner.evaluation.statistics import wilson_interval
+from planner.job import model as job_file
+from planner.report import details, dossier, run_log
+from planner.report.run_log import RunLog
+from planner.report.sensitivity import changes
+from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
+
+TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+TABLE = load(TABLE_PATH).table
+JOB = job_file.from_canonical(TABLE.job)
+TRIALS = 300
+
+
+@pytest.fixture(scope="module")
+def text():
+    return dossier.page(TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def data(page):
+    return json.loads(page.scripts["data"])
+
+
+def test_every_tag_is_closed_and_every_id_is_used_once(page):
+    assert page.open == []
+    ids = [attributes["id"] for _, attributes in page.found if "id" in attributes]
+    assert len(ids) == len(set(ids))
+
+
+def test_nothing_comes_from_elsewhere(page, text):
+    for _, attributes in page.found:
+        for name in ("src", "href", "xlink:href", "action", "srcset"):
+            assert attributes.get(name, "#").startswith(("#", "data:,"))
+    assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
+    assert "default-src 'none'" in text
+
+
+def test_links_lead_to_ids_of_the_page(page):
+    ids = {attributes.get("id") for _, attributes in page.found}
+    links = {attributes["href"][1:] for tag, attributes in page.found if tag in ("a", "use")}
+    assert links <= ids
+    assert len(links) > len(TABLE.leaves)
+
+
+def test_each_node_and_leaf_has_a_panel_with_a_name_and_exactly_one_is_in_the_tab_order(page):
+    panels = [a for _, a in page.found if a.get("class", "").startswith("panel")]
+    assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
+    assert all(panel["aria-label"] and panel["role"] == "button" for panel in panels)
+    assert [panel["tabindex"] for panel in panels].count("0") == 1
+
+
+def test_the_same_table_gives_the_same_bytes(text):
+    assert text == dossier.page(TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS)
+
+
+def test_the_summary_is_the_tables_own(text):
+    trials = TABLE.predicted.trials
+    low, high = wilson_interval(round(TABLE.predicted.success_ppm * trials / PPM), trials)
+    assert f"{100 * TABLE.predicted.success_ppm / PPM:.2f} %" in text
+    assert f"{100 * low:.2f} % to {100 * high:.2f} %" in text
+    assert TABLE.job_digest.hex() in text
+    assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
+
+
+def test_parts_are_neither_lost_nor_made(data):
+    assert data["nodes"][0]["visits"] == TRIALS
+    arrivals = {0: TRIALS}
+    for index, node in enumerate(data["nodes"]):
+        assert node["visits"] == arrivals[index]
+        assert sum(branch[5] for branch in node["branches"]) + node["rejected"] == node["visits"]
+        assert sum(number for _, number in node["seen"]) == node["visits"]
+        arrivals |= {branch[4]: branch[5] for branch in node["branches"]}
+    assert [leaf["visits"] for leaf in data["leaves"]] == [arrivals[~k] for k in range(len(data["leaves"]))]
+
+
+def test_counts_and_branches_are_those_of_the_look_up(data):
+    calibration = Calibration.linear(TABLE.gripper)
+    for node, shown in zip(TABLE.nodes, data["nodes"], strict=True):
+        outcome = np.full(256, REJECT)
+        for first, last, branch in shown["map"]:
+            outcome[first : last + 1] = branch
+        assert tuple(outcome) == by_count(decision_map(node, calibration))
+
+
+def test_runs_put_a_map_together_again():
+    outcome = (1, 1, -1, 0, 0, 0, 1)
+    assert details.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
+
+
+def test_each_other_world_differs_from_the_job_and_is_a_job():
+    names = [name for name, _ in changes(JOB)]
+    assert len(set(names)) == len(names)
+    assert [name for name, overrides in changes(JOB) if not overrides] == names[:1]
+
+
+def test_a_name_cannot_break_out_of_the_page(text):
+    evil = '</script><img src=x onerror="alert(1)">'
+    spoilt = job_file.from_canonical(TABLE.job.replace('"rectangle"', json.dumps(evil)))
+    log = RunLog([run_log.PartLog(1, reason=evil)], 1, 0, "", "")
+    page = Page(dossier.page(TABLE, spoilt, dossier.Source(evil, b"", log), 50))
+    assert not [tag for tag, _ in page.found if tag == "img"]
+    assert json.loads(page.scripts["data"])["log"]["parts"][0][3] == evil
+    assert len([tag for tag, _ in page.found if tag == "script"]) == 2
+
+
+def test_a_large_table_stays_under_three_megabytes():
+    table = grown_table(5, 800)
+    text = dossier.page(table, JOB, dossier.Source("large.msgpack", b""), 200)
+    assert len(text.encode()) < 3_000_000
+
+
+def journal_of(tmp_path):
+    node = TABLE.nodes[0]
+    target = node.branches[0].target
+    steps = [(0, 132, target)]
+    entries = [header(dumps(TABLE)), *part(1, steps, "fault", reason="no answer"), *part(2, [], "stopped")]
+    path = tmp_path / "j.jsonl"
+    path.write_bytes(chained(entries))
+    return path, target
+
+
+def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
+    journal, target = journal_of(tmp_path)
+    output = tmp_path / "page.html"
+    words = [str(TABLE_PATH), "-o", str(output), "--journal", str(journal), "--trials", "100", "--json"]
+    assert report.main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["bytes"] == output.stat().st_size
+    assert (told["nodes"], told["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
+    log = json.loads(Page(output.read_text()).scripts["data"])["log"]
+    assert log["branches"] == [[0, target, 1]]
+    assert log["parts"][0] == [1, "fault", None, "no answer", None, [[0, 132, target]]]
+
+
+def test_all_failed_parts_are_listed_before_others(monkeypatch):
+    monkeypatch.setattr(dossier, "LISTED", 3)
+    outcomes = ["reject", "leaf", "leaf", "fault", "leaf"]
+    log = RunLog([run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", "")
+    source = dossier.Source("t", b"", log)
+    listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["log"]["parts"]
+    assert [entry[0] for entry in listed] == [0, 3, 4]
+
+
+def test_wrong_input_is_one_line(tmp_path, capsys):
+    cases = [
+        (3, [str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "p.html")]),
+        (2, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
+        (3, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--journal", str(tmp_path / "none.jsonl")]),
+        (2, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--trials", "99999999"]),
+    ]
+    for code, words in cases:
+        assert report.main(words) == code
+        assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

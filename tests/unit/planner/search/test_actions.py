@@ -1,0 +1,58 @@
+"""Where the open hand may be placed."""
+
+from pathlib import Path
+
+import numpy as np
+import problems
+import pytest
+
+from planner.belief.metric import Metric
+from planner.job import model as job_file
+from planner.mechanics.clearance import free_placements, least_clearance
+from planner.search.actions import ActionSet, actions_of
+from planner.search.proposals import Proposals
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+
+
+@pytest.mark.parametrize("name", ["rectangle", "L", "butterfly"])
+@pytest.mark.parametrize("least", [0.0, 0.5, 5.0])
+def test_free_placements_judge_as_the_least_clearance_does(name, least):
+    rng = np.random.default_rng(3)
+    outline = problems.OUTLINES[name]()
+    placements = problems.random_poses(rng, 60, 45.0)
+    belief = problems.random_poses(rng, 5, 8.0)
+    free = free_placements(outline, problems.JAWS, belief, placements, least)
+    slow = [least_clearance(outline, problems.JAWS, belief, placement) >= least for placement in placements]
+    assert free.tolist() == slow
+    assert free.any()
+    assert not free.all()
+
+
+def test_fixed_actions_are_every_angle_at_every_centre():
+    actions = actions_of(job_file.load(RECTANGLE))
+    np.testing.assert_allclose(actions.placements[:, 2], np.radians([0, 45, 90, 135]))
+    assert np.all(actions.placements[:, :2] == 0.0)
+
+
+def test_proposals_stand_about_the_main_modes_and_within_the_area():
+    metric = Metric(3.0, 10.0, 1)
+    belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
+    area = np.array([[-10.0, -10.0], [10.0, 10.0]])
+    relative = np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.5]])
+    actions = ActionSet(np.zeros((1, 3)), Proposals(relative), area)
+    options = actions.options(belief, metric)
+    # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
+    np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
+
+
+def test_a_diffuse_belief_is_squeezed_at_the_fixed_placements_and_beside_them():
+    metric = Metric(3.0, 10.0, 1)
+    belief = problems.random_poses(np.random.default_rng(1), 400, 25.0)
+    fixed = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5 * np.pi]])
+    area = np.array([[-99.0, -99.0], [99.0, 9.0]])
+    options = ActionSet(fixed, Proposals(np.zeros((1, 3)), (-8.0, 8.0)), area).options(belief, metric)
+    shifted = [[-8.0, 0.0, 0.0], [1.0, -6.0, 0.5 * np.pi], [8.0, 0.0, 0.0]]  # the fourth leaves the area
+    np.testing.assert_allclose(options, [*fixed, *shifted], atol=1e-12)
+    still = ActionSet(fixed, Proposals(np.zeros((1, 3))), area).options(belief, metric)
+    np.testing.assert_array_equal(still, fixed)

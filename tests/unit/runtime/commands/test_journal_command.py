@@ -1,0 +1,172 @@
+"""`grasp-journal`: records shown, filtered, verified, replayed, exported; damage and forgery are 24."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pyarrow import parquet
+from written_journals import ENDS, write_run
+
+from runtime.commands.journal import main
+from runtime.devices.clock import SystemClock
+from runtime.journal.chain import Journal, records
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    return write_run(write_run(tmp_path / "j.jsonl"))
+
+
+def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    return capsys.readouterr().out.splitlines()
+
+
+def test_verify_counts_and_names_the_damaged_line(journal: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", str(journal)]) == 0
+    (told,) = lines(capsys)
+    assert "records in 2 runs verify; the last run ended" in told
+    assert main(["verify", str(journal), "--json"]) == 0
+    assert json.loads(lines(capsys)[0])["closed"] is True
+    journal.write_bytes(journal.read_bytes().replace(b'"part":1', b'"part":3', 1))
+    assert main(["verify", str(journal)]) == 24
+    assert "line 2: does not have its digest" in capsys.readouterr().err
+    assert main(["verify", "none.jsonl", "--debug"]) == 24
+
+
+def test_replay_derives_every_decision(journal: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(journal)]) == 0
+    assert "12 decisions derived again, all as recorded" in lines(capsys)[0]
+    assert main(["replay", str(journal), "--json"]) == 0
+    assert json.loads(lines(capsys)[0]) == {"decisions": 12, "findings": []}
+
+
+def test_a_forged_decision_is_24_though_its_chain_holds(
+    journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forged = tmp_path / "forged.jsonl"
+    with Journal(forged, SystemClock().stamp) as writing:
+        for entry in records(journal):
+            fields = {name: value for name, value in entry.items() if name not in writing_fields()}
+            if entry["kind"] == "squeeze" and entry["seq"] == 3:
+                fields["target"] = 1
+            writing.record(str(entry["kind"]), fields)
+    assert main(["verify", str(forged)]) == 0
+    capsys.readouterr()
+    assert main(["replay", str(forged)]) == 24
+    seen = capsys.readouterr()
+    assert seen.out.startswith("record 3: ")
+    assert "records claim what their counts do not justify" in seen.err
+    assert main(["replay", str(forged), "--json"]) == 24
+    assert json.loads(lines(capsys)[0])["findings"][0]["seq"] == 3
+
+
+def writing_fields() -> set[str]:
+    return {"seq", "time", "kind", "previous", "digest"}
+
+
+def test_show_filters_by_part_node_outcome_and_time(
+    journal: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(journal)]) == 0
+    shown = lines(capsys)
+    assert len(shown) == len(list(records(journal)))
+    assert "table_base64" not in "".join(shown)
+    assert main(["show", str(journal), "--part", "2", "--json"]) == 0
+    assert {json.loads(line)["part"] for line in lines(capsys)} == {2}
+    assert main(["show", str(journal), "--node", "1", "--json"]) == 0
+    assert {json.loads(line)["node"] for line in lines(capsys)} == {1}
+    assert main(["show", str(journal), "--outcome", "reject", "--json"]) == 0
+    assert {json.loads(line)["part"] for line in lines(capsys)} == {4}
+    assert main(["show", str(journal), "--since", "9999-01-01"]) == 0
+    assert lines(capsys) == []
+
+
+def test_csv_has_one_row_a_squeeze_with_its_parts_end(
+    journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.csv"
+    assert main(["export", str(journal), "-o", str(out)]) == 0
+    assert "12 squeezes written" in lines(capsys)[0]
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["part"]) for row in rows] == [1, 2, 2, 3, 3, 4] * 2
+    assert [int(row["run"]) for row in rows] == [1] * 6 + [2] * 6
+    assert [row["outcome"] for row in rows[:6]] == [ENDS[int(row["part"]) - 1] for row in rows[:6]]
+    squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
+    for row, entry in zip(rows, squeezes, strict=True):
+        assert float(row["width_mm"]) == entry["width_um"] / 1000
+        assert float(row["angle_rad"]) == entry["angle_urad"] / 1e6
+        assert int(row["position_counts"]) == entry["position_counts"]
+
+
+def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_path: Path) -> None:
+    kept = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(kept[:4]))
+    out = tmp_path / "out.csv"
+    assert main(["export", str(journal), "-o", str(out), "--json"]) == 0
+    with out.open() as file:
+        (row,) = csv.DictReader(file)
+    assert row["outcome"] == ""
+
+
+def test_parquet_without_pyarrow_says_what_to_install(
+    journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
+    assert "pip install squeezetree[parquet]" in capsys.readouterr().err
+
+
+def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> None:
+    for name in ("out.csv", "out.parquet"):
+        assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 0
+    rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
+    with (tmp_path / "out.csv").open() as file:
+        written = list(csv.DictReader(file))
+    told = [{name: "" if value is None else str(value) for name, value in row.items()} for row in rows]
+    assert told == written
+    assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
+    assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
+
+
+@pytest.mark.parametrize("name", ["out.txt", "no folder/out.csv"])
+def test_an_output_that_cannot_be_is_usage(
+    journal: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 2
+    assert name in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["show"], ["verify"], ["replay"], ["export", "-o", "out.csv"]])
+def test_an_empty_journal_tells_nothing_that_could_be_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("j.jsonl").touch()
+    assert main([words[0], "j.jsonl", *words[1:]]) == 24
+    assert capsys.readouterr() == ("", "grasp-journal: journal j.jsonl: is empty\n")
+    assert not Path("out.csv").exists()
+
+
+@pytest.mark.parametrize(("output", "code", "told"), [("/dev/full", 2, "No space left"), (None, 0, "")])
+def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
+    journal: Path, output: str | None, code: int, told: str
+) -> None:
+    """On a disk that is full, and into a pipe whose reader has seen enough, as with `| head`."""
+    command = [sys.executable, "-m", "runtime.commands.journal", "show", str(journal)]
+    if output is None:
+        reader, writer = os.pipe()
+        os.close(reader)
+    else:
+        writer = os.open(output, os.O_WRONLY)
+    ended = subprocess.run(command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert ended.returncode == code, ended.stderr
+    assert told in ended.stderr
+    assert ended.stderr.count("\n") == (1 if told else 0)

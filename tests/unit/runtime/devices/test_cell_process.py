@@ -1,0 +1,60 @@
+"""A simulated cell that cannot be started is one sentence and exit code 31, and leaves no process behind."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from runtime.devices import cell_process
+from runtime.devices.cell_process import CellProcess
+from runtime.errors import CellStartError
+
+TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+
+
+def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
+    """What is told when this is run as if it were Python."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    class Noted(subprocess.Popen):
+        def __init__(self, *words, **settings) -> None:
+            super().__init__(*words, **settings)
+            started.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Noted)
+    monkeypatch.setattr(sys, "executable", executable)
+    with pytest.raises(CellStartError) as error:
+        CellProcess(TREE, world="runtime.devices.rehearsal:make", seed=1, time_scale=10.0)
+    assert error.value.exit_code == 31
+    assert all(process.poll() is not None for process in started)
+    return str(error.value)
+
+
+def script(folder: Path, text: str) -> str:
+    made = folder / "python"
+    made.write_text(f"#!/bin/sh\n{text}\n")
+    made.chmod(0o755)
+    return str(made)
+
+
+def test_a_program_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    told = refused(monkeypatch, str(tmp_path / "python"))
+    assert told.startswith("grasp-cell cannot be started: No such file or directory")
+
+
+def test_one_that_ends_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert "ended with exit code 7 before it served" in refused(monkeypatch, script(tmp_path, "exit 7"))
+
+
+def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for answer in ("hello", "[]", '{"gripper": "/dev/pts/9"}'):
+        told = refused(monkeypatch, script(tmp_path, f"echo '{answer}'; exec cat"))
+        assert "instead of its endpoints" in told
+
+
+def test_one_that_stays_silent_and_does_not_listen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(cell_process, "START_S", 0.05)
+    monkeypatch.setattr(cell_process, "END_S", 0.05)
+    told = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))
+    assert "told no endpoints within 0.05 s" in told

@@ -1,0 +1,149 @@
+"""One process a device, whatever it is called, whoever asks, and nothing on the disk."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from runtime.devices import lock as locks
+from runtime.devices.lock import PortLock
+from runtime.errors import PortBusyError
+
+ROOT = Path(__file__).parents[4]
+PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machine's, not a test's
+# Takes the lock again and again; while it has it, nobody else may be able to make the file `alone`.
+CONTENDER = """
+import os, sys, time
+from pathlib import Path
+from runtime.errors import PortBusyError
+from runtime.devices.lock import PortLock
+
+port, folder, held, refused = sys.argv[1], Path(sys.argv[2]), 0, 0
+print("ready", flush=True)
+input()
+while held < 100:
+    try:
+        with PortLock(port):
+            os.close(os.open(folder / "alone", os.O_CREAT | os.O_EXCL))
+            time.sleep(0.0005)
+            os.unlink(folder / "alone")
+            held += 1
+    except PortBusyError:
+        refused += 1
+print(refused)
+"""
+
+
+def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Take a lock in a process with folders for its files of its own."""
+    words = "import sys; from runtime.devices.lock import PortLock; PortLock(sys.argv[1])"
+    own = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
+    command = [sys.executable, "-c", words, port]
+    return subprocess.run(command, cwd=ROOT, env=own, capture_output=True, text=True, timeout=60, check=False)
+
+
+def busy(port: str) -> bool:
+    try:
+        PortLock(port).close()
+    except PortBusyError:
+        return True
+    return False
+
+
+def test_a_device_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    device, link = os.ttyname(slave), tmp_path / "by-id"
+    link.symlink_to(device)
+    with PortLock(device):
+        with pytest.raises(PortBusyError, match=f"process {os.getpid()}") as refused:
+            PortLock(str(link))
+        assert refused.value.exit_code == 23
+        if os.geteuid() == 0:  # a device node of another name has the same number
+            os.mknod(tmp_path / "node", 0o20600, os.fstat(slave).st_rdev)
+            assert busy(str(tmp_path / "node"))
+        assert not busy(str(tmp_path / "another"))
+    assert not busy(device)
+    os.close(master)
+    os.close(slave)
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost", "LOCALHOST", "127.0.1.1", "[::1]", "[::ffff:127.0.0.1]", "0.0.0.0"]
+)
+def test_this_machine_is_one_host_under_all_names(host: str) -> None:
+    number = PORT.rpartition(":")[2]
+    with PortLock(PORT):
+        for scheme, settings in (("tcp", ""), ("rtu+tcp", ""), ("tcp", "?tool=0,0,1")):
+            assert busy(f"{scheme}://{host}:{number}{settings}")
+        assert not busy(f"tcp://{host}:1{number}"[:-1])
+
+
+def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(host: str, number: int, **_: object) -> list[tuple[object, ...]]:
+        addresses = ["192.0.2.7", "2001:db8::7"] if host == "cell.example" else [host]
+        return [(0, 0, 0, "", (address, number)) for address in addresses]
+
+    monkeypatch.setattr(locks.socket, "getaddrinfo", found)
+    with PortLock("tcp://cell.example:5000"):
+        assert busy("tcp://192.0.2.7:5000")
+        assert busy("tcp://[2001:DB8:0::7]:5000")
+        assert not busy("tcp://192.0.2.7:5001")
+    with PortLock("tcp://192.0.2.7:5000"):
+        assert busy("tcp://cell.example:5000")
+        assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
+
+
+@pytest.mark.parametrize(
+    "port", ["tcp://no.such.host.invalid:1", f"tcp://{'x' * 300}:1", "tcp://h:none", "can:c0"]
+)
+def test_what_nobody_can_connect_to_is_locked_all_the_same(port: str) -> None:
+    with PortLock(port):
+        assert busy(port)
+        assert busy(f"{port}?node=12") == port.startswith(("can:", "tcp://no", "tcp://x"))
+
+
+def test_it_holds_for_every_session_of_the_machine(tmp_path: Path) -> None:
+    with PortLock(PORT):
+        refused = as_another_session(PORT, tmp_path)
+        assert f"process {os.getpid()}" in refused.stderr
+    assert as_another_session(PORT, tmp_path).returncode == 0
+
+
+def test_nothing_is_written_and_nothing_planted_is_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with PortLock(PORT) as lock:
+        assert not list(tmp_path.iterdir())
+    lock.close()  # a second time
+
+
+def test_an_owner_that_was_asked_too_often_is_still_the_owner() -> None:
+    with PortLock(PORT):
+        told = []
+        for _ in range(300):
+            with pytest.raises(PortBusyError) as refused:
+                PortLock(PORT)
+            told.append(str(refused.value))
+    assert f"process {os.getpid()}" in told[0]
+
+
+def test_contenders_never_hold_it_together(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", CONTENDER, PORT, str(tmp_path)]
+    pipe = subprocess.PIPE
+    running = [subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) for _ in range(3)]
+    for process in running:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in running:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    refused = [int(process.communicate()[0]) for process in running]
+    assert [process.returncode for process in running] == [0, 0, 0]
+    assert sum(refused) > 0, "they never met, so nothing was shown"
+    assert not list(tmp_path.iterdir())
