@@ -23,8 +23,8 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
+from kcde_twin import Unaided  # noqa: E402
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
-from reference.kcde_twin import Unaided  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402

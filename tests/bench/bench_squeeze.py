@@ -35,7 +35,7 @@ from problems import (  # noqa: E402
     random_poses,
     simulator,
 )
-from reference.twin import Part, squeeze  # noqa: E402
+from twin import Part, squeeze  # noqa: E402
 
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402

@@ -1,4 +1,4 @@
-"""What every gripper must do (drivers/ports.py), run against each make and bus of `tests/support/gripper_rigs.py`.
+"""What every gripper must do (drivers/ports.py), against each make and bus of `gripper_rigs`.
 
 A new make is one more entry there; the real one, with nothing between its jaws, passes too.
 """

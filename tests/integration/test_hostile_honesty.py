@@ -21,7 +21,7 @@ from planner.errors import ValueRangeError
 from planner.evaluation.evaluate import REJECTED, evaluate
 from planner.evaluation.untried import tried, without_untried
 from planner.job import model as job_file
-from planner.report import canvas, labels
+from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines
 from planner.search.expand import TreeNode
 from planner.world import ContactWorlds
@@ -177,7 +177,6 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     assert "success never tried" in told
     assert as_object(untried, result, None, Path("j"))["success_probability"] is None
     shown = [told, leaf_label(0, untried.leaves[0]), *leaf_lines(untried.leaves[0])]
-    shown += [line for line, _ in labels.leaf_lines(untried.leaves[0], 2)]
     assert not any("100" in line or "1.0000" in line for line in shown)
 
 

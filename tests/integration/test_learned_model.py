@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+import kcde_twin
 import numpy as np
 import pytest
 from problems import OUTLINES, random_poses, simulator
-from reference import kcde_twin
 
 from planner.belief.observation import Encoder
 from planner.belief.transition import Simulation

@@ -48,7 +48,7 @@ def calibrate(path: Path) -> None:
 
 def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     """All but two blocks: the first names the reader's devices, for which the simulated ones stand here, and
-    the calibration needs gauge blocks between the fingers (tests/unit/runtime/execution/test_calibration.py runs that)."""
+    the calibration needs gauge blocks between the fingers (the unit tests run that)."""
     names, look, gauge, *others = blocks(DOCS / "commissioning.md")
     assert [line.partition("=")[0] for line in names.commands] == ["port"]
     assert gauge.commands[0].startswith("grasp-calibrate width ")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from problems import JAWS, OUTLINES, deepest_overlap, random_poses, simulator
-from reference.twin import Part, squeeze
+from twin import Part, squeeze
 
 CLOSE_MM, CLOSE_RAD = 0.3, math.radians(1.0)
 

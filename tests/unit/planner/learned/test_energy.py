@@ -3,10 +3,10 @@
 import math
 from typing import NamedTuple
 
+import kcde_twin
 import numpy as np
 import pytest
 from problems import random_poses
-from reference import kcde_twin
 
 from planner.learned.energy import compare, energy_distance
 

@@ -3,12 +3,12 @@
 import math
 from typing import NamedTuple
 
+import kcde_twin
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
-from reference import kcde_twin
 from scipy import stats
 
 from planner.learned.energy import energy_distance

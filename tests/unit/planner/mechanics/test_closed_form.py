@@ -14,7 +14,7 @@ from contact_problems import (
     sticking,
     wrenches,
 )
-from reference.lcp_twin import motions
+from lcp_twin import motions
 
 from planner.mechanics.closed_form import motion, one_contact, two_contacts
 from planner.mechanics.contacts import FN, FT

@@ -9,7 +9,7 @@ from contact_problems import (
     random_contacts,
     wrenches,
 )
-from reference.lcp_twin import all_bases, motions
+from lcp_twin import all_bases, motions
 from scipy.optimize import linprog
 
 from planner.mechanics.lcp import RAY, SOLVED, residual, solve

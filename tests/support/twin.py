@@ -17,7 +17,7 @@ import shapely
 from contact_problems import (
     ContactProblem,
 )
-from reference.lcp_twin import motions
+from lcp_twin import motions
 from scipy.integrate import solve_ivp
 
 REACH_MM = 0.01
