@@ -30,6 +30,7 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "drivers/__init__.py": "",
     "drivers/camera/__init__.py": "",
     "drivers/camera/commands.py": "import runtime.shell.command\n",
+    "drivers/camera/audit/__init__.py": "",
     "drivers/camera/audit/judge.py": "import runtime.table\n",
     "drivers/connect.py": "import drivers.robotiq\n",
     "drivers/robotiq.py": "",
