@@ -16,6 +16,7 @@ from written_journals import write_run
 from runtime.commands.completion import _subcommands, parsers
 from runtime.journal.chain import verify
 from runtime.table import dump
+from runtime.table.codec import encode
 
 ROOT = Path(__file__).parents[2]
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
