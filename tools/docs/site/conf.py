@@ -22,7 +22,8 @@ include_patterns = [
     "tools/docs/*.md",
     "tools/docs/*.rst",
     "tools/decisions/[0-9]*.md",
-    "runtime/**/*.md",
+    "runtime/*.md",
+    "runtime/*/*.md",
     "drivers/**/*.md",
 ]
 exclude_patterns = ["out", ".*", "**/__pycache__", "build", "dist", "tests", "trees", "planner"]
