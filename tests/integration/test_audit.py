@@ -31,15 +31,15 @@ ANSWER_S = 60.0
 class Asked:
     """The process, spoken to as the runtime does."""
 
-    def __init__(self, *words, code=0, **files):
+    def __init__(self, *words, code=0, folder=ROOT, **files):
         self.code = code
         arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
+            [sys.executable, "-P", "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            cwd=ROOT,
+            cwd=folder,
         )
 
     def ask(self, pose=POSE, part=3):
@@ -138,15 +138,17 @@ def test_silent_camera_is_answered_for_within_the_deadline(files):
     assert {answer["verdict"] for answer in answers} == {"unknown"}
 
 
-def test_process_that_grew_starts_anew_and_goes_on_answering(files):
-    with Asked("--memory-mb", "1", **files) as audit:
+def test_process_that_grew_starts_anew_and_goes_on_answering(files, tmp_path):
+    (tmp_path / "drivers").mkdir()  # a folder that is not the package
+    (tmp_path / "drivers" / "__init__.py").touch()
+    with Asked("--memory-mb", "1", folder=tmp_path, **files) as audit:
         first = audit.process.pid
         assert [audit.ask()["verdict"] for _ in range(3)] == ["pass", "pass", "pass"]
         assert audit.process.pid == first
 
 
 def test_memory_is_bounded():
-    script = "from drivers.camera import service; service.limit_memory(1); bytearray(3 << 30)"
+    script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
     ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False)
     assert b"MemoryError" in ended.stderr
 

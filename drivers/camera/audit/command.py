@@ -112,7 +112,7 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     worker = service.Worker(lambda: noted(make))
     lines = service.Lines(sys.stdin.fileno())
     if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full):
-        os.execv(sys.executable, [sys.executable, "-m", "drivers.camera.audit.command", *words])
+        os.execv(sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words])
     if why_not:
         raise why_not[0]
     return 0
