@@ -23,7 +23,7 @@ from runtime.devices.lock import PortLock
 from runtime.devices.ports import Arm, Gripper, Scene
 from runtime.errors import BrokenRunError, CalibrationError, StoppedError
 from runtime.execution import carry, dry_run, held, session
-from runtime.execution.executor import Cell, Plan
+from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
@@ -136,7 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(
-    arguments: argparse.Namespace, loaded: TableFile, plan: Plan, console: Console, stack: ExitStack
+    arguments: argparse.Namespace, loaded: TableFile, plan: RunOptions, console: Console, stack: ExitStack
 ) -> int:
     clock = SystemClock(arguments.time_scale)
     table, data, _ = loaded
@@ -183,7 +183,7 @@ def _run(
         monitor,
         count=arguments.count,
         activate=activate,
-        plan=plan,
+        options=plan,
         watch=monitor.phase,
         broken=begun,
     )
@@ -192,7 +192,7 @@ def _run(
 
 
 def _holds(
-    arguments: argparse.Namespace, devices: Devices, plan: Plan, table: Table, *, activate: bool
+    arguments: argparse.Namespace, devices: Devices, plan: RunOptions, table: Table, *, activate: bool
 ) -> Held | None:
     """What the fingers may hold before a run begins, if they may be moved all the same.
 
@@ -223,7 +223,7 @@ def _say_put_down(arguments: argparse.Namespace, console: Console, told: Mapping
     return 0
 
 
-def _check_fit(table: Table, plan: Plan) -> None:
+def _check_fit(table: Table, plan: RunOptions) -> None:
     calibration = _calibration(plan, table)
     problems = misfits(table, calibration)
     if problems:
@@ -231,11 +231,11 @@ def _check_fit(table: Table, plan: Plan) -> None:
     check_arc(plan.handling.arc, table.limits, calibration)
 
 
-def _calibration(plan: Plan, table: Table) -> Calibration:
+def _calibration(plan: RunOptions, table: Table) -> Calibration:
     return plan.handling.calibration or Calibration.linear(table.gripper)
 
 
-def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Console) -> int:
+def _check(arguments: argparse.Namespace, table: Table, plan: RunOptions, console: Console) -> int:
     """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
     told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
     calibration = _calibration(plan, table)
@@ -260,7 +260,7 @@ def _check(arguments: argparse.Namespace, table: Table, plan: Plan, console: Con
 
 
 def _dry_run(
-    arguments: argparse.Namespace, table: Table, plan: Plan, console: Console, stack: ExitStack
+    arguments: argparse.Namespace, table: Table, plan: RunOptions, console: Console, stack: ExitStack
 ) -> int:
     devices = _connect(arguments, table, console, stack, Incidents().record)
     told = dry_run.tell(table, devices.gripper, devices.arm, plan)
@@ -330,7 +330,7 @@ def _headline(path: Path, table: Table) -> str:
     return told
 
 
-def _header(arguments: argparse.Namespace, plan: Plan) -> dict[str, object]:
+def _header(arguments: argparse.Namespace, plan: RunOptions) -> dict[str, object]:
     on_reject, on_unresolved = plan.policy.texts()
     measured = plan.handling.calibration
     return {

@@ -14,7 +14,7 @@ from typing import Protocol, TextIO
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.devices.ports import Gripper
-from runtime.errors import GripperStateError, UsageError
+from runtime.errors import ArgumentsError, GripperStateError
 from runtime.execution import calibration, strokes
 from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
 from runtime.execution.decision import CLOSING_CONTACT
@@ -204,7 +204,7 @@ class _Terminal:
         with suppress(OSError):  # a terminal that is gone
             if sys.stdin.readline():
                 return
-        raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
+        raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
@@ -221,13 +221,13 @@ def _checked(
     """Blocks in rising order, tips and current; looked at before anybody holds a block."""
     widths_mm = sorted(_numbers("--blocks", arguments.blocks))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
-        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+        raise ArgumentsError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise UsageError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
+        raise ArgumentsError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
     try:
         usable(arguments.output)
     except OutputError as error:
-        raise UsageError(f"--output {error}") from error
+        raise ArgumentsError(f"--output {error}") from error
     tips = current = None
     if arguments.tips is not None:
         link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
@@ -244,7 +244,7 @@ def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
     except ValueError:
         numbers = []
     if not numbers or not all(map(isfinite, numbers)):
-        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
+        raise ArgumentsError(f"{option} {text!r}: write numbers separated by commas")
     if wanted is not None and len(numbers) != wanted:
-        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
+        raise ArgumentsError(f"{option} {text!r}: takes {wanted} numbers")
     return numbers

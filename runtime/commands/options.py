@@ -6,11 +6,11 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery, safe_state
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.decision import Policy
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.reading import CurrentBand
 from runtime.execution.tips import TipArc
@@ -89,30 +89,32 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """Check what argparse alone cannot judge.
 
     Raises:
-        UsageError: arguments contradict one another, or one is missing.
+        ArgumentsError: arguments contradict one another, or one is missing.
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
-        raise UsageError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
+        raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
     if arguments.put_down and arguments.after_crash != "abort":
-        raise UsageError("--put-down goes on with no run; leave out --after-crash")
+        raise ArgumentsError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
-        raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
+        raise ArgumentsError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
     if simulated and arguments.arm not in (None, SIMULATED):
-        raise UsageError("--port sim brings its own arm; leave out --arm, or name the real gripper's port")
+        raise ArgumentsError(
+            "--port sim brings its own arm; leave out --arm, or name the real gripper's port"
+        )
     if simulated and arguments.check:
-        raise UsageError("--check looks at an attached gripper; name its port, or leave --port out")
+        raise ArgumentsError("--check looks at an attached gripper; name its port, or leave --port out")
     if simulated or arguments.check:
         return
     if SIMULATED_CAMERA in (arguments.audit or ""):
-        raise UsageError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
+        raise ArgumentsError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
     if arguments.arm in (None, SIMULATED):
-        raise UsageError("a real gripper needs a real arm; name it with --arm tcp://host:port")
+        raise ArgumentsError("a real gripper needs a real arm; name it with --arm tcp://host:port")
     if arguments.arm == arguments.port:
-        raise UsageError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
+        raise ArgumentsError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
     if arguments.time_scale != 1.0 or arguments.world is not None:
-        raise UsageError(
+        raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
 
@@ -131,13 +133,13 @@ def _check_views(arguments: argparse.Namespace) -> None:
     if not arguments.watch and arguments.http is None:
         return
     if arguments.check or arguments.dry_run:
-        raise UsageError("--watch and --http follow a run; leave them out with --check and --dry-run")
+        raise ArgumentsError("--watch and --http follow a run; leave them out with --check and --dry-run")
     if arguments.http is not None:
         from runtime.monitoring.live import address  # not loaded into a run that nobody watches
 
         address.parse(arguments.http)
     if views(arguments).terminal is not None and find_spec("rich") is None:
-        raise UsageError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
+        raise ArgumentsError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
 
 
 def gripper_calibration(arguments: argparse.Namespace) -> GripperCalibration | None:
@@ -149,11 +151,11 @@ def gripper_calibration(arguments: argparse.Namespace) -> GripperCalibration | N
     return None if arguments.calibration is None else calibration.load(arguments.calibration)
 
 
-def plan_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> Plan:
+def plan_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> RunOptions:
     """What the run does besides what its table says.
 
     Raises:
-        UsageError: a policy, an arc or a delivery is not understood.
+        ArgumentsError: a policy, an arc or a delivery is not understood.
     """
     handling = Handling(
         calibration=None if measured is None else measured.table,
@@ -163,7 +165,7 @@ def plan_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibr
         current=CurrentBand(*measured.current_ma) if measured and measured.current_ma else CurrentBand(),
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
-    return Plan(policy, handling, _delivery(arguments.deliver, table))
+    return RunOptions(policy, handling, _delivery(arguments.deliver, table))
 
 
 def _delivery(named: str, table: Table) -> delivery.Delivery | None:
@@ -181,7 +183,9 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
         try:
             link_mm, offset_mm = (float(word) for word in arguments.tips.split(","))
         except ValueError:
-            raise UsageError(f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm") from None
+            raise ArgumentsError(
+                f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
+            ) from None
         return TipArc(link_mm, offset_mm, taught_mm)
     if arguments.tips == "straight" or (arguments.tips is None and arguments.port == SIMULATED):
         return None

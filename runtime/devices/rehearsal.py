@@ -7,7 +7,7 @@ a success here says nothing about the plan. Where the planner is installed, its 
 from math import isclose, remainder, tau
 from random import Random
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.execution.geometry import compose, placement
 from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
 
@@ -24,10 +24,10 @@ def make(job: object, seed: int) -> "Rehearsal":
         seed: of the draws.
 
     Raises:
-        UsageError: `job` is no table.
+        ArgumentsError: `job` is no table.
     """
     if not isinstance(job, Table):
-        raise UsageError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+        raise ArgumentsError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
     return Rehearsal(job, seed)
 
 

@@ -26,5 +26,5 @@ class Watcher(Protocol):
         """The cell is now in `phase` with `part`, at `node` where there is one."""
 
 
-def unwatched(part: int, phase: Phase, node: int | None) -> None:
-    """The watcher that looks away."""
+def ignore_phase(part: int, phase: Phase, node: int | None) -> None:
+    """Do nothing: the watcher of a run that nobody watches."""

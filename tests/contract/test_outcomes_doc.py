@@ -10,7 +10,7 @@ from soaking import soak_run
 from drivers.sim.faults.schedule import KINDS
 from runtime import errors
 from runtime.commands.options import parser
-from runtime.execution.decision import Policy, Response
+from runtime.execution.decision import Policy, RecoveryAction
 from runtime.execution.phases import Phase
 from runtime.execution.results import EXIT_CODES, Outcome
 
@@ -57,7 +57,7 @@ def test_the_policies_are_those_of_the_command(row: list[str]) -> None:
         for name in names:
             parser().parse_args(["--tree", "t", option, name])
         return
-    known = {response.value for response in Response}
+    known = {action.value for action in RecoveryAction}
     assert names == known - ({"resqueeze"} if option == "--on-unresolved" else set())
     for end in ("next", "stop"):
         text = ",".join([*(names - {"next", "stop"}), end])

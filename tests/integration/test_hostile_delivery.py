@@ -22,7 +22,7 @@ from drivers.sim.faults.schedule import Fault, Listed
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
 from runtime.execution.delivery import from_text
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.results import Outcome
 from runtime.journal.chain import records
@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 Record = Callable[[str, object], None]
 
 # With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
-WINDING = Plan(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
+WINDING = RunOptions(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
 WIDE = """
 drop_mm = [{x}, 0.0]
 area_mm = [-1000, -1000, 1000, 1000]

@@ -11,7 +11,7 @@ import pytest
 from sample_tables import small_table
 from written_journals import Quiet
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.execution.phases import Phase
 from runtime.execution.results import Outcome, PartResult, Step
 from runtime.monitoring import watchdog
@@ -102,11 +102,11 @@ def test_a_socket_left_behind_is_replaced_one_in_use_is_not(tmp_path: Path) -> N
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
     with StatusServer(path, fed()):
-        with pytest.raises(UsageError, match="name another path"):
+        with pytest.raises(ArgumentsError, match="name another path"):
             StatusServer(path, fed())
         assert json.loads(asked(path, b""))
     path.write_text("a file")
-    with pytest.raises(UsageError, match="Address already in use"):
+    with pytest.raises(ArgumentsError, match="Address already in use"):
         StatusServer(path, fed())
     assert path.read_text() == "a file"
 

@@ -13,7 +13,7 @@ from sample_tables import random_table, small_table
 from written_journals import Quiet
 
 from runtime.commands import options
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.execution.phases import Phase
 from runtime.execution.results import Outcome, PartResult, Step
 from runtime.execution.tally import Tally
@@ -174,5 +174,5 @@ def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
     options.check_usage(given)  # in a pipe it is not needed
     monkeypatch.setattr("sys.stdout", Screen())
-    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[watch\]'"):
+    with pytest.raises(ArgumentsError, match=r"pip install 'squeezetree\[watch\]'"):
         options.check_usage(given)
