@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers import connect
+from drivers.ports import Arm, Gripper
 from runtime.commands import options
 from runtime.commands.options import SIMULATED, parser
 from runtime.devices.audit import AuditProcess
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Arm, Gripper, Scene
+from runtime.devices.ports import Scene
 from runtime.errors import BrokenRunError, CalibrationError, StoppedError
 from runtime.execution import carry, dry_run, held, session
 from runtime.execution.executor import Cell, RunOptions

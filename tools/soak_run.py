@@ -9,13 +9,13 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
 from drivers.sim.faults.schedule import SCENE_KINDS, Schedule, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
-from runtime.devices.ports import TURN_RADIUS_MM
 from runtime.execution import strokes
 from runtime.execution.decision import Policy
 from runtime.execution.delivery import Delivery

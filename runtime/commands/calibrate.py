@@ -11,9 +11,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Protocol, TextIO
 
+from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Gripper
 from runtime.errors import ArgumentsError, GripperStateError
 from runtime.execution import calibration, strokes
 from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration

@@ -13,7 +13,8 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple, Protocol
 
-from runtime.devices.ports import Arm, Clock, Gripper
+from drivers.ports import Arm, Gripper
+from runtime.devices.ports import Clock
 from runtime.execution.safety import NO_COMMUNICATION
 from runtime.table import Calibration, Pose2, Table, misfits
 

@@ -7,11 +7,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Protocol
 
+from drivers.ports import Arm, Gripper
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, Heard, System, Verdict
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Arm, Gripper
 from runtime.errors import CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say

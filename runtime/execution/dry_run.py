@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from runtime.devices.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
 from runtime.execution.geometry import placement

@@ -1,6 +1,6 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `runtime.devices.ports`: no import of a driver, no file, no clock of its own.
+Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: no driver, file or clock of its own.
 What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
 end in `safe_state` and in a terminal outcome.
 """
@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from math import hypot, tau
 from typing import Protocol
 
+from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
 from runtime.devices.audit import answer_of
-from runtime.devices.ports import TURN_RADIUS_MM, Arm, Auditor, Clock, Gripper, Journal
+from runtime.devices.ports import Auditor, Clock, Journal
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
 from runtime.execution import safety, strokes
 from runtime.execution.carry import deliver

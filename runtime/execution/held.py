@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.devices.ports import GripperState, Journal, Pose
+from drivers.ports import GripperState, PoseOfHand
+from runtime.devices.ports import Journal
 from runtime.errors import GripperStateError
 from runtime.execution.decision import CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
@@ -116,7 +117,7 @@ def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journ
     return told
 
 
-def _within(pose: Pose, area_um: tuple[int, int, int, int]) -> bool:
+def _within(pose: PoseOfHand, area_um: tuple[int, int, int, int]) -> bool:
     x_min, y_min, x_max, y_max = area_um
     return x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from runtime.devices.ports import Settled
+from drivers.ports import Settled
 from runtime.errors import GripperStateError
 from runtime.execution.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 from runtime.table import UNDETECTED_UM, Calibration

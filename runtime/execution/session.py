@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from runtime.devices.ports import Gripper, Journal, Scene
+from drivers.ports import Gripper
+from runtime.devices.ports import Journal, Scene
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
 from runtime.execution.executor import Cell, Executor, RunOptions

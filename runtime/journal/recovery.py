@@ -10,8 +10,8 @@ from math import hypot, remainder, tau
 from pathlib import Path
 from typing import NamedTuple
 
+from drivers.ports import PoseOfHand
 from runtime.devices.clock import age_s
-from runtime.devices.ports import Pose
 from runtime.errors import BrokenRunError
 from runtime.execution.decision import ARRIVED, TraversalState, release_point
 from runtime.execution.geometry import placement
@@ -171,14 +171,14 @@ def _check_same_grip(count: int, before: int) -> None:
         )
 
 
-def _moved(pose: Pose, where: str) -> BrokenRunError:
+def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
     return BrokenRunError(
         f"the arm stands at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, not where the run broke off "
         f"{where}; {ABORT}"
     )
 
 
-def _between(pose: Pose, start: Pose2, end: Pose2) -> bool:
+def _between(pose: PoseOfHand, start: Pose2, end: Pose2) -> bool:
     """Whether the arm stands on the way from one place to another, whatever its height."""
     off_mm = _distance(pose[:2], start[:2], end[:2])
     whole, done, left = (
