@@ -1,6 +1,6 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: no driver, file or clock of its own.
+Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: it knows no driver, file or clock.
 What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
 end in `safe_state` and in a terminal outcome.
 """
