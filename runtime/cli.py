@@ -23,16 +23,15 @@ from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.devices.ports import Scene
 from runtime.errors import BrokenRunError, CalibrationError, StoppedError
-from runtime.execution import carry, dry_run, held, session
+from runtime.execution import carry, crash, dry_run, held, session
+from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, ready_gripper
-from runtime.journal import crash
-from runtime.journal.chain import Journal
-from runtime.journal.incidents import Incidents, Report
-from runtime.monitoring.console import Console, Lines, Objects
+from runtime.journal.chain import Incidents, Journal, Report
+from runtime.monitoring.console import Lines, Objects
 from runtime.monitoring.monitor import Monitor
 from runtime.shell import command, interrupts
 from runtime.shell.command import Parser, say

@@ -17,15 +17,15 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
 from runtime.execution import strokes
-from runtime.execution.decision import Policy
 from runtime.execution.delivery import Delivery
+from runtime.execution.events import Phase
 from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.execution.session import sight
 from runtime.journal.replay import Replay
 from runtime.table import PPM, Table, dumps
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome, PartResult, Step
 
 FRESH_S = 0.5  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A

@@ -17,7 +17,6 @@ from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError, GripperStateError
 from runtime.execution import calibration, strokes
 from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
-from runtime.execution.decision import CLOSING_CONTACT
 from runtime.execution.reading import CLOSED_COUNTS, check_fresh
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import ready_gripper
@@ -25,6 +24,7 @@ from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
+from runtime.traversal.decision import CLOSING_CONTACT
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)

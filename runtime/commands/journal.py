@@ -9,12 +9,12 @@ from pathlib import Path
 
 from runtime.devices.clock import date
 from runtime.errors import ArgumentsError, JournalError
-from runtime.execution.results import Outcome
 from runtime.journal import export
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Entry, Replay
 from runtime.shell.command import Parser, natural, run
 from runtime.shell.files import STDOUT, usable, words_of
+from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
 exit codes:

@@ -9,7 +9,6 @@ from pathlib import Path
 from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery, safe_state
 from runtime.execution.calibration import GripperCalibration
-from runtime.execution.decision import Policy
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.reading import CurrentBand
@@ -17,6 +16,7 @@ from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.shell.command import Parser, positive, positive_int
 from runtime.table import Table, job_of
+from runtime.traversal.decision import Policy
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"

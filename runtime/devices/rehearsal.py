@@ -8,8 +8,8 @@ from math import isclose, remainder, tau
 from random import Random
 
 from runtime.errors import ArgumentsError
-from runtime.execution.geometry import compose, placement
 from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+from runtime.traversal.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01

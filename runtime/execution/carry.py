@@ -14,12 +14,12 @@ from typing import NamedTuple
 from drivers.ports import Arm, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
-from runtime.execution.geometry import compose, placement, same_turns
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.traversal.geometry import compose, placement, same_turns
 
 
 class Way(NamedTuple):

@@ -5,8 +5,8 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.execution.geometry import placement
 from runtime.table import Calibration, Table
+from runtime.traversal.geometry import placement
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:

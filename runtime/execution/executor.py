@@ -1,6 +1,6 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: it knows no driver, file or clock.
+Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: no driver, no file, no clock.
 What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
 end in `safe_state` and in a terminal outcome.
 """
@@ -14,19 +14,18 @@ from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
 from runtime.devices.audit import answer_of
 from runtime.devices.ports import Auditor, Clock, Journal
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
-from runtime.execution import safety, strokes
+from runtime.execution import recovery, safety, strokes
 from runtime.execution.carry import deliver
-from runtime.execution.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.execution.delivery import Delivery
-from runtime.execution.geometry import placement
+from runtime.execution.events import Phase, Watcher, ignore_phase
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.phases import Phase, Watcher, ignore_phase
 from runtime.execution.reading import reading_fields
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.execution.safe_state import reach_safe_state
-from runtime.journal import recovery
 from runtime.shell import interrupts
 from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decision_map, predicted_pose
+from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Outcome, PartResult, Step
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0

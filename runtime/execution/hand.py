@@ -13,8 +13,6 @@ from drivers.ports import Arm, Gripper, PoseOfHand, Settled
 from runtime.devices.ports import Clock
 from runtime.errors import MotionRefusedError, TableError
 from runtime.execution import safety, strokes
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
-from runtime.execution.geometry import same_turns
 from runtime.execution.reading import (
     CLOSED_COUNTS,
     CurrentBand,
@@ -26,6 +24,8 @@ from runtime.execution.reading import (
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Limits, Node, Squeeze
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.traversal.geometry import same_turns
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05

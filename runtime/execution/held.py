@@ -13,13 +13,13 @@ from typing import NamedTuple
 from drivers.ports import GripperState, PoseOfHand
 from runtime.devices.ports import Journal
 from runtime.errors import GripperStateError
-from runtime.execution.decision import CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
 from runtime.execution.hand import CLEAR_MM, Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.journal.chain import records
 from runtime.journal.replay import UNDECIDED
 from runtime.table import Calibration, Table
+from runtime.traversal.decision import CLOSING_CONTACT
 
 # Jaws within this of their widest are open: they settle at counts 3 to 13 (Robotiq SDK); the thinnest part.
 OPEN_UM, CLOSED_UM = 4_000, 1_000

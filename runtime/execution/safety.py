@@ -4,9 +4,9 @@ from math import hypot, isfinite, remainder, tau
 
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
-from runtime.execution.geometry import MOST_TURNS
 from runtime.execution.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
 from runtime.table import Limits, Table
+from runtime.traversal.geometry import MOST_TURNS
 
 # Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
 NO_COMMUNICATION = 0x09

@@ -8,17 +8,15 @@ from drivers.ports import Gripper
 from runtime.devices.ports import Journal, Scene
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
+from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
 from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
-from runtime.execution.phases import Watcher, ignore_phase
-from runtime.execution.results import Outcome, PartResult
+from runtime.execution.recovery import BrokenRun
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.execution.safety import ready_gripper
-from runtime.execution.tally import Tally
-from runtime.journal.recovery import BrokenRun
-from runtime.monitoring.console import Console, Sighting
 from runtime.shell import interrupts
 from runtime.table import Calibration, Table, error_mm, meets, poses_of
+from runtime.traversal.results import Outcome, PartResult
 
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 Result = tuple[PartResult, Sighting | None]

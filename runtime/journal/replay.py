@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from runtime.execution.decision import Policy, TraversalState, advance, decide
-from runtime.execution.results import EXIT_CODES, Outcome, Step
 from runtime.table import REJECT, Calibration, Table, decision_map, loads
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
+from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
 UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()

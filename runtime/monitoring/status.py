@@ -19,9 +19,9 @@ from types import TracebackType
 from typing import Any, Self
 
 from runtime.errors import ArgumentsError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.events import Phase
 from runtime.table import PPM
+from runtime.traversal.results import Outcome, PartResult, Step
 
 ASK_S = 0.25  # how long a client may take to say what it wants
 MAX_ASK_BYTES = 4096

@@ -34,8 +34,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from tapped_devices import TappedArm, TappedGripper  # noqa: E402
 
-from runtime.execution.decision import Policy, TraversalState, advance, decide  # noqa: E402
 from runtime.table import REJECT, Calibration, decision_map, load  # noqa: E402
+from runtime.traversal.decision import Policy, TraversalState, advance, decide  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "runtime.json"
 LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}

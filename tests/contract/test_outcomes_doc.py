@@ -10,9 +10,9 @@ from soaking import soak_run
 from drivers.sim.faults.schedule import KINDS
 from runtime import errors
 from runtime.commands.options import parser
-from runtime.execution.decision import Policy, RecoveryAction
-from runtime.execution.phases import Phase
-from runtime.execution.results import EXIT_CODES, Outcome
+from runtime.execution.events import Phase
+from runtime.traversal.decision import Policy, RecoveryAction
+from runtime.traversal.results import EXIT_CODES, Outcome
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()

@@ -11,8 +11,7 @@ from drivers.sim.faults.schedule import Fault, Listed
 from runtime import cli
 from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
-from runtime.journal.chain import Journal, records, verify
-from runtime.journal.incidents import MOST_KEPT, Incidents
+from runtime.journal.chain import MOST_KEPT, Incidents, Journal, records, verify
 from runtime.table import dump
 
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast

@@ -10,14 +10,14 @@ from crash_cell import KilledError, World, process, restart_takes_a_while
 from sample_tables import small_table
 
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import Policy
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.results import Outcome
 from runtime.execution.tips import TipArc
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
 from runtime.table import Table
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome
 
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
 PLAIN = RunOptions(Policy.of("next", "next"), Handling())

@@ -15,14 +15,13 @@ from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws
-from runtime.execution import session
+from runtime.execution import crash, session
+from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
-from runtime.execution.geometry import placement
 from runtime.journal import chain as journal
-from runtime.journal import crash
 from runtime.journal.chain import Journal
-from runtime.monitoring.console import Console
 from runtime.table import Calibration, Node, Table, dumps
+from runtime.traversal.geometry import placement
 
 REACH_MM = 35.0
 RESUME_WITHIN_S = 60.0

@@ -4,9 +4,9 @@ from fake_cell import FakeCell, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.execution.executor import Executor, RunOptions
-from runtime.execution.results import PartResult
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Table
+from runtime.traversal.results import PartResult
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3

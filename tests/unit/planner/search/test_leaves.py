@@ -10,8 +10,8 @@ from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import Executor, RunOptions
-from runtime.execution.results import Outcome
 from runtime.table import Table
+from runtime.traversal.results import Outcome
 
 # -- audit ----------------------------------------------------------------------------------------
 

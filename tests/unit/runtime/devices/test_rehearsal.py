@@ -9,8 +9,8 @@ from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.devices.rehearsal import Rehearsal, make
 from runtime.errors import ArgumentsError
-from runtime.execution.geometry import compose, placement
 from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
+from runtime.traversal.geometry import compose, placement
 
 CALIBRATION = Calibration.linear(GRIPPER)
 

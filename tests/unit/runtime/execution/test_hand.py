@@ -8,12 +8,12 @@ from sample_tables import LIMITS, small_table, with_node
 from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
-from runtime.execution.decision import Policy
+from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
 

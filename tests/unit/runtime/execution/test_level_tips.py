@@ -22,10 +22,10 @@ from squeezes import (
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.results import Outcome
 from runtime.execution.strokes import GENTLE_FORCE, opening_counts
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
+from runtime.traversal.results import Outcome
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ from runtime.cli import main
 from runtime.errors import GripperStateError
 from runtime.execution import session
 from runtime.execution.delivery import Delivery
+from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
-from runtime.execution.tally import Tally
 from runtime.monitoring.console import Lines, Objects, say
 from runtime.table import Calibration, dump
 

@@ -9,11 +9,11 @@ from written_journals import CALIBRATION, write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import Policy
+from runtime.execution.recovery import broken_run
 from runtime.journal.chain import Journal, records
-from runtime.journal.recovery import broken_run
 from runtime.journal.replay import Finding, Last, Replay
 from runtime.table import Calibration
+from runtime.traversal.decision import Policy
 
 
 @pytest.fixture

@@ -14,13 +14,12 @@ from written_journals import Quiet
 
 from runtime.commands import options
 from runtime.errors import ArgumentsError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
-from runtime.execution.tally import Tally
-from runtime.monitoring.console import Lines, Sighting
+from runtime.execution.events import Phase, Sighting, Tally
+from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
+from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = random_table(3, 40)
 OUTLINE = Outline(TABLE)

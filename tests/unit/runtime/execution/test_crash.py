@@ -10,7 +10,7 @@ from written_journals import Quiet, write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.journal import crash
+from runtime.execution import crash
 from runtime.journal.chain import Journal, records, verify
 from runtime.table import dumps
 

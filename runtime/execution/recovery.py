@@ -13,15 +13,15 @@ from typing import NamedTuple
 from drivers.ports import PoseOfHand
 from runtime.devices.clock import age_s
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import ARRIVED, TraversalState, release_point
-from runtime.execution.geometry import placement
 from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS
-from runtime.execution.results import Step
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.chain import records
 from runtime.journal.replay import Entry, Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table
+from runtime.traversal.decision import ARRIVED, TraversalState, release_point
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Step
 
 ABORT = "clear the cell, then start with --after-crash abort"
 

@@ -8,8 +8,9 @@ import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.errors import ArgumentsError, GripperStateError
-from runtime.execution import decision
-from runtime.execution.decision import (
+from runtime.table import REJECT, Calibration, decision_map
+from runtime.traversal import decision
+from runtime.traversal.decision import (
     Decision,
     Policy,
     RecoveryAction,
@@ -18,8 +19,7 @@ from runtime.execution.decision import (
     decide,
     release_point,
 )
-from runtime.execution.results import Outcome
-from runtime.table import REJECT, Calibration, decision_map
+from runtime.traversal.results import Outcome
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3

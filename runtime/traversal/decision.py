@@ -9,9 +9,9 @@ from enum import Enum
 from typing import NamedTuple, Self
 
 from runtime.errors import ArgumentsError, GripperStateError
-from runtime.execution.results import Outcome
 from runtime.table import HELD_UM, REJECT, Node, Table
 from runtime.table import decide as look_up
+from runtime.traversal.results import Outcome
 
 MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
