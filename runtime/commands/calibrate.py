@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import TextIO
 
 from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
@@ -53,13 +53,6 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 {EXIT_CODES}"""
 
 
-class Open(Protocol):
-    """Opens a gripper by its port; `drivers.connect.gripper`."""
-
-    def __call__(self, port: str) -> Gripper:
-        """Connect, moving nothing."""
-
-
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
@@ -94,12 +87,16 @@ def parser() -> Parser:
     return built
 
 
-def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] | None = None) -> int:
+def run(
+    arguments: argparse.Namespace,
+    open_gripper: Callable[[str], Gripper],
+    ask: Callable[[str], object] | None = None,
+) -> int:
     """Measure and write as the arguments say.
 
     Args:
         arguments: parsed.
-        open_gripper: opens the gripper.
+        open_gripper: opens a gripper by its port, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
 
     Returns:

@@ -39,7 +39,7 @@ COMMANDS = {
     "plan-identify": Source("planner.cli.identify"),
     "plan-init": Source("planner.cli.init"),
     "plan-report": Source("planner.cli.report"),
-    "grasp-runtime": Source("runtime.commands.options"),
+    "grasp-runtime": Source("runtime.commands.arguments"),
     "grasp-doctor": Source("runtime.commands.doctor"),
     "grasp-calibrate": Source("runtime.commands.calibrate", CAMERA),
     "grasp-journal": Source("runtime.commands.journal"),

@@ -4,8 +4,13 @@ A driver reports trouble by an exception whose attribute `exit_code` is the exit
 21 gripper, 22 arm, 23 port), or by a built-in `TimeoutError`, `ConnectionError` or `OSError`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
+
+from drivers.ports import Arm, Gripper
+
+Report = Callable[[str, Mapping[str, object]], None]
+"""Told of every retry and failure on a link, as kind and fields of a record."""
 
 
 class Truth(Protocol):
@@ -76,3 +81,33 @@ class Journal(Protocol):
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Append one record, or raise."""
+
+
+class Heard(Protocol):
+    """A slave that answered a scan."""
+
+    @property
+    def unit(self) -> int:
+        """Slave id."""
+
+    @property
+    def baud(self) -> int:
+        """Baud rate."""
+
+
+class Drivers(Protocol):
+    """What opens devices; `drivers.connect`."""
+
+    def gripper(
+        self, port: str, *, time_scale: float = 1.0, read_only: bool = False, report: Report = ...
+    ) -> Gripper:
+        """Connect to a gripper, moving nothing."""
+
+    def arm(self, url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
+        """Connect to an arm, moving nothing."""
+
+    def scene(self, url: str) -> Scene:
+        """Connect to a simulated cell's scene."""
+
+    def scan(self, port: str) -> Iterator[Heard]:
+        """Who answers on a serial port."""

@@ -32,7 +32,6 @@ GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
 MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
-Report = Callable[[str, Mapping[str, object]], None]
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 

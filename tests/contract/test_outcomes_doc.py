@@ -9,7 +9,7 @@ from soaking import soak_run
 
 from drivers.sim.faults.schedule import KINDS
 from runtime import errors
-from runtime.commands.options import parser
+from runtime.commands.arguments import parser
 from runtime.execution.events import Phase
 from runtime.traversal.decision import Policy, RecoveryAction
 from runtime.traversal.results import EXIT_CODES, Outcome
