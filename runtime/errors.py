@@ -2,7 +2,7 @@
 
 ```
 CellError
-├── UsageError             2   arguments that contradict one another
+├── ArgumentsError             2   arguments that contradict one another
 ├── TableFileError         3   the table file is missing or cannot be read
 ├── PartRejectedError     10   a part was rejected: no width of the table matches
 ├── PartUnresolvedError   11   a part stayed unresolved: the table cannot tell its pose
@@ -125,7 +125,7 @@ class CellStartError(CellError):
     exit_code = 31
 
 
-class UsageError(CellError):
+class ArgumentsError(CellError):
     """Arguments that argparse alone cannot judge: they contradict one another, or cannot be used."""
 
     exit_code = 2

@@ -11,9 +11,10 @@ from enum import Enum
 from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from runtime.devices.ports import Arm, Clock, Gripper
+from drivers.ports import Arm, Gripper
+from runtime.devices.ports import Clock, Heard
 from runtime.execution.safety import NO_COMMUNICATION
 from runtime.table import Calibration, Pose2, Table, misfits
 
@@ -37,18 +38,6 @@ class Finding(NamedTuple):
     verdict: Verdict
     sentence: str
     remedy: str = ""
-
-
-class Heard(Protocol):
-    """A slave that answered a scan."""
-
-    @property
-    def unit(self) -> int:
-        """Slave id."""
-
-    @property
-    def baud(self) -> int:
-        """Baud rate."""
 
 
 class System(NamedTuple):

@@ -7,9 +7,9 @@ a success here says nothing about the plan. Where the planner is installed, its 
 from math import isclose, remainder, tau
 from random import Random
 
-from runtime.errors import UsageError
-from runtime.execution.geometry import compose, placement
+from runtime.errors import ArgumentsError
 from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+from runtime.traversal.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -24,10 +24,10 @@ def make(job: object, seed: int) -> "Rehearsal":
         seed: of the draws.
 
     Raises:
-        UsageError: `job` is no table.
+        ArgumentsError: `job` is no table.
     """
     if not isinstance(job, Table):
-        raise UsageError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+        raise ArgumentsError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
     return Rehearsal(job, seed)
 
 

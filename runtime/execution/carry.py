@@ -11,15 +11,15 @@ from itertools import product
 from math import degrees, inf, pi, tau
 from typing import NamedTuple
 
-from runtime.devices.ports import Arm, Pose
+from drivers.ports import Arm, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
-from runtime.execution.geometry import compose, placement, same_turns
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.traversal.geometry import compose, placement, same_turns
 
 
 class Way(NamedTuple):
@@ -56,7 +56,7 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
                 raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
 
 
-def choose(delivery: Delivery, table: Table, pose: Pose2, start: Pose, arm: Arm | None) -> Way:
+def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None) -> Way:
     """The way that turns the hand least, of those that come to the same.
 
     Args:
@@ -152,7 +152,7 @@ def _close_alike(table: Table) -> bool:
 
 
 def _refusal(
-    delivery: Delivery, limits: Limits, start: Pose, taken: Pose2, put: Pose2, arm: Arm | None
+    delivery: Delivery, limits: Limits, start: PoseOfHand, taken: Pose2, put: Pose2, arm: Arm | None
 ) -> str:
     """Why a part cannot be taken there and put down there, or an empty string."""
     low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000

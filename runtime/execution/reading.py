@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from runtime.devices.ports import Settled
+from drivers.ports import Settled
 from runtime.errors import GripperStateError
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 from runtime.table import UNDETECTED_UM, Calibration
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 
 CLOSED_COUNTS = 255
 OPENED_COUNTS = 2

@@ -10,7 +10,7 @@ The declared safe state, in this order, each step tried even if the one before f
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from runtime.devices.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper
 from runtime.table import Limits
 
 DECLARED = "fingers stopped where they are, arm straight up to the retreat height if its state is known"

@@ -31,6 +31,7 @@ VERSION = 1
 GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
+MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
@@ -185,6 +186,39 @@ class Verified:
     closed: bool
     head: str
     size: int
+
+
+class Incidents:
+    """What the drivers tell of their links, retries above all; kept until there is a journal to write it to.
+
+    It begins before the journal does: a run that was refused leaves no file.
+    """
+
+    def __init__(self) -> None:
+        self._journal: Journal | None = None
+        self._kept: list[tuple[str, Mapping[str, object]]] = []
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        """Write one incident, or keep it.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
+        if self._journal is not None:
+            self._journal.record(kind, fields)
+        elif len(self._kept) < MOST_INCIDENTS:
+            self._kept.append((kind, fields))
+
+    def hand_over(self, journal: Journal) -> None:
+        """Write what was kept; from now on write at once.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
+        self._journal = journal
+        for kind, fields in self._kept:
+            journal.record(kind, fields)
+        self._kept.clear()
 
 
 def verify(path: Path) -> Verified:

@@ -18,10 +18,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from runtime.errors import UsageError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
+from runtime.errors import ArgumentsError
+from runtime.execution.events import Phase
 from runtime.table import PPM
+from runtime.traversal.results import Outcome, PartResult, Step
 
 ASK_S = 0.25  # how long a client may take to say what it wants
 MAX_ASK_BYTES = 4096
@@ -145,7 +145,7 @@ class StatusServer:
         status: what is told.
 
     Raises:
-        UsageError: the socket cannot be made there, or somebody else listens.
+        ArgumentsError: the socket cannot be made there, or somebody else listens.
     """
 
     def __init__(self, path: Path, status: Status) -> None:
@@ -155,7 +155,7 @@ class StatusServer:
             _bind(self._socket, path)
         except OSError as error:
             self._socket.close()
-            raise UsageError(f"--status {path}: {error.strerror or error}; name another path") from error
+            raise ArgumentsError(f"--status {path}: {error.strerror or error}; name another path") from error
         self._socket.listen(8)
         self._thread = threading.Thread(target=self._serve, name="status", daemon=True)
         self._thread.start()

@@ -80,7 +80,7 @@ class Ewma:
 
 
 @dataclass(slots=True)
-class Share:
+class BinomialWindowChart:
     """How many of the last parts had something, against the share that was predicted.
 
     Attributes:
@@ -101,7 +101,7 @@ class Share:
 
 
 @dataclass(slots=True)
-class Frequencies:
+class GTestChart:
     """Which branches the last parts took, against the shares that the table predicts.
 
     Attributes:

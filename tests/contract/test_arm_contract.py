@@ -15,7 +15,6 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
-from runtime.devices.ports import TURN_RADIUS_MM
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -190,10 +189,6 @@ def test_after_a_silence_everything_is_refused(any_arm):
             with pytest.raises(ArmError, match="state unknown since"):
                 call()
     assert any_arm.moves == 0
-
-
-def test_runtime_and_drivers_agree_how_fast_a_hand_is_turned():
-    assert ports.TURN_RADIUS_MM == TURN_RADIUS_MM
 
 
 # -- the open_abb driver --------------------------------------------------------------------------

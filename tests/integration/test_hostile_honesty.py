@@ -26,7 +26,6 @@ from planner.report.tree import leaf_label, leaf_lines
 from planner.search.expand import TreeNode
 from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, as_object
 from runtime.table import (
@@ -41,6 +40,7 @@ from runtime.table import (
     dumps,
     load,
 )
+from runtime.traversal.results import Outcome, PartResult, Step
 
 TREES = Path(__file__).parents[2] / "trees"
 LINE = Calibration.linear(GRIPPER)

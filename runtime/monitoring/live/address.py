@@ -3,7 +3,7 @@
 import ipaddress
 from typing import NamedTuple
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 
 LOOPBACK = "127.0.0.1"
 MAX_PORT = 65535
@@ -26,13 +26,13 @@ def parse(text: str) -> Address:
         text: as `--http` takes it.
 
     Raises:
-        UsageError: it is none.
+        ArgumentsError: it is none.
     """
     host, _, port = text.rpartition(":")
     if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) <= MAX_PORT) or _is_odd(
         host, text
     ):
-        raise UsageError(
+        raise ArgumentsError(
             f"--http {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
     return Address(host.strip("[]") or LOOPBACK, int(port))

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from runtime.devices.clock import SystemClock
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.monitoring.live.address import Address
 from runtime.monitoring.live.answers import Answers
 
@@ -46,7 +46,7 @@ class PageServer:
         address: where it listens, port 0 replaced by the one that was free.
 
     Raises:
-        UsageError: nothing can listen there.
+        ArgumentsError: nothing can listen there.
     """
 
     def __init__(self, address: Address, answers: Answers) -> None:
@@ -151,7 +151,9 @@ def _listening(address: Address) -> socket.socket:
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except (OSError, UnicodeError) as error:
-        raise UsageError(f"--http {address}: {address.host} is no host of this network; {_WORD}") from error
+        raise ArgumentsError(
+            f"--http {address}: {address.host} is no host of this network; {_WORD}"
+        ) from error
     listener = socket.socket(family, kind | socket.SOCK_CLOEXEC)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -160,7 +162,7 @@ def _listening(address: Address) -> socket.socket:
         listener.setblocking(False)
     except OSError as error:
         listener.close()
-        raise UsageError(f"--http {address}: {_told(error, address)}") from error
+        raise ArgumentsError(f"--http {address}: {_told(error, address)}") from error
     return listener
 
 

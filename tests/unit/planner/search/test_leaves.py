@@ -9,9 +9,9 @@ from sample_tables import small_table, with_job
 from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, from_text
-from runtime.execution.executor import Executor, Plan
-from runtime.execution.results import Outcome
+from runtime.execution.executor import Executor, RunOptions
 from runtime.table import Table
+from runtime.traversal.results import Outcome
 
 # -- audit ----------------------------------------------------------------------------------------
 
@@ -56,7 +56,7 @@ DELIVERY = from_text("40,-20,90")
 
 def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
     made = fake_cell([AT_21, AT_21])
-    result = run(made, Plan(delivery=DELIVERY))
+    result = run(made, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery, result.exit_code) == (Outcome.LEAF, "done", 0)
     heights = [call.arguments[2] for call in made.log.named("move_linear")]
     places = [call.arguments[:2] for call in made.log.named("move_linear")]
@@ -69,7 +69,7 @@ def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
 def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
     delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
     made = fake_cell([AT_21, AT_21])
-    assert run(made, Plan(delivery=delivery)).delivery == "done"
+    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
     taken, put = (
         call.arguments[:4] for call in (made.log.named("move_linear")[-6], made.log.named("move_linear")[-1])
     )
@@ -81,7 +81,7 @@ def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
 def test_a_part_that_is_not_there_is_left_and_told(reading) -> None:
     made = fake_cell([AT_21, reading])
     delivery = replace(DELIVERY, width_mm=(20.0, 22.0))
-    result = run(made, Plan(delivery=delivery))
+    result = run(made, RunOptions(delivery=delivery))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
     assert "expected was 20..22 mm" in str(result.reason)
     assert made.arm.at[:3] == (0.0, 0.5, 60.0)
@@ -98,7 +98,7 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
         lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
 
     made.arm.move_linear = slip
-    result = run(made, Plan(delivery=DELIVERY))
+    result = run(made, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
     assert "slipped out" in str(result.reason)
     begun = next(fields for kind, fields in made.journal.kept if kind == "delivery")
@@ -108,18 +108,18 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
 def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
     far = from_text("100,0,0")
     made = fake_cell([AT_21, AT_21])
-    result = run(made, Plan(delivery=far))
+    result = run(made, RunOptions(delivery=far))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
     assert "outside the work area" in str(result.reason)
     assert not made.gripper.gripping
     made = fake_cell([AT_21, AT_21])
     delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
-    assert run(made, Plan(delivery=delivery)).delivery == "done"
+    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
 
 
 def taken_and_put(made: FakeCell, text: str, table: Table) -> tuple[float, float]:
     """The hand's angles, deg, where it took the part and where it put it down."""
-    assert run(made, Plan(delivery=from_text(text)), table).delivery == "done"
+    assert run(made, RunOptions(delivery=from_text(text)), table).delivery == "done"
     angles = [round(degrees(call.arguments[3]), 3) for call in made.log.named("move_linear")]
     return angles[-5], angles[-1]
 
@@ -156,13 +156,13 @@ def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> Non
     assert taken_and_put(made, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
     made = fake_cell([AT_21, AT_21])
     made.arm.turns = (radians(-185), radians(100))
-    assert run(made, Plan(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery == "missed"
+    assert run(made, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery == "missed"
 
 
 def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
     made = fake_cell([AT_21, AT_21])
     made.arm.turns = (radians(-10), radians(10))
-    result = run(made, Plan(delivery=from_text("40,-20,90")), table_of(1, 0.5))
+    result = run(made, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
     assert "wrist" in str(result.reason)
     assert not made.gripper.gripping
@@ -171,7 +171,7 @@ def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
 def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
     made = fake_cell([AT_21, AT_21])
     made.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
-    result = run(made, Plan(delivery=DELIVERY))
+    result = run(made, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery) == (Outcome.LEAF, "missed")
     assert "carrying it away: the way is out of reach" in str(result.reason)
     assert not made.gripper.gripping
@@ -187,7 +187,7 @@ def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
 def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:
     made = fake_cell([AT_21])
     made.arm.at, made.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
-    run(made, Plan())
+    run(made, RunOptions())
     turned = [round(degrees(call.arguments[3])) for call in made.log.named("move_linear")]
     assert turned[: len(angles)] == angles
     assert turned[-1] == angles[-1]

@@ -8,7 +8,7 @@ from grown_tables import grown_table
 from html_pages import Page
 from sample_tables import every_field_table, small_table, with_job
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.monitoring.live import address, page
 from runtime.monitoring.live.address import Address
 from runtime.monitoring.live.answers import Answers
@@ -58,7 +58,7 @@ def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: i
     ],
 )
 def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(UsageError, match="write PORT or HOST:PORT") as refused:
+    with pytest.raises(ArgumentsError, match="write PORT or HOST:PORT") as refused:
         address.parse(text)
     assert refused.value.exit_code == 2
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 from sample_tables import small_table
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.monitoring.live import page, server
 from runtime.monitoring.live.address import Address
 from runtime.monitoring.live.answers import Answers
@@ -114,7 +114,7 @@ def test_it_listens_on_ipv6_as_well() -> None:
 
 
 def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
-    with pytest.raises(UsageError, match="in use; name another port, or 0 for a free one") as refused:
+    with pytest.raises(ArgumentsError, match="in use; name another port, or 0 for a free one") as refused:
         PageServer(serving.address, Answers({}, local=True))
     assert str(serving.address) in str(refused.value)
     assert refused.value.exit_code == 2
@@ -125,11 +125,11 @@ def test_a_port_for_root_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
-    with pytest.raises(UsageError, match="ports below 1024 are for root; take one above"):
+    with pytest.raises(ArgumentsError, match="ports below 1024 are for root; take one above"):
         PageServer(Address("127.0.0.1", 80), Answers({}, local=True))
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "x" * 300, "no..name"])
 def test_an_address_of_another_machine_or_of_none_is_one_line(host: str) -> None:
-    with pytest.raises(UsageError, match="name an address of this machine, or the port alone"):
+    with pytest.raises(ArgumentsError, match="name an address of this machine, or the port alone"):
         PageServer(Address(host, 0), Answers({}, local=True))

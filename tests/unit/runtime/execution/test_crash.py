@@ -10,7 +10,7 @@ from written_journals import Quiet, write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.journal import crash
+from runtime.execution import crash
 from runtime.journal.chain import Journal, records, verify
 from runtime.table import dumps
 
@@ -64,7 +64,7 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> 
     seen = look(broken(tmp_path / "j.jsonl", 4), crash.RESTART)
     assert seen is not None
     assert seen.part is not None
-    assert (seen.part.steps, seen.part.course.node) == ((), 0)
+    assert (seen.part.steps, seen.part.traversal.node) == ((), 0)
     assert seen.part.held_at is not None
 
 

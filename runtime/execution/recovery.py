@@ -10,18 +10,18 @@ from math import hypot, remainder, tau
 from pathlib import Path
 from typing import NamedTuple
 
+from drivers.ports import PoseOfHand
 from runtime.devices.clock import age_s
-from runtime.devices.ports import Pose
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import ARRIVED, Course, release_point
-from runtime.execution.geometry import placement
 from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS
-from runtime.execution.results import Step
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.chain import records
 from runtime.journal.replay import Entry, Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table
+from runtime.traversal.decision import ARRIVED, TraversalState, release_point
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Step
 
 ABORT = "clear the cell, then start with --after-crash abort"
 
@@ -32,7 +32,7 @@ class Broken(NamedTuple):
     Attributes:
         part: its number.
         steps: its squeezes.
-        course: where it stands.
+        traversal: where it stands.
         last: what the hand was doing.
         held_at: the node that squeezed it last, and the target it led to; None where it was not touched.
         delivering: whether it was being carried to its drop-off.
@@ -40,7 +40,7 @@ class Broken(NamedTuple):
 
     part: int
     steps: tuple[Step, ...]
-    course: Course
+    traversal: TraversalState
     last: Last
     held_at: tuple[int, int | None] | None
     delivering: bool
@@ -85,7 +85,7 @@ def broken_run(path: Path) -> BrokenRun | None:
     part = Broken(
         replay.part,
         tuple(replay.steps),
-        replay.course,
+        replay.traversal,
         replay.last,
         replay.held_at,
         replay.delivering,
@@ -95,7 +95,7 @@ def broken_run(path: Path) -> BrokenRun | None:
 
 def restarted(broken: Broken) -> Broken:
     """The same part from the root; what its hand may hold stays known."""
-    return broken._replace(steps=(), course=Course())
+    return broken._replace(steps=(), traversal=TraversalState())
 
 
 def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
@@ -157,7 +157,7 @@ def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None
         return node, branch
     if not broken.steps:
         return None  # nothing is believed of the part that it could not have moved away from
-    coming = let_go if broken.course.outcome else placement(table.nodes[broken.course.node].squeeze)
+    coming = let_go if broken.traversal.outcome else placement(table.nodes[broken.traversal.node].squeeze)
     ways = [(let_go, let_go), (coming, coming)] if low else [(let_go, coming)]
     if pose[2] > retreat_mm + PLACED_MM or not any(_between(pose, *way) for way in ways):
         raise _moved(pose, "after it had let go of the part, which may have been moved too")
@@ -171,14 +171,14 @@ def _check_same_grip(count: int, before: int) -> None:
         )
 
 
-def _moved(pose: Pose, where: str) -> BrokenRunError:
+def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
     return BrokenRunError(
         f"the arm stands at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, not where the run broke off "
         f"{where}; {ABORT}"
     )
 
 
-def _between(pose: Pose, start: Pose2, end: Pose2) -> bool:
+def _between(pose: PoseOfHand, start: Pose2, end: Pose2) -> bool:
     """Whether the arm stands on the way from one place to another, whatever its height."""
     off_mm = _distance(pose[:2], start[:2], end[:2])
     whole, done, left = (

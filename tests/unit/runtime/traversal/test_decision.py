@@ -7,11 +7,19 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime.errors import GripperStateError, UsageError
-from runtime.execution import decision
-from runtime.execution.decision import Course, Decision, Policy, Response, advance, decide, release_point
-from runtime.execution.results import Outcome
+from runtime.errors import ArgumentsError, GripperStateError
 from runtime.table import REJECT, Calibration, decision_map
+from runtime.traversal import decision
+from runtime.traversal.decision import (
+    Decision,
+    Policy,
+    RecoveryAction,
+    TraversalState,
+    advance,
+    decide,
+    release_point,
+)
+from runtime.traversal.results import Outcome
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3
@@ -19,12 +27,12 @@ TABLE = small_table()  # leaf 2 is not resolved
 UNRESOLVED = ~2
 
 
-def walk(targets: list[int | None], policy: Policy) -> list[Course]:
-    courses = [Course()]
+def walk(targets: list[int | None], policy: Policy) -> list[TraversalState]:
+    traversals = [TraversalState()]
     for target in targets:
-        assert courses[-1].outcome is None, "a part that came to its end is not squeezed again"
-        courses.append(advance(courses[-1], target, TABLE, policy))
-    return courses
+        assert traversals[-1].outcome is None, "a part that came to its end is not squeezed again"
+        traversals.append(advance(traversals[-1], target, TABLE, policy))
+    return traversals
 
 
 @pytest.mark.parametrize(
@@ -46,11 +54,11 @@ def walk(targets: list[int | None], policy: Policy) -> list[Course]:
 def test_the_policy_is_gone_through_once_a_part(
     on_reject, on_unresolved, targets, nodes, outcome, leaf
 ) -> None:
-    courses = walk(targets, Policy.of(on_reject, on_unresolved))
-    assert [course.node for course in courses[1:-1]] == nodes
-    assert (courses[-1].outcome, courses[-1].leaf) == (outcome, leaf)
-    assert courses[-1].rejects == targets.count(None)
-    assert courses[-1].unresolved == targets.count(UNRESOLVED)
+    traversals = walk(targets, Policy.of(on_reject, on_unresolved))
+    assert [traversal.node for traversal in traversals[1:-1]] == nodes
+    assert (traversals[-1].outcome, traversals[-1].leaf) == (outcome, leaf)
+    assert traversals[-1].rejects == targets.count(None)
+    assert traversals[-1].unresolved == targets.count(UNRESOLVED)
 
 
 RECOVERIES = [
@@ -73,14 +81,14 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
     policy = Policy.of(on_reject, on_unresolved)
     most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
     for _ in range(100):
-        course, steps = Course(), 0
-        while course.outcome is None:
-            branches = table.nodes[course.node].branches
+        traversal, steps = TraversalState(), 0
+        while traversal.outcome is None:
+            branches = table.nodes[traversal.node].branches
             target = random.choice([None, *(branch.target for branch in branches)])
-            course = advance(course, target, table, policy)
+            traversal = advance(traversal, target, table, policy)
             steps += 1
             assert steps <= most
-        assert (course.leaf is None) == (course.outcome is Outcome.REJECT)
+        assert (traversal.leaf is None) == (traversal.outcome is Outcome.REJECT)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +116,7 @@ def test_the_flags_are_those_of_the_register() -> None:
 
 def test_records_are_frozen() -> None:
     with pytest.raises(FrozenInstanceError):
-        Policy().on_reject = (Response.STOP,)
+        Policy().on_reject = (RecoveryAction.STOP,)
     assert not hasattr(Policy(), "__dict__")
 
 
@@ -117,7 +125,8 @@ def test_a_policy_survives_being_written_down() -> None:
         policy = Policy.of(on_reject, on_unresolved)
         assert Policy.of(*policy.texts()) == policy
     assert Policy.of(" resqueeze , restart ", "restart") == Policy(
-        (Response.RESQUEEZE, Response.RESTART, Response.NEXT), (Response.RESTART, Response.NEXT)
+        (RecoveryAction.RESQUEEZE, RecoveryAction.RESTART, RecoveryAction.NEXT),
+        (RecoveryAction.RESTART, RecoveryAction.NEXT),
     )
     assert Policy() == Policy.of("next", "next")
 
@@ -134,7 +143,7 @@ def test_a_policy_survives_being_written_down() -> None:
     ],
 )
 def test_a_policy_that_makes_no_sense_is_refused(on_reject: str, on_unresolved: str, told: str) -> None:
-    with pytest.raises(UsageError, match=told) as refused:
+    with pytest.raises(ArgumentsError, match=told) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
 
@@ -184,5 +193,5 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
 
 def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
     """Targets are told apart by their sign: ~0 is -1. (No proved table leads back to its root.)"""
-    assert advance(Course(1), 0, TABLE, Policy()) == Course(0)
-    assert advance(Course(1), ~0, TABLE, Policy()) == Course(1, Outcome.LEAF, 0)
+    assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
+    assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)

@@ -4,11 +4,11 @@ import hashlib
 from collections.abc import Mapping
 
 from runtime.errors import BrokenRunError
-from runtime.execution.results import Outcome, PartResult
+from runtime.execution.events import Console
+from runtime.execution.recovery import BrokenRun, broken_run, check_recent, restarted
 from runtime.journal.chain import Journal
-from runtime.journal.recovery import BrokenRun, broken_run, check_recent, restarted
-from runtime.monitoring.console import Console
 from runtime.shell import interrupts
+from runtime.traversal.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Self
 
-from runtime.errors import GripperStateError, UsageError
-from runtime.execution.results import Outcome
+from runtime.errors import ArgumentsError, GripperStateError
 from runtime.table import HELD_UM, REJECT, Node, Table
 from runtime.table import decide as look_up
+from runtime.traversal.results import Outcome
 
 MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
@@ -80,7 +80,7 @@ def release_point(node: Node, branch: int) -> tuple[int, int] | None:
     return node.release
 
 
-class Response(Enum):
+class RecoveryAction(Enum):
     """What follows a reject or an unresolved leaf; the value is its name on the command line."""
 
     RESQUEEZE = "resqueeze"  # the same squeeze once more
@@ -89,54 +89,56 @@ class Response(Enum):
     STOP = "stop"  # the part is given up and the run ends
 
 
-ENDS = (Response.NEXT, Response.STOP)
+ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What follows, response by response: each recovery is tried once a part, the last one is an end.
+    """The recovery actions in order: each is tried once a part, the last one is an end.
 
     Attributes:
         on_reject: after a squeeze that no branch explains.
         on_unresolved: after a leaf that is not resolved.
     """
 
-    on_reject: tuple[Response, ...] = (Response.NEXT,)
-    on_unresolved: tuple[Response, ...] = (Response.NEXT,)
+    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
+    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
 
     @classmethod
     def of(cls, on_reject: str, on_unresolved: str) -> Self:
         """The policy of two lists of names, as the command line and the journal hold them.
 
         Raises:
-            UsageError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or no end ends
-                a list.
+            ArgumentsError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
+                has no end.
         """
         rejected, unresolved = (
-            _responses("--on-reject", on_reject),
-            _responses("--on-unresolved", on_unresolved),
+            _actions("--on-reject", on_reject),
+            _actions("--on-unresolved", on_unresolved),
         )
-        if Response.RESQUEEZE in unresolved:
-            raise UsageError("--on-unresolved: a leaf has no squeeze to repeat; use restart, next or stop")
+        if RecoveryAction.RESQUEEZE in unresolved:
+            raise ArgumentsError(
+                "--on-unresolved: a leaf has no squeeze to repeat; use restart, next or stop"
+            )
         return cls(rejected, unresolved)
 
     def texts(self) -> tuple[str, str]:
         """The two lists of names that `of` reads."""
         return (
-            ",".join(response.value for response in self.on_reject),
-            ",".join(response.value for response in self.on_unresolved),
+            ",".join(action.value for action in self.on_reject),
+            ",".join(action.value for action in self.on_unresolved),
         )
 
     def ends_run(self, outcome: Outcome) -> bool:
         """Whether no further part follows one that ended so."""
         if outcome is Outcome.REJECT:
-            return self.on_reject[-1] is Response.STOP
+            return self.on_reject[-1] is RecoveryAction.STOP
         if outcome is Outcome.UNRESOLVED:
-            return self.on_unresolved[-1] is Response.STOP
+            return self.on_unresolved[-1] is RecoveryAction.STOP
         return outcome is not Outcome.LEAF
 
 
-class Course(NamedTuple):
+class TraversalState(NamedTuple):
     """Where a part stands: the node to squeeze next, or its outcome.
 
     Attributes:
@@ -154,41 +156,41 @@ class Course(NamedTuple):
     unresolved: int = 0
 
 
-def advance(course: Course, target: int | None, table: Table, policy: Policy) -> Course:
-    """What follows a squeeze at `course.node`.
+def advance(traversal: TraversalState, target: int | None, table: Table, policy: Policy) -> TraversalState:
+    """What follows a squeeze at `traversal.node`.
 
     Args:
-        course: where the part stood.
+        traversal: where the part stood.
         target: where the squeeze led: >= 0 a node, < 0 leaf ~target, None for REJECT.
         table: the table.
         policy: what follows a reject and an unresolved leaf.
     """
     if target is None:
-        response = policy.on_reject[course.rejects]  # the last is an end: there is no further one
-        course = course._replace(rejects=course.rejects + 1)
-        if response in ENDS:
-            return course._replace(outcome=Outcome.REJECT)
-        return course if response is Response.RESQUEEZE else course._replace(node=0)
+        action = policy.on_reject[traversal.rejects]  # the last is an end: there is no further one
+        traversal = traversal._replace(rejects=traversal.rejects + 1)
+        if action in ENDS:
+            return traversal._replace(outcome=Outcome.REJECT)
+        return traversal if action is RecoveryAction.RESQUEEZE else traversal._replace(node=0)
     if target >= 0:
-        return Course(target, None, None, course.rejects, course.unresolved)
+        return TraversalState(target, None, None, traversal.rejects, traversal.unresolved)
     if table.leaves[~target].resolved:
-        return course._replace(outcome=Outcome.LEAF, leaf=~target)
-    response = policy.on_unresolved[course.unresolved]
-    course = course._replace(unresolved=course.unresolved + 1)
-    if response in ENDS:
-        return course._replace(outcome=Outcome.UNRESOLVED, leaf=~target)
-    return course._replace(node=0)
+        return traversal._replace(outcome=Outcome.LEAF, leaf=~target)
+    action = policy.on_unresolved[traversal.unresolved]
+    traversal = traversal._replace(unresolved=traversal.unresolved + 1)
+    if action in ENDS:
+        return traversal._replace(outcome=Outcome.UNRESOLVED, leaf=~target)
+    return traversal._replace(node=0)
 
 
-def _responses(option: str, text: str) -> tuple[Response, ...]:
+def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:
     names = [name.strip() for name in text.split(",")]
-    known = ", ".join(response.value for response in Response)
+    known = ", ".join(action.value for action in RecoveryAction)
     try:
-        responses = tuple(Response(name) for name in names)
+        actions = tuple(RecoveryAction(name) for name in names)
     except ValueError:
-        raise UsageError(f"{option} {text!r}: name {known}, separated by commas") from None
-    if responses[-1] not in ENDS:
-        responses = (*responses, Response.NEXT)
-    if len(set(responses)) != len(responses) or any(response in ENDS for response in responses[:-1]):
-        raise UsageError(f"{option} {text!r}: each of {known} at most once, and next or stop last")
-    return responses
+        raise ArgumentsError(f"{option} {text!r}: name {known}, separated by commas") from None
+    if actions[-1] not in ENDS:
+        actions = (*actions, RecoveryAction.NEXT)
+    if len(set(actions)) != len(actions) or any(action in ENDS for action in actions[:-1]):
+        raise ArgumentsError(f"{option} {text!r}: each of {known} at most once, and next or stop last")
+    return actions
