@@ -24,7 +24,6 @@ class Photographer(Protocol):
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
         """What takes pictures of what `look` tells, each as the bytes of a JPEG."""
-        ...
 
 
 class Cell:

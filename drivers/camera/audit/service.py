@@ -36,7 +36,6 @@ class Audits(Protocol):
 
     def audit(self, part: int, predicted: Pose, until: float) -> Answer:
         """Judge one part, given a picture until then."""
-        ...
 
 
 class Worker:

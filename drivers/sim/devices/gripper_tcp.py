@@ -26,15 +26,12 @@ class Feed(Protocol):
     @property
     def pending(self) -> bool:
         """Whether an unfinished frame is waiting for more."""
-        ...
 
     def feed(self, data: bytes) -> list[Piece]:
         """Take bytes and return what to send."""
-        ...
 
     def silence(self) -> None:
         """Nothing came for a while."""
-        ...
 
 
 class MbapSlave:

@@ -130,7 +130,6 @@ class Schedule(Protocol):
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
         """Those of one part."""
-        ...
 
 
 class Listed:

@@ -33,7 +33,6 @@ class World(Protocol):
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """Part pose in the hand frame -> its pose afterwards, the width in mm, and a status."""
-        ...
 
 
 class Geometry(NamedTuple):

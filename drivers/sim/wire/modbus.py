@@ -16,15 +16,12 @@ class Device(Protocol):
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes."""
-        ...
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""
-        ...
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
         """Write bytes of the output block and obey."""
-        ...
 
 
 class Registers(Protocol):
@@ -32,15 +29,12 @@ class Registers(Protocol):
 
     def serves(self, function: int, address: int, count: int) -> bool:
         """Whether `function` can read so many registers from `address` on."""
-        ...
 
     def read(self, address: int, count: int) -> bytes:
         """Registers from `address` on, high byte first; ask `serves` first."""
-        ...
 
     def write(self, function: int, address: int, data: bytes) -> bool:
         """Write whole registers; False if one of them does not exist."""
-        ...
 
 
 class GripperRegisters:

@@ -22,11 +22,9 @@ class Time(Protocol):
 
     def now(self) -> float:
         """Simulated seconds."""
-        ...
 
     def wall(self, seconds: float) -> float:
         """Wall seconds of so many simulated ones."""
-        ...
 
 
 class RtuSlave:
