@@ -30,7 +30,7 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "drivers/__init__.py": "",
     "drivers/camera/__init__.py": "",
     "drivers/camera/commands.py": "import runtime.shell.command\n",
-    "drivers/camera/audit/judge.py": "import runtime.table\n",
+    "drivers/camera/audit/auditor.py": "import runtime.table\n",
     "drivers/connect.py": "import drivers.robotiq\n",
     "drivers/robotiq.py": "",
     "drivers/sim/__init__.py": "",
@@ -61,7 +61,7 @@ BROKEN = [
     pytest.param("runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"),
     pytest.param("drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"),
     pytest.param(
-        "drivers/camera/audit/judge.py",
+        "drivers/camera/audit/auditor.py",
         "import runtime.execution.executor",
         "drivers know",
         id="camera-executor",

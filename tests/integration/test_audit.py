@@ -14,8 +14,7 @@ import pytest
 from cameras import camera, part_tag, rig, true_calibration
 
 from drivers.camera.audit import service
-from drivers.camera.audit.auditor import Answer
-from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.sim.camera.server import CameraServer

@@ -10,8 +10,7 @@ import pytest
 from cameras import GOAL, NUMBER, camera, part_tag, rig, true_calibration
 from soaking import small_setting
 
-from drivers.camera.audit.auditor import Auditor, Subject
-from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.audit.auditor import PASS, UNKNOWN, Auditor, Subject
 from drivers.camera.calibration import command as calibrate_command
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
