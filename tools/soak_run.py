@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults.schedule import SCENE_KINDS, Schedule, Seeded
+from drivers.sim.faults import SCENE_KINDS, Schedule, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
