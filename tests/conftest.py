@@ -2,6 +2,7 @@
 
 import signal
 
-# A shell without job control ignores Ctrl-C in what it starts with `&`, and processes hand that down; the
-# tests send Ctrl-C to the commands they start.
+# A shell without job control ignores Ctrl-C in what it starts with `&`, and nohup ignores SIGHUP; processes
+# hand that down. The tests send both to themselves and to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)

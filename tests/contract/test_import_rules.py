@@ -23,6 +23,7 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "runtime/shell/command.py": "",
     "runtime/table/__init__.py": "import runtime.table.codec\n",
     "runtime/table/codec.py": "",
+    "runtime/execution/__init__.py": "",
     "runtime/execution/executor.py": "import runtime.table\n",
     "runtime/cli.py": (
         "import drivers.camera.commands\nimport drivers.connect\nimport runtime.execution.executor\n"

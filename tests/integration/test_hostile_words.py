@@ -16,6 +16,7 @@ from written_journals import write_run
 from runtime.commands.completion import _subcommands, parsers
 from runtime.journal.chain import verify
 from runtime.table import dump
+from runtime.table.codec import encode
 
 ROOT = Path(__file__).parents[2]
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
@@ -172,7 +173,7 @@ def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property
 )
 def test_an_odd_job_under_a_valid_digest_is_a_refused_table(tell: Tell, tmp_path: Path, job, told) -> None:
     table = tmp_path / "t.msgpack"
-    dump(with_job(every_field_table(), job), table)
+    table.write_bytes(encode(with_job(every_field_table(), job)))
     before = table.read_bytes()
     _, _, err = tell(RUNTIME, "--tree", table, "--check", code=30, ends="the table is refused")
     assert err.count("\n") == 1

@@ -85,7 +85,7 @@ def history(tree: Table, *stretches: list[Part]) -> History:
     return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
 
 
-def expectation_document(tree: Table, digest: str, count: int = 3000) -> dict[str, object]:
+def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[str, object]:
     """What `plan-expect` would write of such parts: as planned, and "less", in which fewer jam."""
     worlds = []
     for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):

@@ -37,6 +37,7 @@ from written_journals import write_run
 from drivers.camera import documents
 from runtime.execution import calibration
 from runtime.table import dumps, load
+from runtime.table.codec import encode
 
 ROOT = Path(__file__).parents[2]
 RECTANGLE = ROOT / "trees" / "rectangle"
@@ -96,7 +97,7 @@ def table(data: bytes, random: Random) -> bytes:
     if random.random() < 0.6:
         return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
     job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
-    return dumps(with_job(load(RECTANGLE / "rectangle.msgpack"), job.decode("utf-8", "replace")))
+    return encode(with_job(load(RECTANGLE / "rectangle.msgpack").table, job.decode("utf-8", "replace")))
 
 
 @cache

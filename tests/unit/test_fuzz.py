@@ -1,4 +1,4 @@
-"""The fuzzers themselves: a slice of what `tools/fuzz` runs, repeatable, and able to find what is wrong."""
+"""The fuzzers themselves: a slice of what `tools/hostile` runs, repeatable, able to find what is wrong."""
 
 import os
 import subprocess
