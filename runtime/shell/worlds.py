@@ -30,7 +30,7 @@ def find_factory(name: str) -> Factory:
     except Exception as error:  # importing runs what somebody else wrote
         raise WorldError(f"module {module_name} cannot be imported: {error}") from error
     if not callable(factory):
-        raise WorldError(f"module {module_name} has no factory {attribute}")
+        raise WorldError(f"module {module_name} has no function {attribute}")
     made: Factory = factory
     return made
 
