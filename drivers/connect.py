@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
     from drivers.abb.codec import Pose
     from drivers.ports import Arm, Gripper
-    from drivers.robotiq.modbus import ModbusLink
-    from drivers.robotiq.probe import Answered
+    from drivers.robotiq.modbus import Answered, ModbusLink
     from drivers.sim.physics.scene_protocol import Scene
 
 TTY = "tty"  # the scheme of a port without one
@@ -87,9 +86,9 @@ def scan(port: str) -> "Iterator[Answered]":
     Raises:
         PortError: the port cannot be opened.
     """
-    from drivers.robotiq import probe
+    from drivers.robotiq import modbus
 
-    return probe.scan(port)
+    return modbus.scan(port)
 
 
 def arm(

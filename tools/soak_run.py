@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults.schedule import SCENE_KINDS, Schedule, Seeded
+from drivers.sim.faults import SCENE_KINDS, Schedule, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock

@@ -48,11 +48,9 @@ class Framing(Protocol):
 
     def frame(self, pdu: ModbusPDU) -> bytes:
         """The bytes of a request."""
-        ...
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> Found | None:
         """The answer to a request among the bytes that have come, or None while it is not there."""
-        ...
 
 
 class RtuFraming:

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.sim.devices.arm import ArmModel, Controller
+from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws
-from drivers.sim.faults.arm import FaultyArm
-from drivers.sim.faults.gripper import FaultyGripper
-from drivers.sim.faults.schedule import Desk, Listed, Schedule
+from drivers.sim.faults import Desk, Listed, Schedule
 from drivers.sim.physics.scene import Pose2, Setting
 from drivers.sim.physics.tabletop import Look, TableTop
 from drivers.sim.wire.line import CleanLine, FaultyLine

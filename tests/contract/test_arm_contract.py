@@ -15,6 +15,7 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -26,13 +27,10 @@ class Abb:
     far_mm = 900.0
 
     def __init__(self):
-        self.stopped = threading.Event()
-        start = time.monotonic()
-        self.now = lambda: (time.monotonic() - start) * SCALE
         self.model = ArmModel(BASE)
-        self.server = ArmServer(
-            self.model, threading.RLock(), self.now, lambda s: self.stopped.wait(s / SCALE), self.stopped
-        )
+        time = SimulatedTime(SCALE, threading.Event())
+        self.now = time.now
+        self.server = ArmServer(self.model, threading.RLock(), time)
         self.server.start()
 
     @property
@@ -54,7 +52,6 @@ class Abb:
         return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
 
     def close(self):
-        self.stopped.set()
         self.server.close()
 
 

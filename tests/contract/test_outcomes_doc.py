@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from soaking import soak_run
 
-from drivers.sim.faults.schedule import KINDS
+from drivers.sim.faults import KINDS
 from runtime import errors
 from runtime.commands.arguments import parser
 from runtime.execution.events import Phase

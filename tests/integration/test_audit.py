@@ -14,11 +14,11 @@ import pytest
 from cameras import camera, part_tag, rig, true_calibration
 
 from drivers.camera.audit import service
-from drivers.camera.audit.auditor import Answer
-from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.sim.camera.server import CameraServer
+from drivers.sim.physics.tabletop import Look
 
 ROOT = Path(__file__).parents[2]
 TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
@@ -70,7 +70,7 @@ def files(tmp_path):
     """What the command line names, and a camera that shows the part at `POSE`."""
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    with CameraServer(RIG.taker(lambda: POSE, seed=1)) as server:
+    with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
         yield {
             "tree": TREE,
             "camera": server.url,

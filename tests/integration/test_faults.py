@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from soaking import small_soak, soak_run
 
-from drivers.sim.faults.schedule import KINDS, Channel, Fault, Listed
+from drivers.sim.faults import KINDS, Channel, Fault, Listed
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 

@@ -18,7 +18,7 @@ from soaking import small_setting, soak_run
 from tapped_devices import TappedArm, TappedGripper
 
 from drivers.abb.kinematics import LAST_AXIS_DEG
-from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.faults import Fault, Listed
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
 from runtime.execution.delivery import from_text

@@ -7,7 +7,7 @@ from sample_tables import small_table
 from soaking import small_setting
 
 from drivers.sim.cell import Cell
-from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.faults import Fault, Listed
 from runtime import cli
 from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError

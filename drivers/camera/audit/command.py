@@ -11,7 +11,7 @@ from typing import TypeVar
 import cv2
 
 from drivers.camera.audit import service, subject
-from drivers.camera.audit.auditor import Auditor, Subject
+from drivers.camera.audit.auditor import Auditor
 from drivers.camera.calibration import drift
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
@@ -118,7 +118,7 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     return 0
 
 
-def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, Subject]:
+def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, subject.Subject]:
     """What the files of a command line say.
 
     Raises:

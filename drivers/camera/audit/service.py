@@ -20,8 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-from drivers.camera.audit.auditor import Answer
-from drivers.camera.audit.judge import UNKNOWN
+from drivers.camera.audit.auditor import UNKNOWN, Answer
 from drivers.camera.vision.tag_file import Pose
 from runtime.shell import strict_json
 
@@ -36,7 +35,6 @@ class Audits(Protocol):
 
     def audit(self, part: int, predicted: Pose, until: float) -> Answer:
         """Judge one part, given a picture until then."""
-        ...
 
 
 class Worker:

@@ -9,11 +9,11 @@ from typing import NamedTuple
 from drivers.camera.calibration import lens_fit, table_fit
 from drivers.camera.calibration.drift import place
 from drivers.camera.calibration.file import CameraCalibration, Reference
+from drivers.camera.calibration.measure import of_sighting, the_one
 from drivers.camera.calibration.table_fit import Residuals
 from drivers.camera.errors import CameraFileError, RefusedError
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.board import Board, BoardView
-from drivers.camera.vision.measure import of_sighting, the_one
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.sources import SUFFIXES, decoded
 from drivers.camera.vision.tag_file import PartTag, Pose

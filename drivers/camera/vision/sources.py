@@ -39,11 +39,9 @@ class Source(Protocol):
         Raises:
             SourceError: there is none in time.
         """
-        ...
 
     def close(self) -> None:
         """Let go of the camera."""
-        ...
 
 
 def open_source(address: str, size: tuple[int, int] | None = None) -> Source:

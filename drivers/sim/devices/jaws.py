@@ -32,15 +32,12 @@ class Surroundings(Protocol):
 
     def closing(self) -> int | None:
         """The jaws start to close: the count at which something will stop them, or None."""
-        ...
 
     def gripped(self) -> None:
         """They were stopped by it now."""
-        ...
 
     def released(self) -> None:
         """They open again and let go of it."""
-        ...
 
 
 class EmptyAir:

@@ -4,7 +4,7 @@ import math
 import random
 from typing import NamedTuple
 
-from drivers.sim.faults.schedule import Channel, Desk
+from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Pose2, Setting
 
 

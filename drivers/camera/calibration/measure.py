@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.camera.audit import explain
 from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.errors import TagError
+from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Array, Picture
 from drivers.camera.vision.plane import as_it_lies, compose, inverse, rigid_fit
 from drivers.camera.vision.tag_file import PartTag, Pose

@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from drivers.sim.physics.scene import CellError, CellFileError
+from drivers.sim.errors import SimulationError, SimulationFileError
 
 
 class Channel(StrEnum):
@@ -130,7 +130,6 @@ class Schedule(Protocol):
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
         """Those of one part."""
-        ...
 
 
 class Listed:
@@ -210,37 +209,37 @@ def parse(text: str | None) -> Schedule:
     """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
 
     Raises:
-        CellError: it is not understood.
+        SimulationError: it is not understood.
     """
     if text is None:
         return Listed()
     if text.startswith("seed:"):
         number = text.removeprefix("seed:")
         if not number.isdecimal():
-            raise CellError(f"--faults {text}: write seed:N with a whole number, or name a file")
+            raise SimulationError(f"--faults {text}: write seed:N with a whole number, or name a file")
         return Seeded(int(number))
     path = Path(text)
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise CellFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
+        raise SimulationFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
     except (OSError, ValueError, RecursionError) as error:
-        raise CellError(f"{path}: not readable as a fault schedule ({error})") from error
+        raise SimulationError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
-        raise CellError(f"{path}: write one [[fault]] table a fault, nothing else")
+        raise SimulationError(f"{path}: write one [[fault]] table a fault, nothing else")
     return Listed(_written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1))
 
 
 def _written_fault(path: Path, number: int, row: object) -> Fault:
     where = f"{path}, fault {number}"
     if not isinstance(row, dict) or set(row) - set(Fault._fields):
-        raise CellError(f"{where}: the keys are {', '.join(Fault._fields)}")
+        raise SimulationError(f"{where}: the keys are {', '.join(Fault._fields)}")
     if row.get("kind") not in KINDS:
-        raise CellError(f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}")
+        raise SimulationError(f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}")
     counts = [(row.get("part", 0), 0), (row.get("at", 0), 0), (row.get("length", 1), 1)]
     whole = all(type(count) is int and count >= least for count, least in counts)
     if not whole or type(row.get("value", 0.0)) not in (int, float):
-        raise CellError(
+        raise SimulationError(
             f"{where}: part, at and length are whole numbers, not negative, and value is a number"
         )
     return Fault(**row)
