@@ -20,7 +20,7 @@ from planner.belief.observation import COUNTS, Encoder, Partition
 from planner.frames import to_hand, to_world
 from planner.paper.open_loop import ALPHA, Collision, Motion, OpenLoop
 from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
-from planner.search.expand import Progress, TreeNode
+from planner.search.expand import PlannedSqueeze, Progress, TreeNode
 
 METHODS = ("paper", "paper-sequence", "sensorless")
 """Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
@@ -163,10 +163,9 @@ class PaperPlanner:
         self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
     ) -> list[TreeNode]:
         """Gives a node its action and its children."""
-        node.placement, node.opening_mm = placement, self.encoder.opening_mm
         # Particles that the learned detector let through would make the clearance negative.
-        node.clearance_mm = max(self.clearance(node.belief, placement), 0.0)
-        node.clusters = clusters
+        clearance = max(self.clearance(node.belief, placement), 0.0)
+        node.squeeze = PlannedSqueeze(placement, self.encoder.opening_mm, clearance, clusters)
         for k, belief in enumerate(beliefs):
             share = node.share * len(belief) / len(node.belief)
             mode = singleton(belief, self.tolerances, self.order)

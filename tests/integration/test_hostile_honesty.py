@@ -23,7 +23,7 @@ from planner.evaluation.untried import tried, without_untried
 from planner.job import model as job_file
 from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines
-from planner.search.expand import TreeNode
+from planner.search.expand import PlannedSqueeze, TreeNode
 from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
 from runtime.execution.results import Outcome, PartResult, Step
@@ -107,7 +107,8 @@ def tree_of(table: Table, target: int = 0) -> TreeNode:
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)
-        node.clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        node.squeeze = PlannedSqueeze(np.zeros(3), 85.0, 0.0, clusters)
         node.children = [tree_of(table, branch.target) for branch in branches]
     return node
 
@@ -128,7 +129,12 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
         old, new, planned = waiting.pop()
         before, after = table.nodes[old], pruned.nodes[new]
         assert after.squeeze == before.squeeze
-        assert len(planned.children) == len(planned.clusters.mean) == len(after.branches) == len(kept[old])
+        assert (
+            len(planned.children)
+            == len(planned.squeeze.clusters.mean)
+            == len(after.branches)
+            == len(kept[old])
+        )
         read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
         assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):

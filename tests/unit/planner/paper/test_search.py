@@ -81,7 +81,7 @@ def test_beliefs_are_conserved(roots, method):
         if node.children:
             assert sum(child.share for child in node.children) == pytest.approx(node.share)
             assert sum(len(child.belief) for child in node.children) == len(node.belief)
-            assert node.clearance_mm >= 0.0
+            assert node.squeeze.clearance_mm >= 0.0
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
@@ -97,8 +97,10 @@ def test_leaves_are_singletons(roots, method):
 
 def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
     for node in breadth_first(roots["paper"]):
-        for child, count in zip(node.children, node.clusters.mean if node.children else [], strict=True):
-            held = Widths().predict(child.belief - node.placement) > 20.0
+        for child, count in zip(
+            node.children, node.squeeze.clusters.mean if node.children else [], strict=True
+        ):
+            held = Widths().predict(child.belief - node.squeeze.placement) > 20.0
             width = float(ENCODER.width_mm(count))
             assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
             assert held.all() or not held.any()
@@ -109,7 +111,7 @@ def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
 def test_a_sequence_is_run_to_its_end_before_it_branches(roots):
     root = roots["paper-sequence"]
     assert len(root.children) == 1  # two squeezes gather more than one does
-    assert (root.clusters.low[0], root.clusters.high[0]) == (0, COUNTS - 1)
+    assert (root.squeeze.clusters.low[0], root.squeeze.clusters.high[0]) == (0, COUNTS - 1)
     assert any(len(node.children) > 1 for node in breadth_first(root))
 
 

@@ -1,7 +1,5 @@
 """The look-ahead, on squeezes whose outcome is known."""
 
-from dataclasses import replace
-
 import numpy as np
 from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 
@@ -44,10 +42,10 @@ def test_no_hand_is_set_down_on_the_part():
 
 
 def test_what_few_particles_promise_is_asked_of_more():
-    ahead = replace(look_ahead([SILENT, TELLING]), model=Promising(), confidence=0.995)
+    ahead = look_ahead([SILENT, TELLING], model=Promising(), confidence=0.995)
     (choice,) = ahead.choose(LOPSIDED, np.random.default_rng(0))
     assert choice.placement[2] == TELLING
-    silent = replace(look_ahead([SILENT]), model=Promising(), confidence=0.995)
+    silent = look_ahead([SILENT], model=Promising(), confidence=0.995)
     assert silent.choose(LOPSIDED, np.random.default_rng(0)) == []
 
 
@@ -55,7 +53,7 @@ def test_the_fewer_parts_come_to_a_belief_the_fewer_particles_it_is_judged_by():
     spent = []
     for share in (1.0, 0.05, 0.001):
         model = Promising()
-        ahead = replace(look_ahead([SILENT, TELLING], depth=1), model=model)
+        ahead = look_ahead([SILENT, TELLING], depth=1, model=model)
         ahead.choose(np.tile(BELIEF, (5, 1)), np.random.default_rng(0), share=share)
         spent.append(max(model.sizes))
     assert spent == sorted(spent, reverse=True)
