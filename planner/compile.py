@@ -106,7 +106,7 @@ def compile_job(
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)
-    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief))
+    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
     planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
     judge = partial(_judge, job, trials, simulator.workers)
     table, evaluation, attempt = planning.run(judge)

@@ -110,7 +110,7 @@ def _leaf(node: TreeNode, job: Job) -> Leaf:
         resolved=node.mode.ratio >= job.goal.confidence,
         alternatives=tuple(map(pose_of, node.mode.others)),
     )
-    return leaf._replace(covariance=covariance_of(node.belief[:, :3], leaf, job))
+    return leaf._replace(covariance=covariance_of(node.belief.poses, leaf, job))
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:

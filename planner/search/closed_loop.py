@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.particles import subsample
+from planner.belief.particles import Belief, subsample
 from planner.search.params import Objective
 from planner.search.ranking import Choice, Options, Ranking, distinct, squeezes_left
 
@@ -55,7 +55,7 @@ class LookAhead:
         return self.ranking.objective
 
     def choose(
-        self, belief: Array, rng: np.random.Generator, most: int = 1, share: float = 1.0
+        self, belief: Belief, rng: np.random.Generator, most: int = 1, share: float = 1.0
     ) -> list[Choice]:
         """The placements to squeeze at, the most promising first.
 
@@ -64,7 +64,7 @@ class LookAhead:
         mass outside the mode may be too small for few of them to show.
 
         Args:
-            belief: (n, 3) particles in the world, or (n, 4) with friction.
+            belief: the node's.
             rng: source of randomness.
             most: how many at most, each unlike those before it.
             share: of all parts that come to this belief: the fewer do, the less is spent on it.
@@ -82,26 +82,26 @@ class LookAhead:
                 return distinct(gaining, most, params)
         return []
 
-    def _efforts(self, belief: Array, share: float) -> Iterator[tuple[int, int]]:
+    def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int]]:
         """Squeezes to look ahead and particles to do it with, one after the other until something gains."""
         params = self.objective.params
         few = round(
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
         )
         yield self.depth, few
-        if share * (1.0 - self.objective.metric.mode(belief).ratio) > params.least_at_stake:
+        if share * (1.0 - self.objective.metric.mode(belief.poses).ratio) > params.least_at_stake:
             yield self.depth + 1, few
         if self._particles_needed(belief) > few:
             yield self.depth, self._particles_needed(belief)
 
-    def _particles_needed(self, belief: Array) -> int:
+    def _particles_needed(self, belief: Belief) -> int:
         """How many particles it takes to see those outside the mode."""
-        outside = 1.0 - self.objective.metric.mode(belief).ratio
+        outside = 1.0 - self.objective.metric.mode(belief.poses).ratio
         params = self.objective.params
         return min(len(belief), round(params.outside_particles / max(outside, params.least_gain)))
 
     def _rescored(
-        self, belief: Array, particles: int, choices: list[Choice], rng: np.random.Generator
+        self, belief: Belief, particles: int, choices: list[Choice], rng: np.random.Generator
     ) -> list[Choice]:
         """Choices that seem to be the last squeeze needed, scored again with enough particles to tell."""
         if self._particles_needed(belief) <= particles:
@@ -113,7 +113,7 @@ class LookAhead:
         found = self._choices(thin, squeezed, _Followed(squeezed.cost_to_go, squeezed.ratio))
         return sorted((k for k in found if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
 
-    def _options(self, belief: Array, thin: Array, depth: int, rng: np.random.Generator) -> list[Choice]:
+    def _options(self, belief: Belief, thin: Belief, depth: int, rng: np.random.Generator) -> list[Choice]:
         """All candidates, and variants of the best where placements may be proposed, looked ahead."""
         options = self.ranking.candidates(belief, thin)
         if not len(options):
@@ -125,18 +125,18 @@ class LookAhead:
         (followed,) = self._follow([squeezed], depth, 0, rng)
         return self._choices(thin, squeezed, followed)
 
-    def _choices(self, belief: Array, squeezed: Options, followed: _Followed) -> list[Choice]:
+    def _choices(self, belief: Belief, squeezed: Options, followed: _Followed) -> list[Choice]:
         """The options that were followed."""
         gain = self.ranking.gain(belief, squeezed, np.maximum(followed.ratio, squeezed.ratio))
         found = zip(squeezed.placements, followed.cost_to_go, gain, strict=True)
         return [Choice(a, float(j), float(more)) for a, j, more in found if np.isfinite(j)]
 
     def _values(
-        self, beliefs: list[Array], depth: int, level: int, rng: np.random.Generator
+        self, beliefs: list[Belief], depth: int, level: int, rng: np.random.Generator
     ) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
-        ratio = np.array([self.objective.metric.mode(belief).ratio for belief in beliefs])
+        ratio = np.array([self.objective.metric.mode(belief.poses).ratio for belief in beliefs])
         short = np.flatnonzero(ratio < self.objective.confidence)
         ratio = ratio - params.shrinkage / np.array([len(belief) for belief in beliefs])
         cost_to_go = squeezes_left(ratio, params)

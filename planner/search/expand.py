@@ -14,7 +14,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
-from planner.belief.particles import replenish, without_friction
+from planner.belief.particles import Belief, replenish
 from planner.belief.transition import MotionModel
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
@@ -51,7 +51,7 @@ class TreeNode:
     """A node of the plan: a belief, and either a squeeze with its outcomes or a predicted pose.
 
     Attributes:
-        belief: (n, 4) particles in the world with their friction, (n, 3) in the paper's plans.
+        belief: where the part may lie.
         share: probability of getting here.
         mode: the pose that explains most of the belief.
         path: which branch was taken at each squeeze on the way.
@@ -64,7 +64,7 @@ class TreeNode:
             looked for.
     """
 
-    belief: Array
+    belief: Belief
     share: float
     mode: Mode
     path: tuple[int, ...] = ()
@@ -191,8 +191,8 @@ def learn(
             continue
         met = node.mode.ratio >= confidence
         node.refuted = number in against
-        node.belief = np.concatenate([node.belief, without_friction(poses)])
-        node.mode = growth.objective.metric.mode(node.belief)
+        node.belief = Belief.joined([node.belief, Belief.of(poses)])
+        node.mode = growth.objective.metric.mode(node.belief.poses)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
             short += node.share
@@ -229,7 +229,7 @@ def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.
         release, costs.of(outcomes),
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
-    modes = [metric.mode(child) for child in beliefs]
+    modes = [metric.mode(child.poses) for child in beliefs]
     after = sum(share * mode.ratio for share, mode in zip(outcomes.probability, modes, strict=True))
     bias = selection_bias(node.mode.ratio, len(node.belief), len(beliefs), params)
     gains = after - node.mode.ratio - bias > params.least_gain

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.particles import subsample
+from planner.belief.particles import Belief, subsample
 from planner.belief.transition import MotionModel, Outcomes
 from planner.frames import wrap
 from planner.mechanics.clearance import free_placements
@@ -80,12 +80,12 @@ class Ranking:
     objective: Objective
     crash_share: float = 0.0
 
-    def candidates(self, belief: Array, about: Array) -> Array:
-        """Placements (k, 3) proposed about the belief `about`, at which open fingers stay clear of `belief`."""
-        return self._free(belief, self.actions.options(about, self.objective.metric))
+    def candidates(self, belief: Belief, about: Belief) -> Array:
+        """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
+        return self._free(belief, self.actions.options(about.poses, self.objective.metric))
 
     def shortlisted(
-        self, beliefs: list[Array], options: list[Array], rng: np.random.Generator
+        self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator
     ) -> list[Array]:
         """Of more options (k, 3) than all particles can judge, those that rank best by few particles.
 
@@ -99,7 +99,7 @@ class Ranking:
             short[i] = np.asarray(options[i][sorted(squeezed.best(params.shortlist))])
         return short
 
-    def squeeze(self, beliefs: list[Array], options: list[Array], rng: np.random.Generator) -> list[Options]:
+    def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """Every option (k, 3) of every belief, squeezed once, in one batch."""
         cases = [(belief, a) for belief, choice in zip(beliefs, options, strict=True) for a in choice]
         outcomes = self.model.squeeze(cases, rng)
@@ -109,7 +109,7 @@ class Ranking:
             start += len(choice)
         return result
 
-    def refined(self, belief: Array, squeezed: Options) -> Array:
+    def refined(self, belief: Belief, squeezed: Options) -> Array:
         """Variants (k, 3) of the best placements, where placements may be proposed at all."""
         if self.actions.proposals is None:
             return squeezed.placements[:0]
@@ -117,7 +117,7 @@ class Ranking:
         near = np.concatenate([refined(placement) for placement in top])
         return self._free(belief, self.actions.within(near))
 
-    def gain(self, belief: Array, squeezed: Options, after: Array) -> Array:
+    def gain(self, belief: Belief, squeezed: Options, after: Array) -> Array:
         """What each option gains in mode ratio, selection bias subtracted.
 
         Args:
@@ -125,7 +125,7 @@ class Ranking:
             squeezed: its k options.
             after: (k,) mode ratio expected after each, at the end of the look-ahead.
         """
-        ratio, params = self.objective.metric.mode(belief).ratio, self.objective.params
+        ratio, params = self.objective.metric.mode(belief.poses).ratio, self.objective.params
         bias = [selection_bias(ratio, len(belief), len(o.beliefs), params) for o in squeezed.outcomes]
         return np.asarray(after - ratio - np.array(bias))
 
@@ -135,7 +135,7 @@ class Ranking:
         ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
         for k, outcome in enumerate(outcomes):
             shrink = np.array([params.shrinkage / len(child) for child in outcome.beliefs])
-            modes = [metric.main_modes(child, metric.modes + 1) for child in outcome.beliefs]
+            modes = [metric.main_modes(child.poses, metric.modes + 1) for child in outcome.beliefs]
             first = np.array([sum(mode.ratio for mode in found[: metric.modes]) for found in modes])
             further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
             ratio[k] = outcome.probability @ first
@@ -143,11 +143,11 @@ class Ranking:
             rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further)
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
-    def _free(self, belief: Array, placements: Array) -> Array:
+    def _free(self, belief: Belief, placements: Array) -> Array:
         part, jaws = self.simulator.outline, self.simulator.jaws
-        free = free_placements(part, jaws, belief, placements, self.objective.params.least_clearance_mm)
+        free = free_placements(part, jaws, belief.poses, placements, self.objective.params.least_clearance_mm)
         if self.crash_share > 0.0 and not free.any():
-            free = free_placements(part, jaws, belief, placements, 0.0, self.crash_share)
+            free = free_placements(part, jaws, belief.poses, placements, 0.0, self.crash_share)
         return np.asarray(placements[free])
 
 

@@ -15,6 +15,7 @@ from sample_tables import GRIPPER, every_field_table, random_table, small_table,
 
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
+from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
@@ -103,7 +104,7 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
 
 def tree_of(table: Table, target: int = 0) -> TreeNode:
     """A tree of the table's shape, without beliefs."""
-    node = TreeNode(np.empty((0, 4)), 1.0, Mode(np.zeros(3), 1.0))
+    node = TreeNode(Belief.of(np.empty((0, 3))), 1.0, Mode(np.zeros(3), 1.0))
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)

@@ -5,13 +5,14 @@ import problems
 
 from planner.belief.metric import Metric
 from planner.belief.observation import partition
+from planner.belief.particles import Belief
 from planner.belief.transition import Costs, Outcomes
 from planner.search.actions import ActionSet
 from planner.search.closed_loop import LookAhead
 from planner.search.params import Objective
 from planner.search.ranking import Ranking
 
-BELIEF = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0)
+BELIEF = Belief.of(np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0))
 AREA = np.array([[-99.0, -99.0], [99.0, 99.0]])
 TELLING, SILENT, RISKY = 0.0, 1.0, 2.0
 
@@ -23,7 +24,7 @@ class Oracle:
         outcomes = []
         for belief, placement in cases:
             telling = placement[2] in (TELLING, RISKY)
-            counts = np.where((belief[:, 0] > 0) & telling, 200, 100)
+            counts = np.where((belief.poses[:, 0] > 0) & telling, 200, 100)
             clusters = partition(counts)
             label = clusters.label[counts]
             beliefs = [belief[label == k] for k in range(len(clusters.mean))]

@@ -89,7 +89,7 @@ def test_beliefs_are_conserved(roots, method):
 def test_leaves_are_singletons(roots, method):
     for leaf in leaves_of(roots[method]):
         assert leaf.mode.ratio > SINGLETON_SHARE
-        spread = np.abs(leaf.belief[:, 0] - leaf.mode.pose[0])
+        spread = np.abs(leaf.belief.poses[:, 0] - leaf.mode.pose[0])
         assert np.mean(spread <= 2.5) > SINGLETON_SHARE
     inner = [node for node in breadth_first(roots[method]) if node.children]
     assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
@@ -100,12 +100,12 @@ def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
         for child, count in zip(
             node.children, node.squeeze.clusters.mean if node.children else [], strict=True
         ):
-            held = Widths().predict(child.belief - node.squeeze.placement) > 20.0
+            held = Widths().predict(child.belief.poses - node.squeeze.placement) > 20.0
             width = float(ENCODER.width_mm(count))
             assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
             assert held.all() or not held.any()
             if held.all():
-                assert np.all(child.belief[:, 1] == 0.0)
+                assert np.all(child.belief.poses[:, 1] == 0.0)
 
 
 def test_a_sequence_is_run_to_its_end_before_it_branches(roots):

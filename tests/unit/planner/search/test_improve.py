@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
-from planner.belief.particles import without_friction
 from planner.job import model as job_file
 from planner.search.expand import Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
@@ -32,7 +31,7 @@ def placed(angle):
 
 def tree(growth, first, other):
     """A root, squeezed once without result, and a node that squeezes at an angle, with an alternative."""
-    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF))
+    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     squeeze_at(root, placed(SILENT), growth, np.random.default_rng(0))
     (node,) = root.children
     node.squeezes_without_gain = 0  # else one more squeeze that tells nothing would be the last
@@ -76,11 +75,11 @@ def test_a_node_that_is_done_after_one_squeeze_is_left_alone(growth):
 
 def test_a_leaf_that_will_not_say_loses_all_its_parts(growth):
     metric = growth.objective.metric
-    nearly = np.concatenate([np.repeat(BELIEF[:1], 95, axis=0), np.repeat(BELIEF[-1:], 5, axis=0)])
-    short = TreeNode(nearly, 0.5, metric.mode(nearly))
+    nearly = BELIEF[np.repeat([0, -1], [95, 5])]
+    short = TreeNode(nearly, 0.5, metric.mode(nearly.poses))
     assert short.mode.ratio == pytest.approx(0.95)
     assert price(short, growth) == pytest.approx(0.5 + 0.5 * 0.05)
-    met = TreeNode(BELIEF[:1], 0.5, metric.mode(BELIEF[:1]))
+    met = TreeNode(BELIEF[:1], 0.5, metric.mode(BELIEF[:1].poses))
     assert price(met, growth) == 0.0
 
 
@@ -92,7 +91,7 @@ def test_nodes_that_few_parts_come_to_are_left_alone(growth):
 
 
 def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
-    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF))
+    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     assert price(root, growth) == pytest.approx(1.0 + 0.5)
     squeeze = growth.objective.costs.least
     assert bound(root, growth) == pytest.approx(squeeze)
@@ -102,7 +101,7 @@ def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
 
 def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
     silent = Growth(look_ahead([TELLING]), Oracle(), growth.handling, 9)
-    root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF))
+    root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     for squeezes_without_gain in range(1, MOST_WITHOUT_GAIN + 1):
         squeeze_at(leaf, placed(SILENT), silent, np.random.default_rng(0))
         (leaf,) = leaf.children
@@ -113,7 +112,7 @@ def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
 
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
     for first in (SILENT, TELLING):
-        root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF))
+        root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
         squeeze_at(root, placed(first), growth, np.random.default_rng(0))
         before = bound(root, growth)
         grow(root, growth, [1])
@@ -131,7 +130,7 @@ def test_a_purer_belief_needs_fewer_squeezes_and_one_that_lacks_nothing_none():
 
 def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth):
     def leaf():
-        node = TreeNode(without_friction(BELIEF), 1.0, growth.objective.metric.mode(BELIEF))
+        node = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
         assert node.mode.ratio == 0.5
         return node
 
@@ -140,23 +139,23 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
     assert left.children == []
     grow(reopened, growth, [1], reopen=0.6)
     assert len(reopened.children) == 2
-    assert learn(refuted, {0: BELIEF}, growth, 0.4, against=[0]) == 1.0
+    assert learn(refuted, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 1.0
     grow(refuted, growth, [1], reopen=0.4)
     assert len(refuted.children) == 2
 
 
 def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(growth):
     leaf = TreeNode(
-        without_friction(BELIEF),
+        BELIEF,
         0.3,
-        growth.objective.metric.mode(BELIEF),
+        growth.objective.metric.mode(BELIEF.poses),
         squeezes_without_gain=MOST_WITHOUT_GAIN,
     )
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.3
+    assert learn(leaf, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 0.3
     grow(leaf, growth, [1], reopen=0.4)
     assert leaf.children == []
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.0
-    worse = np.tile(BELIEF[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
+    assert learn(leaf, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 0.0
+    worse = np.tile(BELIEF.poses[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
     assert learn(leaf, {0: np.concatenate([worse, -worse])}, growth, 0.4, against=[0]) == 0.3
 
 
