@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.particles import Belief
 from planner.belief.transition import MotionModel
 from planner.kernel import kernel
 
@@ -85,8 +86,8 @@ def compare(
     """
     half = len(beliefs) // 2
     streams = list(zip(beliefs, rng.spawn(2 * half), strict=True))
-    runs = [_push(model, belief, placements, stream) for belief, stream in streams[:half]]
-    truth = [_push(reference, belief, placements, stream) for belief, stream in streams[half:]]
+    runs = [_push(model, Belief.of(belief), placements, stream) for belief, stream in streams[:half]]
+    truth = [_push(reference, Belief.of(belief), placements, stream) for belief, stream in streams[half:]]
     comparisons = []
     for k in range(len(placements)):
         tried = [points_of(run[k], rho_mm, order) for run in runs]
@@ -95,12 +96,12 @@ def compare(
     return comparisons
 
 
-def _push(model: MotionModel, belief: Array, placements: Array, rng: np.random.Generator) -> list[Array]:
-    """The belief after each of a sequence of squeezes."""
+def _push(model: MotionModel, belief: Belief, placements: Array, rng: np.random.Generator) -> list[Array]:
+    """The poses (n, 3) after each of a sequence of squeezes."""
     beliefs = []
     for placement in placements:
-        belief = np.concatenate(model.squeeze([(belief, placement)], rng)[0].beliefs)
-        beliefs.append(belief)
+        belief = Belief.joined(model.squeeze([(belief, placement)], rng)[0].beliefs)
+        beliefs.append(belief.poses)
     return beliefs
 
 
