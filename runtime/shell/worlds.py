@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,9 @@ def find_factory(name: str) -> Factory:
     module_name, _, attribute = name.partition(":")
     if not (module_name and attribute.isidentifier()):
         raise WorldError(f"write it as module:factory, such as {DEFAULT_WORLD}")
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)
     try:
+        if find_spec(module_name.partition(".")[0]) is None:  # what is installed goes before a local folder
+            sys.path.append(str(Path.cwd()))
         factory = getattr(import_module(module_name), attribute, None)
     except Exception as error:  # importing runs what somebody else wrote
         raise WorldError(f"module {module_name} cannot be imported: {error}") from error

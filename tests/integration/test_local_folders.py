@@ -9,6 +9,7 @@ from sample_tables import small_table
 
 from runtime.table import dump
 
+WORLD = "from runtime.shell.worlds import find_factory; find_factory('planner.world:make')"
 COMMANDS = ("plan-init", "grasp-runtime", "grasp-cell", "grasp-audit")
 SIM = ("--port", "sim", "--world", "runtime.devices.rehearsal:make", "--count", "1", "--time-scale", "5")
 
@@ -24,7 +25,12 @@ def folder(tmp_path: Path) -> Path:
 def run(folder: Path, command: str, *words: str) -> None:
     program = Path(sys.executable).with_name(command)
     done = subprocess.run(
-        [program, *words], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+        [program, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 
@@ -32,6 +38,10 @@ def run(folder: Path, command: str, *words: str) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_commands_start(folder: Path, command: str) -> None:
     run(folder, command, "--help")
+
+
+def test_a_world_is_the_installed_one(folder: Path) -> None:
+    run(folder, Path(sys.executable).name, "-P", "-c", WORLD)
 
 
 def test_the_simulated_cell_starts_as_well(folder: Path) -> None:
