@@ -1,7 +1,7 @@
-"""A small HTTP server beside the control loop: one thread, few clients, short patience, nothing to change.
+"""A small read-only HTTP server beside the control loop: one thread, few clients, short timeouts.
 
-The loop never waits for it. What it may cost is bounded on every side: clients at a time, clients a second,
-bytes of a question, seconds from a client's first packet to its last.
+The loop never waits for it. Its cost is bounded: clients at a time, clients a second, bytes of a request,
+seconds from a client's first packet to its last.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ REASONS = {
     404: "Not Found",
     405: "Method Not Allowed",
 }
-# Nothing is kept, guessed at or framed, and an answer ends with its connection.
+# No caching, no guessing of media types, no frames; a response ends with its connection.
 ALWAYS = """\
 Cache-Control: no-store\r
 X-Content-Type-Options: nosniff\r
@@ -38,7 +38,7 @@ Connection: close\r
 
 
 def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    """A whole HTTP answer.
+    """A whole HTTP response.
 
     Args:
         code: one of `REASONS`.
@@ -51,7 +51,7 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 
 
 class _Client:
-    """One connection: its question so far, and what of the answer is still to be sent."""
+    """One connection: its request so far, and what of the response is still to be sent."""
 
     def __init__(self, connection: socket.socket, until: float) -> None:
         connection.setblocking(False)
@@ -61,13 +61,13 @@ class _Client:
 
 
 class Server:
-    """Answers questions on a socket in a thread of its own; leaving the context ends it.
+    """Answers requests on a socket in a thread of its own; leaving the context ends it.
 
     Args:
         listener: listening; closed at the end.
-        answer: the whole answer to a question's head.
-        ask_s: after so many seconds whatever was asked is answered; None: only whole questions are answered,
-            and who says or takes nothing for `PATIENCE_S` is disconnected.
+        answer: the whole response to a request's head.
+        ask_s: seconds after which an incomplete request is answered, too; None: only complete requests are
+            answered, and a client that sends or takes nothing for `PATIENCE_S` is disconnected.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Server:
                     self._end_patience(client)
 
     def _patience(self) -> float | None:
-        """Seconds until the first client is late; None without one."""
+        """Seconds until the first client times out; None without one."""
         until = min((client.until for client in self._clients), default=None)
         return None if until is None else max(until - self._clock.now(), 0.0)
 
@@ -135,7 +135,7 @@ class Server:
         self._clock.sleep(PAUSE_S)
 
     def _go_on(self, client: _Client) -> None:
-        """Read on or write on, whatever this client is ready for."""
+        """Continue to read or write, whichever this client is ready for."""
         if client not in self._clients:  # dropped for another one a moment ago
             return
         try:

@@ -1,4 +1,4 @@
-"""Who watches a run, told of the same events: console, status socket, live views, service manager."""
+"""Passes the events of a run to its watchers: console, status socket, live views, service manager."""
 
 import os
 import socket
@@ -32,7 +32,7 @@ class Views(NamedTuple):
 
 
 class Monitor:
-    """A console that also keeps the status and the watchdog; the context is the time it can be asked.
+    """A console that also updates the status and the watchdog; servers and views run within its context.
 
     Args:
         console: told everything.

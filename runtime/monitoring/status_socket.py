@@ -6,7 +6,7 @@ $ curl -s --unix-socket cell.sock http://cell/metrics    Prometheus text
 ```
 
 A client that says nothing, or no HTTP, gets the JSON object and nothing around it. The socket belongs to the
-process: who watches may come and go, and can change nothing.
+process: clients may come and go, and can change nothing.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""What a browser's question is answered with: GET and HEAD of a few pages, a sentence for all else."""
+"""The answers to a browser's requests: GET and HEAD of a few pages, one sentence for all else."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ class Answers:
         self._pages, self._local = pages, local
 
     def __call__(self, asked: bytes) -> bytes:
-        """The whole answer to a question's head."""
+        """The whole response to a request's head."""
         line, _, fields = asked.partition(b"\n")
         understood = REQUEST.match(line)
         if understood is None:
@@ -43,7 +43,7 @@ class Answers:
 
     @staticmethod
     def _cut(method: str, answer: bytes) -> bytes:
-        """A question for the head alone gets the head alone."""
+        """Cut the response to a HEAD request to its head."""
         return answer if method == "GET" else answer[: answer.index(b"\r\n\r\n") + 4]
 
 

@@ -45,7 +45,7 @@ def parse(text: str) -> Address:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host, by name or number, is this machine under its own name for itself."""
+    """Whether a host, by name or number, is a loopback address."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -53,11 +53,11 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer(Server):
-    """Answers questions on a TCP port in a thread of its own; leaving the context ends it.
+    """Answers requests on a TCP port in a thread of its own; leaving the context ends it.
 
     Args:
         address: where to listen.
-        answer: the whole answer to a question's head.
+        answer: the whole response to a request's head.
 
     Attributes:
         address: where it listens, port 0 replaced by the one that was free.
@@ -73,7 +73,7 @@ class PageServer(Server):
 
 
 def _is_odd(host: str, text: str) -> bool:
-    """Whether what stands before the port is no host: a bare colon, an IPv6 address without its brackets."""
+    """Whether the text before the port is no host: a bare colon, an IPv6 address without its brackets."""
     if host.startswith("[") and host.endswith("]"):
         return ":" not in host
     return ":" in host or not set("[]/ ").isdisjoint(host) or text.startswith(":")
