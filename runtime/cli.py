@@ -51,13 +51,13 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
 
 def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
-    """Run a command of the cell, which hears one stop request; returns its exit code."""
+    """Run a command of the cell under the handling of stop requests; returns its exit code."""
     with StopRequests(last=argv is None):
         return command.run(built, argv, lambda arguments: stopped(body, arguments))
 
 
 def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Do what a command does, until a stop request ends it.
+    """Run a command's body, until a stop request ends it.
 
     Raises:
         StoppedError: it did.

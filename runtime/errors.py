@@ -1,4 +1,4 @@
-"""Errors of the cell controller, by what the reader has to do about them.
+"""Errors of the cell controller, each with its exit code.
 
 ```
 CellError
@@ -90,7 +90,7 @@ class PortBusyError(CellError):
 
 
 class BrokenRunError(CellError):
-    """The last run broke off in the middle, and the declared policy or the cell forbids to go on."""
+    """The last run broke off, and the declared policy or the state of the cell forbids resuming it."""
 
     exit_code = 25
 

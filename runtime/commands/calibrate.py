@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate`: what a cell has to measure of itself before it can be believed."""
+"""The command `grasp-calibrate`: measures the gripper's widths, and the audit's camera."""
 
 import argparse
 import json
@@ -191,7 +191,7 @@ def figures(made: GripperCalibration) -> dict[str, object]:
 
 
 class _Terminal:
-    """Asks the operator, where no parser reads it."""
+    """Asks the operator, on the stream that is not parsed."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file

@@ -71,9 +71,9 @@ def _check_views(arguments: argparse.Namespace) -> None:
     if arguments.check or arguments.dry_run:
         raise ArgumentsError("--watch and --http follow a run; leave them out with --check and --dry-run")
     if arguments.http is not None:
-        from runtime.monitoring.live import address  # not loaded into a run that nobody watches
+        from runtime.monitoring.live import server  # not loaded into a run that nobody watches
 
-        address.parse(arguments.http)
+        server.parse(arguments.http)
     if views(arguments).terminal is not None and find_spec("rich") is None:
         raise ArgumentsError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
 

@@ -73,7 +73,7 @@ class _Asked:
     stack: ExitStack
 
     def execute(self) -> int:
-        """Look back, connect, refuse what must be refused, and only then begin the run and its journal."""
+        """Look for a broken run, connect, refuse what must be; then begin the journal and run the parts."""
         arguments, table = self.arguments, self.loaded.table
         clock = SystemClock(arguments.time_scale)
         header, policy = _header(arguments, self.options), arguments.after_crash
@@ -172,7 +172,7 @@ class _Asked:
             return journal, None
 
     def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
-        """What the fingers may hold before a run begins, if they may be moved all the same.
+        """What the fingers may hold before a run begins, if they may be moved regardless.
 
         Raises:
             GripperStateError: they may not: the gripper is not ready, or holds something.

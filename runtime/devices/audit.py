@@ -36,7 +36,7 @@ MAX_TEXT = 500
 
 
 def answer_of(auditor: Auditor, part: int, pose: Pose2) -> dict[str, object]:
-    """The auditor's answer, fit for the journal: "unknown" where it fails or says anything else.
+    """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
     Returns:
         `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
@@ -124,7 +124,7 @@ class AuditProcess:
         return told if isinstance(told, dict) else {}
 
     def close(self) -> None:
-        """End the process; a deaf one is killed."""
+        """End the process; one that does not react is killed."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):

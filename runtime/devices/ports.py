@@ -38,7 +38,7 @@ class Truth(Protocol):
 
 
 class Scene(Protocol):
-    """The stand-in for the feeder, and the eye that knows the truth; only a simulated cell has one."""
+    """Stand-in for the feeder, and ground truth of the part's pose; only a simulated cell has one."""
 
     def next_part(self) -> int:
         """Bring the next part and return its number."""
@@ -47,7 +47,7 @@ class Scene(Protocol):
         """Read where the part really lies."""
 
     def close(self) -> None:
-        """Let go of the link."""
+        """Close the link."""
 
 
 class Auditor(Protocol):
@@ -58,13 +58,13 @@ class Auditor(Protocol):
 
 
 class Clock(Protocol):
-    """All the time the runtime knows: it waits, dates and judges lateness by this and nothing else.
+    """The runtime's only source of time: for waits, deadlines and dates.
 
-    Deadlines and pauses are in the cell's own seconds, which a simulated cell may live faster than we do.
+    Deadlines and pauses are in cell seconds; a simulated cell may run faster than real time.
     """
 
     def now(self) -> float:
-        """The moment it is, never going back."""
+        """Monotonic time, s."""
 
     def deadline(self, seconds: float) -> float:
         """The moment by which a motion of so many cell seconds is over, the link's own time included."""
@@ -77,7 +77,7 @@ class Clock(Protocol):
 
 
 class Journal(Protocol):
-    """The record of a run; a record is on the disk when `record` returns."""
+    """The journal of a run; a record is on the disk when `record` returns."""
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Append one record, or raise."""

@@ -1,4 +1,4 @@
-"""A world without physics: widths drawn from the table's own statistics, to rehearse a table with.
+"""A world without physics: widths are drawn from the table's own statistics.
 
 It shows that runtime, gripper and arm play together; about the part it knows no more than the table does, so
 a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
@@ -32,7 +32,7 @@ def make(job: object, seed: int) -> "Rehearsal":
 
 
 class Rehearsal:
-    """Walks the tree: a branch by its probability, a width inside it; the part itself never moves.
+    """Draws a branch by its probability and a width inside it; the part itself never moves.
 
     A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
     later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
@@ -79,7 +79,7 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
-        """Never: the table proved its placements against a part this world does not have."""
+        """False: this world has no part to collide with; the table's placements are proved."""
         del pose_hand, opening_mm
         return False
 

@@ -1,4 +1,4 @@
-"""The last grasp of a localised part and its way to the drop-off: chosen, checked, and gone.
+"""The last grasp of a localised part and its path to the drop-off: choice, checks, execution.
 
 A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where
 both fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and
@@ -57,7 +57,7 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
 
 
 def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None) -> Way:
-    """The way that turns the hand least, of those that come to the same.
+    """The path that turns the hand least, among equivalent ones.
 
     Args:
         delivery: where to.
@@ -136,7 +136,7 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
 
 
 def _same(delivery: Delivery, table: Table, pose: Pose2) -> Iterator[Way]:
-    """The ways that come to the same; the plainest first."""
+    """The equivalent paths; the one without a turn of the part's symmetry first."""
     halves = (0.0, pi) if _close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     for turn, half in product(range(table.goal.symmetry), halves):

@@ -1,4 +1,4 @@
-"""What is done about a run that broke off: the declared policy, before any device is opened."""
+"""Applies the declared policy to a run that broke off, before any device is opened."""
 
 import hashlib
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What a run would send, told without sending it."""
+"""Tells what a run would send, without sending it."""
 
 from math import degrees
 

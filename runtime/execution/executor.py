@@ -32,7 +32,7 @@ DEADLINE_FACTOR = 3.0
 
 
 class Observer(Protocol):
-    """Sees each squeeze when it is decided; must not raise."""
+    """Called with each squeeze when it is decided; must not raise."""
 
     def __call__(self, part: int, step: Step) -> None:
         """One squeeze of one part."""
@@ -226,12 +226,12 @@ class Executor:
         return result
 
     def _abandon(self, part: int, steps: list[Step], error: BrokenRunError) -> PartResult:
-        """Give a broken part up before anything was moved: what its fingers hold is for people to see."""
+        """End a part that cannot be resumed, before anything was moved; the operator looks at the fingers."""
         result = PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=("nothing was moved",))
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
     def _expected_s(self, squeeze: Squeeze) -> float:
-        """Cell seconds of the longest way: across the work area, once round, up, down, three slow strokes."""
+        """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
         limits = self._table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path_um = hypot(x_max - x_min, y_max - y_min)
@@ -261,7 +261,7 @@ def _reason(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
 
 
 def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
-    """Record a fault's result; a journal that fails now is told in the result instead of hiding the fault."""
+    """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
     try:
         write()
     except CellError as error:

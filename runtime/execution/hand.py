@@ -209,7 +209,7 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node and give out the reading of the last stroke, which is fresh.
+        """Close the jaws at a node and return the fresh reading of the last stroke.
 
         Raises:
             GripperStateError: the gripper is not ready, or a reading cannot be trusted.
@@ -260,7 +260,7 @@ class Hand:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
     def _go(self, target: PoseOfHand) -> None:
-        """Go to a place, turning the hand no farther than it takes."""
+        """Go to a place by the smallest turn of the hand."""
         now_rad = self._now_rad()
         self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
 

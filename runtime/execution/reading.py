@@ -1,4 +1,4 @@
-"""The checks that make a reading of the gripper one to act upon: fresh, possible, and of one mind."""
+"""The checks that a reading passes before it is acted upon: fresh, possible, and self-consistent."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What a run that broke off left behind, and how its hand is brought away without moving the part.
+"""The state that a broken run left behind, and how the hand is freed without moving the part.
 
 A part's records are written so that the last one tells what the hand may be doing: after `placed` the
 fingers may be anywhere between open and closed at that node's place; after `squeeze` they hold the part, drag
@@ -94,12 +94,12 @@ def broken_run(path: Path) -> BrokenRun | None:
 
 
 def restarted(broken: Broken) -> Broken:
-    """The same part from the root; what its hand may hold stays known."""
+    """The same part from the root; what the hand may hold is kept."""
     return broken._replace(steps=(), traversal=TraversalState())
 
 
 def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
-    """Check that a part's last record is so young that nobody can have changed the part since.
+    """Check that a part's last record is recent enough for the part to be unchanged since.
 
     Args:
         broken: the run.
@@ -123,7 +123,7 @@ def check_recent(broken: BrokenRun, now: str, most_s: float) -> None:
 
 
 def pending(broken: Broken, table: Table, hand: Hand) -> tuple[Node, int] | None:
-    """The release a broken run still owes, read off the devices: the node and the branch, or None.
+    """The release that a broken run has not done yet, by the devices' state: node and branch, or None.
 
     Args:
         broken: what the journal knows.

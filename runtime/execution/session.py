@@ -57,7 +57,7 @@ def run_journalled(
     Args:
         table: the table, proved.
         cell: the devices and the journal, its header written.
-        scene: the simulated cell's feeder and eye, None on a real one.
+        scene: the simulated cell's feeder and ground truth, None on a real one.
         console: told as it happens.
         count: number of parts, those of a broken run included.
         activate: whether an inactive gripper may be activated.
@@ -140,7 +140,7 @@ def run_parts(
     Args:
         table: the table, proved.
         cell: the devices and the journal.
-        scene: the simulated cell's feeder and eye, None on a real one.
+        scene: the simulated cell's feeder and ground truth, None on a real one.
         console: told as it happens.
         count: the last part's number.
         options: what the table leaves open.

@@ -148,7 +148,7 @@ class Journal:
             raise
 
     def _take_back(self) -> None:
-        """Take back a line that was written in part, or wholly but is not counted yet."""
+        """Remove a line that was written in part, or wholly but is not counted yet."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._file, self._end.size)
 
@@ -189,7 +189,7 @@ class Verified:
 
 
 class Incidents:
-    """What the drivers tell of their links, retries above all; kept until there is a journal to write it to.
+    """Retries and failures on the drivers' links, kept until there is a journal to write them to.
 
     It begins before the journal does: a run that was refused leaves no file.
     """
@@ -280,7 +280,7 @@ def _chain(path: Path, file: BinaryIO, *, torn: bool = False) -> Iterator[tuple[
 
 
 def _is_begun(line: bytes, number: int) -> bool:
-    """Whether a line could be what a crash left of a record; a file system may fill its end with zeros."""
+    """Whether a line may be a record cut short by a crash; a file system may fill its end with zeros."""
     opening = OPENING + b'%d,"time":"' % (number - 1)
     if line.endswith(b"\n"):
         return False

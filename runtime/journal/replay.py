@@ -1,4 +1,4 @@
-"""A journal's decisions derived again, record by record, from its counts and its embedded tables alone.
+"""Replays a journal: derives its decisions again, record by record, from its counts and embedded tables.
 
 `TraversalState`, `decide` and `advance` are the executor's own, so a resumed run, a replay and an export
 agree on where a part stood, or report where they do not.
@@ -28,7 +28,7 @@ class Last(Enum):
 
 
 class Finding(NamedTuple):
-    """Something a journal claims and its counts do not justify."""
+    """A claim of a journal that its counts do not justify."""
 
     seq: int
     sentence: str

@@ -63,7 +63,7 @@ class Objects:
         self._journal = journal
 
     def note(self, sentence: str) -> None:
-        """Print a sentence where no parser reads it."""
+        """Print a sentence on standard error."""
         say(sentence, sys.stderr)
 
     def step(self, part: int, step: Step) -> None:
@@ -74,7 +74,7 @@ class Objects:
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Nothing: the objects say it all."""
+        """Nothing: the objects hold everything."""
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:

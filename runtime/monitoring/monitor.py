@@ -1,4 +1,4 @@
-"""Who watches a run, told of the same events: console, status socket, live views, service manager."""
+"""Passes the events of a run to its watchers: console, status socket, live views, service manager."""
 
 import os
 import socket
@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
-from runtime.monitoring.status import Status, StatusServer
+from runtime.monitoring.status import Status
 from runtime.table import TableFile
 from runtime.traversal.results import PartResult, Step
 
@@ -32,7 +32,7 @@ class Views(NamedTuple):
 
 
 class Monitor:
-    """A console that also keeps the status and the watchdog; the context is the time it can be asked.
+    """A console that also updates the status and the watchdog; servers and views run within its context.
 
     Args:
         console: told everything.
@@ -85,6 +85,8 @@ class Monitor:
     def __enter__(self) -> Self:
         with ExitStack() as opened:
             if self._views.socket is not None:
+                from runtime.monitoring.status_socket import StatusServer
+
                 opened.enter_context(StatusServer(self._views.socket, self._status))
             if self._views.http is not None:
                 self._serve(self._views.http, opened)
@@ -104,12 +106,12 @@ class Monitor:
         self._stack.close()
 
     def _serve(self, text: str, stack: ExitStack) -> None:
-        from runtime.monitoring.live import address, page
+        from runtime.monitoring.live import page
         from runtime.monitoring.live.answers import Answers
-        from runtime.monitoring.live.server import PageServer
+        from runtime.monitoring.live.server import PageServer, is_loopback, parse
 
-        at = address.parse(text)
-        local = address.is_loopback(at.host)
+        at = parse(text)
+        local = is_loopback(at.host)
         answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
         server = stack.enter_context(PageServer(at, answers))
         open_to = "" if local else ", for everybody who reaches this machine"

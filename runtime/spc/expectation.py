@@ -73,7 +73,7 @@ class ShiryaevRoberts:
     sums: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Begin with nothing seen."""
+        """Set all statistics to zero."""
         self.sums = [0.0] * (len(self.expected.names) - 1)
 
     @property

@@ -66,7 +66,7 @@ class Monitor:
 
     @classmethod
     def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
-        """Charts that have seen nothing yet."""
+        """Charts without data."""
         predicted = table.predicted
         _, failed = wilson(round((PPM - predicted.success_ppm) / PPM * predicted.trials), predicted.trials)
         _, rejected = wilson(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)

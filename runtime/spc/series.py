@@ -87,7 +87,7 @@ def readings(history: History, expected: Expectation) -> Series:
 
 
 def thinned(values: Sequence[float], most: int = 1200) -> list[tuple[int, float]]:
-    """Not more points than can be seen: of each stretch, the value farthest from zero."""
+    """Thin values for drawing: of each stretch, the value farthest from zero."""
     stretch = max(1, -(-len(values) // most))
     found = []
     for start in range(0, len(values), stretch):

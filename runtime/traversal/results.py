@@ -1,4 +1,4 @@
-"""What the executor found out: one `Step` a squeeze, one `PartResult` a part."""
+"""Results of the executor: one `Step` a squeeze, one `PartResult` a part."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ EXIT_CODES = {
 
 
 class Step(NamedTuple):
-    """One squeeze and what it told.
+    """One squeeze and its reading.
 
     Attributes:
         number: from 1, within the part.

@@ -33,7 +33,7 @@ AROUND = 5 + PARTS
 
 
 class View:
-    """A console whose parts and squeezes are a picture; entering shows it, leaving ends it.
+    """A console that draws parts and squeezes as a picture; shown within its context.
 
     Args:
         table: drawn as its lines.

@@ -14,7 +14,8 @@ from written_journals import Quiet
 from runtime.errors import ArgumentsError
 from runtime.execution.events import Phase
 from runtime.monitoring.monitor import Monitor, Views, notify
-from runtime.monitoring.status import Status, StatusServer
+from runtime.monitoring.status import Status
+from runtime.monitoring.status_socket import StatusServer
 from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 

@@ -13,10 +13,11 @@ import pytest
 from sample_tables import small_table
 
 from runtime.errors import ArgumentsError
-from runtime.monitoring.live import page, server
-from runtime.monitoring.live.address import Address
+from runtime.monitoring import http_server
+from runtime.monitoring.http_server import MOST_CLIENTS
+from runtime.monitoring.live import page
 from runtime.monitoring.live.answers import Answers
-from runtime.monitoring.live.server import MOST_CLIENTS, PageServer
+from runtime.monitoring.live.server import Address, PageServer
 from runtime.monitoring.status import Status
 
 FREE = Address("127.0.0.1", 0)
@@ -77,7 +78,7 @@ def test_a_client_that_breaks_off_amid_the_answer_does_not_end_it(serving: PageS
 
 
 def test_who_says_or_takes_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch, serving: PageServer) -> None:
-    monkeypatch.setattr(server, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(http_server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps for who does not read
         assert silent.recv(1) == b""
