@@ -12,7 +12,7 @@ from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link, Report, no_report
 from drivers.robotiq.modbus import rtu_link
-from drivers.sim.faults import Schedule
+from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import Truth
 from drivers.sim.virtual.clock import VirtualClock
@@ -60,7 +60,7 @@ class VirtualCell:
         self,
         setting: Setting,
         seed: int,
-        faults: Schedule | None = None,
+        faults: Listed | None = None,
         overheard: Callable[[str], None] | None = None,
     ) -> None:
         self.clock = VirtualClock()
