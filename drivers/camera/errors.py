@@ -1,4 +1,4 @@
-"""What keeps the camera from judging; `exit_code` is what a command returns that ends with it.
+"""What keeps the camera from judging; `exit_code` is what a command returns that ends with it."""
 
 
 class CameraError(Exception):
