@@ -114,7 +114,7 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> "Arm":
 
 
 def scene(url: str) -> "Scene":
-    """Connect to the scene of a simulated cell: its feeder, and the eye that knows the truth.
+    """Connect to the scene of a simulated cell: its feeder and the ground truth.
 
     Raises:
         PortError: nobody accepts the connection.

@@ -31,7 +31,7 @@ class CameraFileError(CameraError):
     exit_code = 33
 
 
-class RefusedError(CameraError):
+class CalibrationRefusedError(CameraError):
     """These pictures do not make a calibration that could be trusted."""
 
     exit_code = 33

@@ -180,18 +180,18 @@ class Desk:
         """One more event."""
         self._events[channel] += 1
         for fault in self._of[channel]:
-            if fault.covers(self._events[channel]) and (fault.at == self._events[channel]):
+            if fault.at == self._events[channel]:
                 self.met.append(fault.kind)
 
     def holding(self, channel: Channel) -> list[Fault]:
         """The faults that hold at the last event of a channel."""
         event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.covers(event)] if self._of[channel] else []
+        return [fault for fault in self._of[channel] if fault.covers(event)]
 
     def beginning(self, channel: Channel) -> list[Fault]:
         """The faults that begin at the last event of a channel."""
         event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.at == event] if self._of[channel] else []
+        return [fault for fault in self._of[channel] if fault.at == event]
 
     def holds(self, kind: str) -> Fault | None:
         """The fault of that name, if it holds now."""

@@ -93,7 +93,7 @@ class Workcell(Surroundings):
         except ProtocolError:
             return None, False
 
-    # -- the feeder and the eye -------------------------------------------------------------------
+    # -- feeder and ground truth ------------------------------------------------------------------
 
     def answer(self, what: str) -> Mapping[str, object] | None:
         """Feed the next part, or tell the truth about this one; None: something else was asked for."""

@@ -23,7 +23,7 @@ from drivers.sim.workcell import ARM_BASE, Workcell
 
 
 class VirtualScene:
-    """The feeder and the eye, as `drivers.connect.scene` gives them."""
+    """Feeder and ground truth, as `drivers.connect.scene` gives them."""
 
     def __init__(self, works: Workcell) -> None:
         self._works = works
@@ -47,7 +47,7 @@ class VirtualCell:
         clock: the cell's time, shared by devices, drivers and runtime.
         pace: the drivers' deadlines on it.
         works: what the cell consists of.
-        scene: its feeder and eye.
+        scene: its feeder and ground truth.
 
     Args:
         setting: part and world.
