@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults import SCENE_KINDS, Schedule, Seeded
+from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
@@ -201,7 +201,7 @@ class Soak:
         return 3.0 * seconds + SQUEEZE_S
 
 
-def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
+def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
     """One cell, until a part ends in a fault or all parts are done; `faults` instead of random ones."""
     plan = soak.plan(seed)
     watch, records, told = Watch(), Records(soak.table, plan), Told(seed)

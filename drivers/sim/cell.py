@@ -9,7 +9,7 @@ from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_logger import ArmLogger
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
-from drivers.sim.faults import Schedule
+from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
 from drivers.sim.physics.tabletop import Look
@@ -40,7 +40,7 @@ class Cell:
         setting: Setting,
         seed: int,
         time_scale: float = 1.0,
-        faults: Schedule | None = None,
+        faults: Listed | None = None,
         rig: "Rig | None" = None,
     ) -> None:
         self.stopped = threading.Event()

@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.sim.errors import SimulationError, SimulationFileError
 
@@ -125,13 +125,6 @@ class Fault(NamedTuple):
         return self.at <= event < self.at + self.length
 
 
-class Schedule(Protocol):
-    """Which faults a part meets."""
-
-    def of_part(self, part: int) -> tuple[Fault, ...]:
-        """Those of one part."""
-
-
 class Listed:
     """A schedule written down."""
 
@@ -143,10 +136,11 @@ class Listed:
         return tuple(fault for fault in self._faults if fault.part in (None, part))
 
 
-class Seeded:
+class Seeded(Listed):
     """A random schedule: each part meets none, one or two faults; they depend on seed and number alone."""
 
     def __init__(self, seed: int) -> None:
+        super().__init__()
         self._seed = seed
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
@@ -171,7 +165,7 @@ class Desk:
         met: names of the faults that have held so far, in order.
     """
 
-    def __init__(self, schedule: Schedule) -> None:
+    def __init__(self, schedule: Listed) -> None:
         self.met: list[str] = []
         self._schedule = schedule
         self.begin(0)
@@ -186,18 +180,18 @@ class Desk:
         """One more event."""
         self._events[channel] += 1
         for fault in self._of[channel]:
-            if fault.covers(self._events[channel]) and (fault.at == self._events[channel]):
+            if fault.at == self._events[channel]:
                 self.met.append(fault.kind)
 
     def holding(self, channel: Channel) -> list[Fault]:
         """The faults that hold at the last event of a channel."""
         event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.covers(event)] if self._of[channel] else []
+        return [fault for fault in self._of[channel] if fault.covers(event)]
 
     def beginning(self, channel: Channel) -> list[Fault]:
         """The faults that begin at the last event of a channel."""
         event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.at == event] if self._of[channel] else []
+        return [fault for fault in self._of[channel] if fault.at == event]
 
     def holds(self, kind: str) -> Fault | None:
         """The fault of that name, if it holds now."""
@@ -205,7 +199,7 @@ class Desk:
         return next(held, None)
 
 
-def parse(text: str | None) -> Schedule:
+def parse(text: str | None) -> Listed:
     """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
 
     Raises:

@@ -21,6 +21,13 @@ SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
+def opened(url, read_only, frames):
+    """An arm whose frames are told in its address."""
+    told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
+    query = f"?{'&'.join(told)}" if frames else ""
+    return contextlib.closing(connect.arm(url + query, time_scale=SCALE, read_only=read_only))
+
+
 class Abb:
     """The open_abb driver and its simulated server."""
 
@@ -48,8 +55,8 @@ class Abb:
     def silence(self):
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
-    def open(self, **options):
-        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
+    def open(self, *, read_only=False, **frames):
+        return opened(self.url, read_only, frames)
 
     def close(self):
         self.server.close()
@@ -75,8 +82,8 @@ class Other:
     def silence(self):
         self.device.mute = True
 
-    def open(self, **options):
-        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
+    def open(self, *, read_only=False, **frames):
+        return opened(self.url, read_only, frames)
 
     def close(self):
         self.server.close()

@@ -1,4 +1,4 @@
-"""The scene's line protocol, both ends: stand-in for the feeder, and the eye that knows where the part lies.
+"""The scene's line protocol, both ends: it stands for the feeder, and tells the ground truth.
 
 One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
 status (pose null where the world has no pose to tell); `{"do":"quit"}` ends the cell. Nothing of this exists
