@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
-from planner.job.model import Job
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
@@ -79,13 +78,6 @@ def outlines(outline: Array, poses: Array) -> Array:
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)  # (n, 2, 2)
     return np.asarray(np.einsum("nij,kj->nki", turn, outline) + poses[:, None, :2])
-
-
-def jaws_of(job: Job) -> Array:
-    """Opening, finger length, finger thickness [mm], and the upper finger's share of the closing."""
-    gripper = job.gripper
-    sizes = gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm
-    return np.array([*sizes, gripper.upper_finger_share])
 
 
 def finger_boxes(jaws: Array, width_mm: float) -> Array:

@@ -16,6 +16,7 @@ from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.belief.particles import subsample
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.paper.subspaces import subspaces_of
 from planner.report import canvas, trajectory
@@ -91,7 +92,7 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
         squeezes: length of the path shown.
     """
     path = likeliest_path(table, beliefs, squeezes)
-    outline, jaws = job.part.outline_mm, canvas.jaws_of(job)
+    outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
     track, widths = _track(beliefs, path)
     boxes = [_closed(table, step, jaws) for step in path]
