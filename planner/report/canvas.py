@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
@@ -54,15 +57,37 @@ def style() -> Iterator[None]:
         yield
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure, in the format that the suffix names: the same bytes for the same figure.
+def save(path: Path, draw: Callable[[], Figure]) -> None:
+    """Draws a figure and writes it in the format that the suffix names: the same bytes for the same figure.
 
     Args:
-        figure: drawn under `style`.
         path: ends in one of `PICTURES`.
+        draw: makes the figure.
     """
-    with writing(path) as file:
-        figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
+    with style(), writing(path) as file:
+        draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
+
+
+def polygons(
+    axes: Axes, shapes: Sequence[Array] | Array, colour: str, width: float, order: float = 2.0,
+    fill: float = 0.0, edge: float = 1.0,
+) -> None:  # fmt: skip
+    """Draws closed polygons; the limits of the axes stay.
+
+    Args:
+        axes: where.
+        shapes: n of them, each (N, 2) [mm].
+        colour: of edges and faces.
+        width: of the edges [points].
+        order: greater ones are drawn over lesser ones.
+        fill: opacity of the faces.
+        edge: opacity of the edges.
+    """
+    faces = to_rgba(colour, fill) if fill else "none"
+    drawn = PolyCollection(
+        list(shapes), linewidths=width, zorder=order, facecolors=faces, edgecolors=to_rgba(colour, edge)
+    )
+    axes.add_collection(drawn, autolim=False)
 
 
 def outlines(outline: Array, poses: Array) -> Array:
