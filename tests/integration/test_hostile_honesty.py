@@ -22,6 +22,7 @@ from planner.errors import ValueRangeError
 from planner.evaluation.evaluate import REJECTED, evaluate
 from planner.evaluation.untried import tried, without_untried
 from planner.job import model as job_file
+from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines
 from planner.search.expand import PlannedSqueeze, TreeNode
@@ -261,6 +262,6 @@ def test_a_finger_that_stands_still_does_so_in_pictures(tmp_path) -> None:
         small_job(tmp_path / "job.toml", ("force_n = 40.0", "upper_finger_share = 1.0\nforce_n = 40.0"))
     )
     for width_mm in (5.0, 40.0, 85.0):
-        upper, lower = canvas.finger_boxes(canvas.jaws_of(job), width_mm)
+        upper, lower = canvas.finger_boxes(jaws_of(job.gripper), width_mm)
         assert lower[:, 1].max() == -42.5
         assert upper[:, 1].min() == pytest.approx(width_mm - 42.5)
