@@ -12,11 +12,9 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Seconds since some fixed moment."""
-        ...
 
     def sleep(self, seconds: float) -> None:
         """Pause for so many seconds."""
-        ...
 
     def idle(self, seconds: float, until: float) -> None:
         """Pause between two looks at a device.
@@ -25,7 +23,6 @@ class Clock(Protocol):
             seconds: the pause. A clock that knows when something will next change may pause until then.
             until: the moment by which the next look is due, whatever happens.
         """
-        ...
 
 
 class WallClock:

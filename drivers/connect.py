@@ -2,7 +2,7 @@
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
 port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms:
-`tcp://host:port`, with frames and limits after a `?` if they are not to be given as arguments:
+`tcp://host:port`, with frames and limits after a `?`:
 `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`. Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
@@ -13,17 +13,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlsplit
 
-from drivers.clock import Clock, Pace, WallClock
+from drivers.clock import Pace, WallClock
 from drivers.errors import PortError
 from drivers.robotiq.link import Report, no_report
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.abb.codec import Pose
     from drivers.ports import Arm, Gripper
-    from drivers.robotiq.modbus import ModbusLink
-    from drivers.robotiq.probe import Answered
+    from drivers.robotiq.modbus import Answered, ModbusLink
     from drivers.sim.physics.scene_protocol import Scene
 
 TTY = "tty"  # the scheme of a port without one
@@ -42,7 +40,6 @@ ARMS = {"tcp": "drivers.abb.arm:connect"}
 def gripper(
     port: str,
     *,
-    clock: Clock | None = None,
     time_scale: float = 1.0,
     read_only: bool = False,
     report: Report = no_report,
@@ -51,7 +48,6 @@ def gripper(
 
     Args:
         port: see above.
-        clock: clock of waits and deadlines, in wall seconds; none: the machine's own.
         time_scale: device seconds per wall second; 1 for hardware.
         read_only: give it a link that cannot write.
         report: told of every retry and failure on the link, as (kind, fields): a journal's `record` fits.
@@ -60,7 +56,7 @@ def gripper(
         PortError: the port cannot be opened.
         LinkError: nothing answers there.
     """
-    pace = Pace(clock or WallClock(), time_scale)
+    pace = Pace(WallClock(), time_scale)
     opened: Gripper = _opener(GRIPPERS, port)(port, pace, report, read_only=read_only)
     return opened
 
@@ -87,32 +83,20 @@ def scan(port: str) -> "Iterator[Answered]":
     Raises:
         PortError: the port cannot be opened.
     """
-    from drivers.robotiq import probe
+    from drivers.robotiq import modbus
 
-    return probe.scan(port)
+    return modbus.scan(port)
 
 
-def arm(
-    url: str,
-    *,
-    clock: Clock | None = None,
-    time_scale: float = 1.0,
-    tool: "Pose | None" = None,
-    work_object: "Pose | None" = None,
-    base: "Pose | None" = None,
-    read_only: bool = False,
-) -> "Arm":
+def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> "Arm":
     """Connect to an arm (open_abb server); sends its settings, moves nothing.
 
     Args:
-        url: `tcp://host:port`; frames and limits may follow as `?tool=x,y,z&work_object=...&base=...` (mm,
-            and a quaternion after them if it is not the unit one), `&area=` with six numbers in mm, and
-            `&wrist=` with the least and greatest angle of the last axis in degrees.
-        clock: clock of waits and deadlines, in wall seconds; none: the machine's own.
+        url: `tcp://host:port`; frames and limits (`drivers.abb.reach.Setup`) may follow as
+            `?tool=x,y,z&work_object=...&base=...` (mm, and a quaternion after them if it is not the unit),
+            `&area=` with six numbers in mm, and `&wrist=` with the least and greatest angle of the last axis
+            in degrees.
         time_scale: arm seconds per wall second; 1 for hardware.
-        tool: tool frame; none: the flange itself.
-        work_object: work object frame; none: the arm's world frame.
-        base: the arm's base in its world frame, to refuse what it cannot reach; none: not checked.
         read_only: send no setting, refuse every motion.
 
     Raises:
@@ -122,19 +106,15 @@ def arm(
     from drivers.abb.reach import Setup
 
     plain, _, query = url.partition("?")
-    given = {"tool": tool, "work_object": work_object, "base": base}
-    told = _settings(url, query)
-    setup = Setup(
-        **told | {name: pose for name, pose in given.items() if pose is not None}, read_only=read_only
-    )
+    setup = Setup(**_settings(url, query), read_only=read_only)
     open_arm = _opener(ARMS, plain)
     _, host, number = _address(plain)
-    opened: Arm = open_arm(host, number, Pace(clock or WallClock(), time_scale), setup)
+    opened: Arm = open_arm(host, number, Pace(WallClock(), time_scale), setup)
     return opened
 
 
 def scene(url: str) -> "Scene":
-    """Connect to the scene of a simulated cell: its feeder, and the eye that knows the truth.
+    """Connect to the scene of a simulated cell: its feeder and the ground truth.
 
     Raises:
         PortError: nobody accepts the connection.

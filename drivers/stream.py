@@ -32,7 +32,6 @@ class Stream(Protocol):
         Raises:
             OSError: the connection is gone.
         """
-        ...
 
     def receive(self, seconds: float) -> bytes:
         """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came.
@@ -40,11 +39,9 @@ class Stream(Protocol):
         Raises:
             OSError: the connection is gone.
         """
-        ...
 
     def close(self) -> None:
         """Give the connection up; closing twice is harmless."""
-        ...
 
 
 class TcpStream:

@@ -34,24 +34,15 @@ from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
+from planner.search.params import Objective, SearchParams
+from planner.search.ranking import Ranking
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld
 from runtime.table import Table, refuted
 
 EVALUATION_TRIALS = 20_000
-MARGIN = 0.7
-"""Share of the goal's allowed errors at which the search takes a leaf for good: the rest is reserve."""
-RESERVE = 0.75
-"""The same for a leaf that the tree has already: one more squeeze for all its parts must be worth it."""
-AHEAD_STEP_MM = 0.8
-"""Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm of it."""
-REFINEMENTS = 3
-"""How often leaves are expanded further that fall short of the goal, or would in a world a little off."""
-TELLING = 100
-"""Trials of a leaf from which their rate of success is compared with the goal as it is."""
-LEAST_SHORT = 0.001
-"""Share of all parts in leaves that fall short, from which that is done: fewer end as unresolved."""
+PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 
@@ -111,11 +102,11 @@ def compile_job(
     # Kernels compile at their first call; no budget pays for that.
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
     deadline = time.monotonic() + budget_s
-    ahead: MotionModel = Simulation(Simulator.of_job(job, workers, AHEAD_STEP_MM), encoder_of(job))
+    ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)
-    root = TreeNode(belief, 1.0, growth.look_ahead.metric.mode(belief))
+    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
     planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
     judge = partial(_judge, job, trials, simulator.workers)
     table, evaluation, attempt = planning.run(judge)
@@ -141,16 +132,16 @@ class _Planning:
     def run(self, judge: Judge) -> tuple[Table, Evaluation, int]:
         """Plans the whole tree; the table, its trials, and the attempt that they belong to."""
         doubts: list[Doubt] = []
-        for attempt in range(REFINEMENTS + 1):
+        for attempt in range(PARAMS.refinements + 1):
             self._grow(attempt)
-            settle(doubts, self.growth.look_ahead.confidence)
+            settle(doubts, self.growth.objective.confidence)
             table = lower(self.root, self.job)
-            self.say("evaluate", attempt, REFINEMENTS + 1)
+            self.say("evaluate", attempt, PARAMS.refinements + 1)
             evaluation = judge(table, attempt)
-            if attempt == REFINEMENTS or self._late():
+            if attempt == PARAMS.refinements or self._late():
                 break
             short, doubts = self._faults(table, evaluation, attempt)
-            if short < LEAST_SHORT and not doubts:
+            if short < PARAMS.least_short and not doubts:
                 break
         return table, evaluation, attempt
 
@@ -169,23 +160,23 @@ class _Planning:
 
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
-        metric = self.growth.look_ahead.metric
+        metric = self.growth.objective.metric
         beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
-        short = learn(self.root, beliefs, metric, self._reopen, against)
+        short = learn(self.root, beliefs, self.growth, self._reopen, against)
         runs = stressed(table, self.job, attempt, self.scheduler or Threads(self.workers))
         return short, doubt(self.root, runs, metric)
 
     def _refuted(self, within: BoolArray) -> bool:
         """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
         confidence = self.job.goal.confidence
-        fails = len(within) >= TELLING and float(within.mean()) < confidence
+        fails = len(within) >= PARAMS.leaf_trials and float(within.mean()) < confidence
         return fails or refuted(int(within.sum()), len(within), confidence)
 
     @property
     def _reopen(self) -> float:
         """Mode ratio below which a leaf is grown further: fresh trials must not refute what stays."""
-        return 1.0 - RESERVE * (1.0 - self.job.goal.confidence)
+        return 1.0 - PARAMS.reopen_margin * (1.0 - self.job.goal.confidence)
 
     def _late(self) -> bool:
         """Whether the budget is spent; never before there is a first squeeze, for a plan must be one."""
@@ -226,7 +217,7 @@ def _plan(
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     if untried:
         table = without_untried(table, root, kept)
-        evaluation = judge(table, REFINEMENTS + 1)
+        evaluation = judge(table, PARAMS.refinements + 1)
     return Plan(predicting(table, evaluation), root, evaluation, untried)
 
 
@@ -243,15 +234,12 @@ def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:
 
 def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
-    look_ahead = LookAhead(
-        actions=actions_of(job),
-        simulator=simulator,
-        model=ahead,
-        metric=metric_of(job, radius_of_gyration(job.part.outline_mm)),
-        confidence=1.0 - MARGIN * (1.0 - job.goal.confidence),
-        depth=job.search.depth,
+    objective = Objective(
+        metric_of(job, radius_of_gyration(job.part.outline_mm)),
+        confidence=1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence),
         costs=costs_of(job),
-        particles=job.search.search_particles,
-        crash_share=job.goal.crash_share,
+        params=PARAMS,
     )
+    ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
+    look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -66,27 +66,27 @@ def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:
 
 
 def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Job, encoder: Encoder) -> Node:
-    assert node.placement is not None
-    assert node.clusters is not None
-    x, y, angle = node.placement
+    assert node.squeeze is not None
+    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, _ = node.squeeze
+    x, y, angle = placement
     squeeze = Squeeze(
         x_um=round(1e3 * x),
         y_um=round(1e3 * y),
         angle_urad=round(1e6 * float(wrap(angle))),
-        opening_um=round(1e3 * node.opening_mm),
+        opening_um=round(1e3 * opening_mm),
         speed_um_s=round(1e3 * job.gripper.speed_mm_s),
-        force_mn=round(1e3 * handling_of(job).force_n(node.unstable)),
-        clearance_um=int(1e3 * node.clearance_mm),
+        force_mn=round(1e3 * handling_of(job).force_n(unstable)),
+        clearance_um=int(1e3 * clearance_mm),
     )
-    total = float(node.clusters.size.sum())
+    total = float(clusters.size.sum())
     branches = []
     for k, child in enumerate(node.children):
         target = inner[id(child)] if child.children else ~leaves[id(child)]
-        low, high = _interval(node.clusters.low[k], node.clusters.high[k], encoder)
-        expected = min(max(round(1e3 * float(encoder.width_mm(node.clusters.mean[k]))), low), high)
-        share = round(PPM * float(node.clusters.size[k]) / total)
+        low, high = _interval(clusters.low[k], clusters.high[k], encoder)
+        expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
+        share = round(PPM * float(clusters.size[k]) / total)
         branches.append(Branch(low, expected, high, share, target))
-    release = None if node.release is None else (round(1e3 * node.release[0]), round(1e3 * node.release[1]))
+    release = None if release_mm is None else (round(1e3 * release_mm[0]), round(1e3 * release_mm[1]))
     return Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
 
 
@@ -110,7 +110,7 @@ def _leaf(node: TreeNode, job: Job) -> Leaf:
         resolved=node.mode.ratio >= job.goal.confidence,
         alternatives=tuple(map(pose_of, node.mode.others)),
     )
-    return leaf._replace(covariance=covariance_of(node.belief[:, :3], leaf, job))
+    return leaf._replace(covariance=covariance_of(node.belief.poses, leaf, job))
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:

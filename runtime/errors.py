@@ -1,8 +1,8 @@
-"""Errors of the cell controller, by what the reader has to do about them.
+"""Errors of the cell controller, each with its exit code.
 
 ```
 CellError
-├── UsageError             2   arguments that contradict one another
+├── ArgumentsError             2   arguments that contradict one another
 ├── TableFileError         3   the table file is missing or cannot be read
 ├── PartRejectedError     10   a part was rejected: no width of the table matches
 ├── PartUnresolvedError   11   a part stayed unresolved: the table cannot tell its pose
@@ -90,7 +90,7 @@ class PortBusyError(CellError):
 
 
 class BrokenRunError(CellError):
-    """The last run broke off in the middle, and the declared policy or the cell forbids to go on."""
+    """The last run broke off, and the declared policy or the state of the cell forbids resuming it."""
 
     exit_code = 25
 
@@ -125,7 +125,7 @@ class CellStartError(CellError):
     exit_code = 31
 
 
-class UsageError(CellError):
+class ArgumentsError(CellError):
     """Arguments that argparse alone cannot judge: they contradict one another, or cannot be used."""
 
     exit_code = 2

@@ -9,23 +9,23 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
-from drivers.sim.faults.schedule import SCENE_KINDS, Schedule, Seeded
+from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
-from runtime.devices.ports import TURN_RADIUS_MM
 from runtime.execution import strokes
-from runtime.execution.decision import Policy
 from runtime.execution.delivery import Delivery
-from runtime.execution.executor import Cell, Executor, Plan
+from runtime.execution.events import Phase
+from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.execution.session import sight
 from runtime.journal.replay import Replay
 from runtime.table import PPM, Table, dumps
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome, PartResult, Step
 
 FRESH_S = 0.5  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
@@ -42,11 +42,11 @@ MOVED = {
 # What runs are handled by, one drawn a run: the command's default first.
 REGULATED = Handling(regulated=True)
 HANDLED = (
-    Plan(handling=REGULATED),
-    Plan(),
-    Plan(Policy.of("resqueeze,restart,next", "restart,next"), REGULATED),
-    Plan(Policy.of("restart,next", "next")),
-    Plan(Policy.of("resqueeze,next", "next"), REGULATED, Delivery(drop=(20.0, -15.0, 0.7))),
+    RunOptions(handling=REGULATED),
+    RunOptions(),
+    RunOptions(Policy.of("resqueeze,restart,next", "restart,next"), REGULATED),
+    RunOptions(Policy.of("restart,next", "next")),
+    RunOptions(Policy.of("resqueeze,next", "next"), REGULATED, Delivery(drop=(20.0, -15.0, 0.7))),
 )
 
 
@@ -137,7 +137,7 @@ class WatchedLink:
 class Records:
     """A journal in memory, each record followed by the replay as soon as it is written."""
 
-    def __init__(self, table: Table, plan: Plan) -> None:
+    def __init__(self, table: Table, plan: RunOptions) -> None:
         self.digest = hashlib.sha256()
         self.findings: list[str] = []
         self._replay = Replay()
@@ -184,9 +184,9 @@ class Soak:
     table: Table
     faults: bool
     parts: int
-    handled: tuple[Plan, ...] = HANDLED
+    handled: tuple[RunOptions, ...] = HANDLED
 
-    def plan(self, seed: int) -> Plan:
+    def plan(self, seed: int) -> RunOptions:
         """How one run's parts are handled."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
@@ -201,7 +201,7 @@ class Soak:
         return 3.0 * seconds + SQUEEZE_S
 
 
-def run(soak: Soak, seed: int, faults: Schedule | None = None) -> Told:
+def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
     """One cell, until a part ends in a fault or all parts are done; `faults` instead of random ones."""
     plan = soak.plan(seed)
     watch, records, told = Watch(), Records(soak.table, plan), Told(seed)

@@ -1,17 +1,4 @@
-"""What keeps the camera from judging, each with its own sentence.
-
-::
-
-    CameraError                      the verdict is "unknown"
-     +- SourceError              23  no picture: no camera, no file, no answer in time
-     +- PictureError             27  a picture that shows nothing: black, overexposed, of another size
-     +- TagError                 27  the tag: none, two, of another family, another number, half covered
-     +- MovedError               27  the reference tags are not where they were: the camera moved
-     +- CameraFileError          33  a calibration or tag file that is damaged, changed, or of another camera
-     +- RefusedError             33  a calibration that must not be made of these pictures
-
-`exit_code` is what a command returns that ends with one; the audit itself goes on.
-"""
+"""What keeps the camera from judging; `exit_code` is what a command returns that ends with it."""
 
 
 class CameraError(Exception):
@@ -44,7 +31,7 @@ class CameraFileError(CameraError):
     exit_code = 33
 
 
-class RefusedError(CameraError):
+class CalibrationRefusedError(CameraError):
     """These pictures do not make a calibration that could be trusted."""
 
     exit_code = 33

@@ -13,19 +13,19 @@ Needs the extra `can` (python-can, canopen).
 import contextlib
 import logging
 import struct
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq.gripper import Gripper, over
-from drivers.robotiq.link import LinkCounters, Report, no_report
+from drivers.robotiq.link import Report, ReportingLink, no_report
 from drivers.robotiq.registers import BLOCK_BYTES
 
 if TYPE_CHECKING:
     import canopen
 
-READ_TRIES = 3
 HEAR_S = 0.1  # how long the thread that listens sleeps at most; closing waits for it
 ACTION, GOES = 0, 0x08  # byte 0 of the output block, and its bit rGTO
 # Speed and force stand before the position they are for; what starts a motion comes last.
@@ -50,7 +50,7 @@ class CanMap(NamedTuple):
     input: int = 0x2000
 
 
-class CanLink:
+class CanLink(ReportingLink):
     """A gripper's two register blocks on a CANopen node.
 
     Only bytes that change are written: the known client does so too, since the device dislikes many writes.
@@ -67,17 +67,14 @@ class CanLink:
     ) -> None:
         import canopen
 
-        self.endpoint = endpoint
-        self.counters = LinkCounters()
+        super().__init__(endpoint, report)
         self._network = network
         self._where = where
-        self._report = report
         self._written: list[int | None] = [None] * BLOCK_BYTES
         node = canopen.RemoteNode(where.node, dictionary(where))
         network.add_node(node)
         self._sdo = node.sdo
         self._sdo.RESPONSE_TIMEOUT = LINK_TIMEOUT_S
-        self._lost = ""
 
     def read(self) -> bytes:
         """The input block; each byte tried up to 3 times.
@@ -85,7 +82,9 @@ class CanLink:
         Raises:
             LinkTimeout: no valid answer. LinkError: the bus is gone, or the node refuses.
         """
-        return bytes(self._read_byte(index) for index in range(BLOCK_BYTES))
+        return bytes(
+            self._repeated(partial(self._transact, self._where.input, byte)) for byte in range(BLOCK_BYTES)
+        )
 
     def write(self, block: bytes) -> None:
         """Write what differs from the last write, each byte once.
@@ -104,19 +103,9 @@ class CanLink:
         self._lost = self._lost or "it was closed"
         self._network.disconnect()
 
-    def _read_byte(self, index: int) -> int:
-        for attempt in range(1, READ_TRIES):
-            try:
-                return self._transact(self._where.input, index)
-            except LinkTimeout:
-                self.counters.retries += 1
-                self._tell("read repeated", attempt=attempt)
-        return self._transact(self._where.input, index)
-
     def _transact(self, index: int, byte: int, data: int | None = None) -> int:
         """One expedited transfer: read a byte, or write `data` to it (CiA 301, 7.2.4)."""
-        if self._lost:
-            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}", self.endpoint)
+        self._check_open()
         command = READ if data is None else WRITE_ONE
         self.counters.transactions += 1
         reply = self._ask(struct.pack("<BHBI", command, index, byte + 1, data or 0), index, byte)
@@ -155,9 +144,6 @@ class CanLink:
             f"and node {self._where.node}",
             self.endpoint,
         )
-
-    def _tell(self, incident: str, **details: object) -> None:
-        self._report("link", {"incident": incident, "transaction": self.counters.transactions, **details})
 
 
 def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:

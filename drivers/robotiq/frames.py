@@ -6,7 +6,7 @@ echo suppression) or after an answer to somebody else; so an answer is looked fo
 
 import logging
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from pymodbus import ModbusException
 from pymodbus.framer import FramerRTU, FramerSocket
@@ -41,22 +41,12 @@ class Found(NamedTuple):
     skipped: int
 
 
-class Framing(Protocol):
-    """One way to put a Modbus request on a wire; `numbered`: answers tell which request they belong to."""
-
-    numbered: bool
-
-    def frame(self, pdu: ModbusPDU) -> bytes:
-        """The bytes of a request."""
-        ...
-
-    def find(self, buffer: bytes, pdu: ModbusPDU) -> Found | None:
-        """The answer to a request among the bytes that have come, or None while it is not there."""
-        ...
-
-
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request."""
+    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request.
+
+    Attributes:
+        numbered: whether answers tell which request they belong to.
+    """
 
     numbered = False
 
@@ -116,6 +106,9 @@ class TcpFraming:
                 return Found(answer, start)
             start += used
         return None
+
+
+Framing = RtuFraming | TcpFraming
 
 
 def _decoder() -> DecodePDU:

@@ -9,11 +9,17 @@ from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import MAJOR, GripperFault, LinkTimeout, fault_text
-from drivers.robotiq.checks import accept_any, agrees, refuse_major, require_ready, sketch
-from drivers.robotiq.link import Link, LinkCounters, Report, no_report
-from drivers.robotiq.readonly import ReadOnlyLink
+from drivers.robotiq.link import Link, LinkCounters, ReadOnlyLink, Report, no_report
 from drivers.robotiq.registers import COUNT_CLOSED, COUNT_OPEN, OPENING_MM, OUTPUT_FIELDS, pack, speed_mm_s
-from drivers.robotiq.state import GripperState, decode
+from drivers.robotiq.state import (
+    GripperState,
+    accept_any,
+    agrees,
+    decode,
+    refuse_major,
+    require_ready,
+    sketch,
+)
 
 ACTIVATION_S = 15.0  # reset, sweep and report, all told ([SDK] gripper.cpp; 5 s was too short for some)
 ECHO_S = 1.0  # gPR must echo rPR within this ([SDK] gripper.cpp)

@@ -4,10 +4,15 @@ One transaction is tried once here, with a deadline of our own above pymodbus; `
 is not (the device logic reads the state first).
 """
 
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import serial
+from pymodbus.framer import FramerRTU
 from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout
+from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq.frames import (
     MAX_BUFFER,
     RTU,
@@ -19,19 +24,22 @@ from drivers.robotiq.frames import (
     read_request,
     write_request,
 )
-from drivers.robotiq.link import LinkCounters, Report, no_report
+from drivers.robotiq.link import Report, ReportingLink, no_report
 from drivers.robotiq.registers import BLOCK_REGISTERS, to_bytes, to_registers
 from drivers.stream import SerialStream, Stream, open_tcp
 
 GAP_S = 0.005  # manuals ask for 5 ms between commands: the gripper refreshes at 200 Hz ([M16] p55)
 LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
 DRAIN_S = 0.2  # wall; a line that is never quiet is used all the same after so long
-READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 BAUD = 115200
+SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
+SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
+SCAN_S = 0.06
+SCAN_BYTES = 7
 INPUT_REGISTERS = 8  # of the whole block; the last five are reserved ([M18] p62)
 
 
-class ModbusLink:
+class ModbusLink(ReportingLink):
     """A gripper's two register blocks on one Modbus connection.
 
     Args:
@@ -45,15 +53,12 @@ class ModbusLink:
     def __init__(
         self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report = no_report
     ) -> None:
-        self.endpoint = stream.endpoint
-        self.counters = LinkCounters()
+        super().__init__(stream.endpoint, report)
         self._stream = stream
         self._framing = framing
         self._wiring = wiring
         self._pace = pace
-        self._report = report
         self._free_at = pace.now()
-        self._lost = ""
         self._out_of_step = False
         self._late_s = 0.0  # by how much the last answer was read too late
         self._count = BLOCK_REGISTERS
@@ -65,13 +70,7 @@ class ModbusLink:
             LinkTimeout: no valid answer to any try.
             LinkError: the connection is gone, or the device refuses the request.
         """
-        for attempt in range(1, READ_TRIES):
-            try:
-                return self._read_once()
-            except LinkTimeout:
-                self.counters.retries += 1
-                self._tell("read repeated", attempt=attempt)
-        return self._read_once()
+        return self._repeated(self._read_once)
 
     def write(self, block: bytes) -> None:
         """Write the output block, 6 bytes, once.
@@ -98,8 +97,7 @@ class ModbusLink:
         return to_bytes(tuple(reply.registers[:BLOCK_REGISTERS]))
 
     def _transact(self, request: ModbusPDU) -> ModbusPDU:
-        if self._lost:
-            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}", self.endpoint)
+        self._check_open()
         frame = self._framing.frame(request)
         self.counters.transactions += 1
         try:
@@ -167,9 +165,6 @@ class ModbusLink:
         self._tell("connection broke", error=str(error))
         return LinkError(f"gripper link {self.endpoint} broke; check cable, adapter and power", self.endpoint)
 
-    def _tell(self, incident: str, **details: object) -> None:
-        self._report("link", {"incident": incident, "transaction": self.counters.transactions, **details})
-
 
 def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
     """RTU frames on whatever carries bytes."""
@@ -196,3 +191,47 @@ def open_tcp_link(host: str, port: int, pace: Pace, *, rtu: bool, report: Report
     if rtu:
         return rtu_link(stream, pace, report)
     return ModbusLink(stream, TcpFraming(), TCP, pace, report)
+
+
+class Answered(NamedTuple):
+    """Who answered: slave id and baud rate."""
+
+    unit: int
+    baud: int
+
+
+def scan(
+    path: str, units: Sequence[int] = SCAN_UNITS, bauds: Sequence[int] = SCAN_BAUDS
+) -> Iterator[Answered]:
+    """Try slave ids at baud rates, the usual ones first.
+
+    Args:
+        path: a tty.
+        units: slave ids.
+        bauds: rates.
+
+    Yields:
+        Each one that answers.
+
+    Raises:
+        PortError: the port cannot be opened.
+    """
+    try:
+        port = serial.Serial(path, BAUD, timeout=SCAN_S, exclusive=True)
+    except (serial.SerialException, ValueError) as error:
+        raise PortError(f"port {path} cannot be opened: {error}", path) from error
+    with port:
+        for baud in bauds:
+            port.baudrate = baud
+            yield from (Answered(unit, baud) for unit in units if _answers(port, unit))
+
+
+def _answers(port: serial.Serial, unit: int) -> bool:
+    port.reset_input_buffer()
+    port.write(_framed(bytes((unit, 3)) + RTU.input_address.to_bytes(2, "big") + b"\x00\x01"))
+    reply = bytes(port.read(SCAN_BYTES))
+    return reply[:3] == bytes((unit, 3, 2)) and reply == _framed(reply[:-2])
+
+
+def _framed(body: bytes) -> bytes:
+    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")

@@ -1,30 +1,25 @@
 """A whole simulated cell in real time: gripper and arm behind their real protocols, a part between them."""
 
 import threading
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_logger import ArmLogger
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
-from drivers.sim.faults.schedule import Schedule
+from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
 from drivers.sim.physics.tabletop import Look
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.timing import SimulatedTime
+from drivers.sim.wire.serving import SimulatedTime
 from drivers.sim.workcell import ARM_BASE, Workcell
 
-
-class Photographer(Protocol):
-    """Takes pictures of the table; `drivers.sim.camera.rig.Rig`, which needs the audit extra."""
-
-    def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """What takes pictures of what `look` tells, each as the bytes of a JPEG."""
-        ...
+if TYPE_CHECKING:
+    from drivers.sim.camera.rig import Rig  # needs the audit extra
 
 
 class Cell:
@@ -45,8 +40,8 @@ class Cell:
         setting: Setting,
         seed: int,
         time_scale: float = 1.0,
-        faults: Schedule | None = None,
-        rig: Photographer | None = None,
+        faults: Listed | None = None,
+        rig: "Rig | None" = None,
     ) -> None:
         self.stopped = threading.Event()
         self.world = setting.world
@@ -64,10 +59,8 @@ class Cell:
             self._time,
             lambda: stop_jaws(device, now),
         )
-        self._arm_server = ArmServer(
-            self.works.controller, self._lock, now, self._time.sleep, self.stopped, self._locked_arm_stands
-        )
-        self._logger = ArmLogger(self._look_at_arm, now, self._time.sleep, self.stopped)
+        self._arm_server = ArmServer(self.works.controller, self._lock, self._time, self._locked_arm_stands)
+        self._logger = ArmLogger(self._look_at_arm, self._time)
         self._scene_server = SceneServer(self._answer, self.stopped)
         self._camera = None if rig is None else CameraServer(rig.watcher(self._look, seed))
         self._servers = (
@@ -86,8 +79,8 @@ class Cell:
             "scene": self._scene_server.url,
             "world": self.world,
             "arm_logger": self._logger.url,
-            "gripper_tcp": f"tcp://{self._modbus_tcp.address}",
-            "gripper_rtu_tcp": f"rtu+tcp://{self._rtu_tcp.address}",
+            "gripper_tcp": self._modbus_tcp.url,
+            "gripper_rtu_tcp": f"rtu+{self._rtu_tcp.url}",
         }
         return found if self._camera is None else found | {"camera": self._camera.url}
 

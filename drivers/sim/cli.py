@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from drivers.sim.cell import Cell
-from drivers.sim.faults.schedule import parse
-from drivers.sim.physics.scene import REHEARSAL, CellError, Setting, load, warm_up
+from drivers.sim.errors import SimulationError
+from drivers.sim.faults import parse
+from drivers.sim.physics.scene import REHEARSAL, Setting, load, warm_up
 from runtime.shell.command import Parser, one_line, positive, run, tell
 
 EPILOG = """example:
@@ -109,10 +110,10 @@ def camera(setting: Setting) -> Any:
     """The camera under the table.
 
     Raises:
-        CellError: OpenCV is missing, or the world knows no poses to take pictures of.
+        SimulationError: OpenCV is missing, or the world knows no poses to take pictures of.
     """
     if not setting.truthful:
-        raise CellError(
+        raise SimulationError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
         )
     return _audit_extra("rig").standard_rig()
@@ -131,7 +132,7 @@ def _audit_extra(name: str) -> Any:
     try:
         return import_module(f"drivers.sim.camera.{name}")
     except ModuleNotFoundError as error:
-        raise CellError(
+        raise SimulationError(
             f"the camera needs the audit extra ({error.name} is missing); pip install 'squeezetree[audit]'"
         ) from error
 

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.sim.devices.arm import ArmModel, Controller
+from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws
-from drivers.sim.faults.arm import FaultyArm
-from drivers.sim.faults.gripper import FaultyGripper
-from drivers.sim.faults.schedule import Desk, Listed, Schedule
+from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.faults import Desk, Listed
 from drivers.sim.physics.scene import Pose2, Setting
 from drivers.sim.physics.tabletop import Look, TableTop
 from drivers.sim.wire.line import CleanLine, FaultyLine
@@ -18,7 +17,7 @@ from drivers.sim.wire.modbus import Device
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
 
 
-class Workcell:
+class Workcell(Surroundings):
     """What a cell consists of.
 
     Args:
@@ -29,7 +28,7 @@ class Workcell:
     """
 
     def __init__(
-        self, setting: Setting, seed: int, now: Callable[[], float], faults: Schedule | None = None
+        self, setting: Setting, seed: int, now: Callable[[], float], faults: Listed | None = None
     ) -> None:
         geometry = setting.geometry
         self.now = now
@@ -94,7 +93,7 @@ class Workcell:
         except ProtocolError:
             return None, False
 
-    # -- the feeder and the eye -------------------------------------------------------------------
+    # -- feeder and ground truth ------------------------------------------------------------------
 
     def answer(self, what: str) -> Mapping[str, object] | None:
         """Feed the next part, or tell the truth about this one; None: something else was asked for."""

@@ -1,21 +1,56 @@
-"""The belief: equally weighted pose particles in the world frame (paper VI).
-
-A particle of a plan may carry a coefficient of friction of its own, in a fourth column: fingers that are more
-slippery or rougher than the job says are so in every squeeze. Those without one (NaN) draw another from the
-job's interval each time.
-"""
+"""The belief: equally weighted pose particles in the world frame (paper VI)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self, TypeVar
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
 """How far doubted friction lies outside the job's bounds, in units of them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """Particles, of which some carry a coefficient of friction of their own.
+
+    Fingers that are more slippery or rougher than the job says are so in every squeeze; a particle without
+    one draws another from the job's interval each time.
+
+    Attributes:
+        poses: (n, 3) in the world [mm, mm, rad].
+        friction: (n,) between fingers and part; NaN where the particle carries none.
+    """
+
+    poses: Array
+    friction: Array
+
+    @classmethod
+    def of(cls, poses: Array) -> Self:
+        """Poses (n, 3) without friction of their own."""
+        return cls(poses, np.full(len(poses), np.nan))
+
+    @classmethod
+    def joined(cls, beliefs: Sequence[Belief]) -> Self:
+        """The particles of several beliefs, one belief after the other."""
+        return cls(
+            np.concatenate([belief.poses for belief in beliefs]),
+            np.concatenate([belief.friction for belief in beliefs]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __getitem__(self, rows: slice | IntArray | BoolArray) -> Belief:
+        return Belief(self.poses[rows], self.friction[rows])
+
+
+Particles = TypeVar("Particles", Array, Belief)
 
 
 def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
@@ -31,14 +66,11 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
     return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), turn], axis=1)
 
 
-def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Array:
+def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Belief:
     """Draws n poses as `initial`, a share of them (`friction.doubt`) with friction outside the bounds.
 
     Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
     bound and `ROUGH` times that.
-
-    Returns:
-        (n, 4) poses in the world and coefficients of friction, NaN for those of the job [mm, mm, rad, 1].
     """
     poses = initial(job, n, rng)
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
@@ -46,30 +78,18 @@ def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Array:
     rough = rng.uniform(high, ROUGH * high, n)
     friction = np.where(rng.random(n) < 0.5, slippery, rough)
     friction[rng.random(n) >= job.friction.doubt] = np.nan
-    return np.concatenate([poses, friction[:, None]], axis=1)
+    return Belief(poses, friction)
 
 
-def without_friction(poses: Array) -> Array:
-    """Poses (n, 3) as particles (n, 4) without friction of their own."""
-    return np.concatenate([poses, np.full((len(poses), 1), np.nan)], axis=1)
-
-
-def frictions(beliefs: Sequence[Array]) -> Array:
-    """What all particles of several beliefs carry, one belief after the other: (n,), NaN for nothing."""
-    carried = [belief[:, 3] if belief.shape[1] > 3 else np.full(len(belief), np.nan) for belief in beliefs]
-    return np.concatenate(carried)
-
-
-def subsample(poses: Array, n: int) -> Array:
+def subsample(particles: Particles, n: int) -> Particles:
     """At most n of the particles, spread evenly through them: the same ones every time."""
-    if len(poses) <= n:
-        return poses
-    picks: IntArray = (np.arange(n) * len(poses)) // n
-    return np.asarray(poses[picks])
+    if len(particles) <= n:
+        return particles
+    return particles[(np.arange(n) * len(particles)) // n]
 
 
-def replenish(poses: Array, n: int) -> Array:
-    """At least n particles: a thin belief is repeated, and the next squeeze's scatter spreads the copies."""
-    if len(poses) >= n:
-        return poses
-    return np.asarray(np.resize(poses, (n, poses.shape[1])))
+def replenish(belief: Belief, n: int) -> Belief:
+    """At least n particles: a small belief is repeated, and the next squeeze's scatter spreads the copies."""
+    if len(belief) >= n:
+        return belief
+    return belief[np.resize(np.arange(len(belief)), n)]

@@ -6,21 +6,26 @@ encoder noise. Many beliefs and actions are rolled out in one batch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.observation import Encoder, Partition, partition
-from planner.belief.particles import frictions
+from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
-from planner.mechanics.simulator import Simulator
+from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED
 
 LEAST_SQUEEZE = 0.001
 """A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
+
+
+Case: TypeAlias = tuple[Belief, Array]
+"""A belief, and the placement (3,) of the hand that squeezes it [mm, mm, rad]."""
 
 
 class Outcomes(NamedTuple):
@@ -28,14 +33,14 @@ class Outcomes(NamedTuple):
 
     Attributes:
         clusters: the partition of encoder counts.
-        beliefs: for each cluster the particles in it, (n_k, 3) in the world, or (n_k, 4) with their friction.
+        beliefs: for each cluster the particles in it.
         unstable: share of the belief that is held by friction alone (jammed): stiff jaws on a light part may
             throw it out of such an equilibrium (paper VII.B).
         width_mm: mean width at which the jaws stop.
     """
 
     clusters: Partition
-    beliefs: list[Array]
+    beliefs: list[Belief]
     unstable: float
     width_mm: float
 
@@ -48,11 +53,11 @@ class Outcomes(NamedTuple):
 class MotionModel(Protocol):
     """What the search needs to know of a squeeze."""
 
-    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
         """Squeezes beliefs at placements.
 
         Args:
-            cases: pairs of a belief (n, 3) in the world, or (n, 4) with friction, and a placement (3,).
+            cases: pairs of a belief and a placement (3,) in the world [mm, mm, rad].
             rng: source of all randomness.
 
         Returns:
@@ -67,40 +72,50 @@ class Simulation:
     simulator: Simulator
     encoder: Encoder
 
-    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
         """As `MotionModel.squeeze`, each particle rolled out by itself."""
-        if not cases:
-            return []
-        hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
-        friction = frictions([belief for belief, _ in cases])
-        rolled = self.simulator.roll_out(hand, self.simulator.sample(len(hand), rng).with_friction(friction))
-        counts = self.encoder.read(rolled.width_mm, rng)
-        return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
+
+        def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
+            return self.simulator.roll_out(
+                poses, self.simulator.sample(len(case), rng).with_friction(friction)
+            )
+
+        return outcomes_of(cases, roll_out, self.encoder, rng)
 
 
-def split(
-    cases: list[tuple[Array, Array]], poses_hand: Array, width_mm: Array, status: IntArray, counts: IntArray
+def outcomes_of(
+    cases: list[Case],
+    roll_out: Callable[[Array, IntArray, Array], RollOut],
+    encoder: Encoder,
+    rng: np.random.Generator,
 ) -> list[Outcomes]:
-    """Divides what many squeezes came to into the outcomes of each case.
+    """Squeezes all cases in one batch, reads the widths, and clusters each case's counts.
 
     Args:
         cases: as given to the motion model, n particles in all.
-        poses_hand: (n, 3) final poses in the hand frame.
-        width_mm: (n,) true widths.
-        status: (n,) index into `STATUS_NAMES`.
-        counts: (n,) encoder readings.
+        roll_out: squeezes poses (n, 3) in the hand frame [mm, mm, rad], given each one's case (n,) and the
+            friction it carries (n,), NaN for none.
+        encoder: reads the widths.
+        rng: source of the readings' noise.
     """
+    if not cases:
+        return []
+    size = [len(belief) for belief, _ in cases]
+    hand = np.concatenate([to_hand(belief.poses, placement) for belief, placement in cases])
+    friction = np.concatenate([belief.friction for belief, _ in cases])
+    rolled = roll_out(hand, np.repeat(np.arange(len(cases)), size), friction)
+    counts = encoder.read(rolled.width_mm, rng)
     outcomes = []
     start = 0
     for belief, placement in cases:
         part = slice(start, start + len(belief))
-        start += len(belief)
-        poses = np.concatenate([to_world(poses_hand[part], placement), belief[:, 3:]], axis=1)
+        start = part.stop
+        after = Belief(to_world(rolled.poses[part], placement), belief.friction)
         clusters = partition(counts[part])
         label = clusters.label[counts[part]]
-        beliefs = [poses[label == k] for k in range(len(clusters.mean))]
-        unstable = float(np.mean(status[part] == JAMMED))
-        outcomes.append(Outcomes(clusters, beliefs, unstable, float(np.mean(width_mm[part]))))
+        beliefs = [after[label == k] for k in range(len(clusters.mean))]
+        unstable = float(np.mean(rolled.status[part] == JAMMED))
+        outcomes.append(Outcomes(clusters, beliefs, unstable, float(np.mean(rolled.width_mm[part]))))
     return outcomes
 
 

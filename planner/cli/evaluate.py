@@ -16,12 +16,13 @@ from planner.evaluation.evaluate import evaluate
 from planner.evaluation.mistakes import confusions, worst
 from planner.evaluation.reliability import reliability
 from planner.evaluation.sweep import Line, standard_cases, sweep
-from planner.evaluation.worlds import DEFAULT_WORLD, supply
+from planner.evaluation.worlds import supply
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.job.overrides import job_with
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, number, positive_int
+from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table, load
 
 NAME = "plan-evaluate"

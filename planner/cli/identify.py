@@ -128,10 +128,11 @@ def _check_options(figure: Path | None) -> None:
 
 
 def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:
-    from planner.report import identification  # matplotlib takes a second
+    from planner.report import canvas, identification  # matplotlib takes a second
 
     names = ", ".join(path.stem for path in arguments.logs)
-    identification.figure(data, found, f"{names}: {len(data.F)} pushes", arguments.figure)
+    title = f"{names}: {len(data.F)} pushes"
+    canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
 
 
 def _figures(result: Identified) -> dict[str, object]:

@@ -54,12 +54,12 @@ def made(
         ClusterError: the cluster was lost.
         InputFileError: a file cannot be written.
     """
-    from planner.report import subspaces  # matplotlib takes a second
+    from planner.report import canvas, subspaces  # matplotlib takes a second
 
     simulator = Simulator.of_job(job, workers)
     model, rolled = learned_model(job, simulator, store, scheduler, report)
     judged = quality(job, model, rolled, report)
-    subspaces.figure(judged, simulator.outline, simulator.jaws, picture)
+    canvas.save(picture, lambda: subspaces.figure(judged, simulator.outline, simulator.jaws))
     told = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
     beside = picture.with_suffix(".json")
     with writing(beside) as draft:

@@ -127,7 +127,11 @@ def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Par
         parameters: one set for each pose, the same as for the results.
         title: of the page.
     """
-    from planner.report import animation, trajectory  # matplotlib takes its time; most runs draw nothing
+    from planner.report import (  # matplotlib takes its time; most runs draw nothing
+        animation,
+        canvas,
+        trajectory,
+    )
 
     traces = []
     cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)
@@ -136,7 +140,7 @@ def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Par
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
     outline, jaws = simulator.outline, simulator.jaws
     if pictures.figure is not None:
-        trajectory.figure(outline, jaws, traces, pictures.figure)
+        canvas.save(pictures.figure, lambda: trajectory.figure(outline, jaws, traces))
     if pictures.gif is not None:
         animation.gif(outline, jaws, traces[0], pictures.gif)
     if pictures.html is not None:

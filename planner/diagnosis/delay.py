@@ -71,6 +71,6 @@ def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_SHARE]
     found = []
     for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
-        poses, shares, scatter = whereabouts(inner[k].belief[:, :3], metric)
+        poses, shares, scatter = whereabouts(inner[k].belief.poses, metric)
         found.append(Delay(k, inner[k].depth, inner[k].share, poses, shares, scatter))
     return found

@@ -15,11 +15,12 @@ from planner.arrays import IntArray
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.sweep import Case, friction
-from planner.evaluation.worlds import DEFAULT_WORLD, supply
+from planner.evaluation.worlds import supply
 from planner.job.model import Job
 from planner.job.overrides import job_with
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
+from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 1

@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
-from planner.belief.particles import ROUGH, SLIPPERY, without_friction
+from planner.belief.particles import ROUGH, SLIPPERY, Belief
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
@@ -42,7 +42,7 @@ class Doubt(NamedTuple):
     """A leaf made to be searched once more, and what it was before."""
 
     node: TreeNode
-    belief: Array
+    belief: Belief
     mode: Mode
 
 
@@ -125,8 +125,8 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
         wrong = np.concatenate([run.poses[(run.leaf == leaf) & run.wrong] for run in runs])
-        node.belief = np.concatenate([node.belief, _amplified(wrong, len(node.belief))])
-        node.mode = metric.mode(node.belief)
+        node.belief = Belief.joined([node.belief, _amplified(wrong, len(node.belief))])
+        node.mode = metric.mode(node.belief.poses)
     return found
 
 
@@ -140,7 +140,7 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
             node.belief, node.mode = belief, mode
 
 
-def _amplified(wrong: Array, among: int) -> Array:
-    """Poses (n, 3) as particles (m, 4), repeated until they count among so many others."""
+def _amplified(wrong: Array, among: int) -> Belief:
+    """Poses (n, 3) as particles, repeated until they count among so many others."""
     times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return without_friction(np.tile(wrong, (times, 1)))
+    return Belief.of(np.tile(wrong, (times, 1)))

@@ -44,9 +44,9 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
         The table. The widths of what was left out are REJECT: the branches beside it get none.
     """
     for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
-        assert node.clusters is not None
+        assert node.squeeze is not None
         node.children = [node.children[number] for number in numbers]
-        node.clusters = _clusters(node.clusters, numbers)
+        node.squeeze = node.squeeze._replace(clusters=_clusters(node.squeeze.clusters, numbers))
     calibration = Calibration.linear(table.gripper)
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from planner.errors import UsageError
 from planner.job.model import Job
 from planner.world import ContactWorlds, World, Worlds
+from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
-DEFAULT_WORLD = "planner.world:make"
 SEED_COPY = 0x434F5059
 
 
@@ -69,24 +66,8 @@ def load_world(name: str, job: Job, seed: int) -> World:
     Raises:
         UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.
     """
-    module_name, _, factory_name = name.partition(":")
-    if not module_name or not factory_name:
-        raise UsageError(f"--world {name}: write it as module:factory, such as {DEFAULT_WORLD}")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
     try:
-        module = importlib.import_module(module_name)
-    except Exception as error:  # importing runs what somebody else wrote
-        raise UsageError(f"--world {name}: module {module_name} cannot be imported: {error}") from error
-    factory = getattr(module, factory_name, None)
-    if not callable(factory):
-        raise UsageError(f"--world {name}: module {module_name} has no factory {factory_name}")
-    try:
-        world = factory(job, seed)
-    except Exception as error:
-        kind = type(error).__name__
-        raise UsageError(f"--world {name}: the factory called with job and seed: {kind}: {error}") from error
-    if not callable(getattr(world, "squeeze", None)):
-        raise UsageError(f"--world {name}: what the factory returns has no method squeeze(pose_hand)")
-    return world  # type: ignore[no-any-return]
+        world: World = make_world(find_factory(name), job, seed)
+    except WorldError as error:
+        raise UsageError(f"--world {name}: {error}") from error
+    return world

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.particles import Belief
 from planner.belief.transition import MotionModel
 from planner.kernel import kernel
 
@@ -27,15 +28,11 @@ class Comparison(NamedTuple):
         squeezes: how many squeezes.
         model_mm: energy distance between a run of the model and one of the simulator, mean over all pairs.
         simulator_mm: energy distance between two runs of the simulator, mean over all pairs.
-        model_spread_mm: standard deviation of the former over runs of the model.
-        simulator_spread_mm: standard deviation of the latter over runs of the simulator.
     """
 
     squeezes: int
     model_mm: float
     simulator_mm: float
-    model_spread_mm: float
-    simulator_spread_mm: float
 
     @property
     def ratio(self) -> float:
@@ -85,8 +82,8 @@ def compare(
     """
     half = len(beliefs) // 2
     streams = list(zip(beliefs, rng.spawn(2 * half), strict=True))
-    runs = [_push(model, belief, placements, stream) for belief, stream in streams[:half]]
-    truth = [_push(reference, belief, placements, stream) for belief, stream in streams[half:]]
+    runs = [_push(model, Belief.of(belief), placements, stream) for belief, stream in streams[:half]]
+    truth = [_push(reference, Belief.of(belief), placements, stream) for belief, stream in streams[half:]]
     comparisons = []
     for k in range(len(placements)):
         tried = [points_of(run[k], rho_mm, order) for run in runs]
@@ -95,12 +92,12 @@ def compare(
     return comparisons
 
 
-def _push(model: MotionModel, belief: Array, placements: Array, rng: np.random.Generator) -> list[Array]:
-    """The belief after each of a sequence of squeezes."""
+def _push(model: MotionModel, belief: Belief, placements: Array, rng: np.random.Generator) -> list[Array]:
+    """The poses (n, 3) after each of a sequence of squeezes."""
     beliefs = []
     for placement in placements:
-        belief = np.concatenate(model.squeeze([(belief, placement)], rng)[0].beliefs)
-        beliefs.append(belief)
+        belief = Belief.joined(model.squeeze([(belief, placement)], rng)[0].beliefs)
+        beliefs.append(belief.poses)
     return beliefs
 
 
@@ -111,19 +108,8 @@ def _compared(squeezes: int, tried: list[Array], true: list[Array]) -> Compariso
     for points in tried:
         own = float(_mean_within(points))
         scores.append(np.mean([_energy(points, b, own, w) for b, w in zip(true, within, strict=True)]))
-    m = len(true)
-    table = np.zeros((m, m))
-    for i in range(m):
-        for j in range(i):
-            table[i, j] = table[j, i] = _energy(true[i], true[j], within[i], within[j])
-    own_scores = table.sum(axis=1) / (m - 1)
-    return Comparison(
-        squeezes,
-        float(np.mean(scores)),
-        float(own_scores.mean()),
-        float(np.std(scores)),
-        float(own_scores.std()),
-    )
+    pairs = [_energy(true[i], true[j], within[i], within[j]) for i in range(len(true)) for j in range(i)]
+    return Comparison(squeezes, float(np.mean(scores)), float(np.mean(pairs)))
 
 
 def _energy(a: Array, b: Array, within_a: float, within_b: float) -> float:

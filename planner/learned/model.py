@@ -18,9 +18,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, encoder_of
-from planner.belief.particles import frictions
-from planner.belief.transition import Outcomes, split
-from planner.frames import to_hand
+from planner.belief.transition import Case, Outcomes, outcomes_of
 from planner.job.model import Job
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import RollOuts, region_radius, roll_outs
@@ -119,23 +117,13 @@ class LearnedModel:
         first[np.unique(belief * (len(self.status) + 1) + source, return_index=True)[1]] = True
         return np.asarray(first & (nearest_mm <= self.farthest_mm))
 
-    def squeeze(self, cases: list[tuple[Array, Array]], rng: np.random.Generator) -> list[Outcomes]:
-        """Squeezes beliefs at placements.
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
+        """As `MotionModel.squeeze`."""
 
-        Args:
-            cases: pairs of a belief (n, 3) in the world, or (n, 4) with friction, and a placement (3,).
-            rng: source of all randomness.
+        def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
+            return self.roll_out(poses, case, rng, friction)
 
-        Returns:
-            The outcomes, one for each case.
-        """
-        if not cases:
-            return []
-        hand = np.concatenate([to_hand(belief, placement) for belief, placement in cases])
-        number = np.repeat(np.arange(len(cases)), [len(belief) for belief, _ in cases])
-        rolled = self.roll_out(hand, number, rng, frictions([belief for belief, _ in cases]))
-        counts = self.encoder.read(rolled.width_mm, rng)
-        return split(cases, rolled.poses, rolled.width_mm, rolled.status, counts)
+        return outcomes_of(cases, roll_out, self.encoder, rng)
 
 
 def learns(job: Job) -> bool:

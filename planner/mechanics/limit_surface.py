@@ -192,18 +192,6 @@ def twist(A: Array, F: Array) -> Array:
     return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
 
-def mean_twist_error(A: Array, F: Array, V: Array) -> float:
-    """Return the mean angle, rad, between predicted and given twists in normalised coordinates.
-
-    Args:
-        A: (3, 3).
-        F: (K, 3) normalised wrenches.
-        V: (K, 3) normalised twists, any magnitude but 0.
-    """
-    cosine = (twist(A, F) * V).sum(axis=1) / np.linalg.norm(V, axis=1)
-    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())
-
-
 def _frozen(A: Array) -> Array:
     """Return A made symmetric to the last bit, read-only."""
     symmetric = 0.5 * (A + A.T)

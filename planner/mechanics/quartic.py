@@ -36,7 +36,6 @@ from planner.part.quartic_form import (
     gradient_rows,
     gram,
     monomials,
-    quadratics,
 )
 
 
@@ -62,13 +61,6 @@ class QuarticSurface:
         """Return grad H (..., 3) at wrenches F (..., 3)."""
         return np.asarray(gradient_rows(F) @ self.coefficients)
 
-    def hessian(self, F: Array) -> Array:
-        """Return hess H (..., 3, 3) at wrenches F (..., 3); 3 A(F) of the local ellipsoid's law."""
-        entries = quadratics(F) @ self.hessian_table().T  # (..., 6)
-        result = np.empty((*entries.shape[:-1], 3, 3))
-        result[..., PAIRS[:, 0], PAIRS[:, 1]] = result[..., PAIRS[:, 1], PAIRS[:, 0]] = entries
-        return result
-
     def hessian_table(self) -> Array:
         """Return (6, 6) for kernels: xx, xy, xz, yy, yz, zz of hess H = this table @ the six `quadratics`."""
         table = (FORM @ gram(self.coefficients).reshape(81)).reshape(6, 6)
@@ -78,11 +70,6 @@ class QuarticSurface:
         """Return the unit twists (..., 3) that answer the wrenches F (..., 3)."""
         gradient = self.gradient(F)
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
-
-    def mean_twist_error(self, F: Array, V: Array) -> float:
-        """Return the mean angle, rad, between predicted and given twists (K, 3)."""
-        cosine = (self.twist(F) * V).sum(axis=1) / np.linalg.norm(V, axis=1)
-        return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())
 
     def in_coordinates(self, S: Array) -> QuarticSurface:
         """Return the surface H'(F) = H(S F), S (3, 3) regular; the certificate goes along by congruence."""

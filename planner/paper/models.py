@@ -8,7 +8,7 @@ final poses seen in them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from sklearn.tree import DecisionTreeClassifier
@@ -19,20 +19,12 @@ from planner.learned.kcde import Kcde
 from planner.learned.rollouts import COLLIDES, RollOuts
 from planner.mechanics.simulator import Simulator
 from planner.paper.projection import Projection
+from planner.paper.search import Models
 from planner.paper.sensor import SensorModel, features
 from planner.paper.subspaces import Subspaces, subspaces_of
 
 
-class Printed(NamedTuple):
-    """What the paper learns before planning."""
-
-    motion: KernelMotion
-    sensor: SensorModel
-    collision: CollisionTree
-    subspaces: StoredSubspaces
-
-
-def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Printed:
+def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
     """Fits all four models.
 
     Args:
@@ -50,11 +42,11 @@ def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: floa
     kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
     subspaces = subspaces_of(free.width_mm, encoder)
     stored = Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order)
-    return Printed(
-        KernelMotion(kcde, simulator.workers),
-        SensorModel.fit(free.final, free.width_mm, order),
-        CollisionTree.fit(rolled.initial, stands, order),
-        StoredSubspaces(subspaces, stored),
+    return Models(
+        motion=KernelMotion(kcde, simulator.workers),
+        sensor=SensorModel.fit(free.final, free.width_mm, order),
+        collision=CollisionTree.fit(rolled.initial, stands, order),
+        subspaces=StoredSubspaces(subspaces, stored),
     )
 
 
@@ -101,4 +93,4 @@ class StoredSubspaces:
 
     def project(self, poses: Array, label: IntArray) -> Array:
         """BeliefUpdateProjection: the nearest pose of its subspace for each pose, (n, 3) to (n, 3)."""
-        return self.projection.project(poses, label).poses
+        return self.projection.project(poses, label)

@@ -12,7 +12,7 @@ from planner.learned.store import Store
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
 from planner.paper.models import learn
-from planner.paper.search import Models, PaperPlanner, search_depth
+from planner.paper.search import PaperPlanner, search_depth
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.expand import TreeNode
@@ -46,11 +46,10 @@ def plan_paper(
     say = report or silent
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
-    learned = learn(rolled, simulator, encoder, rho_mm, job.part.symmetry)
     placements = actions_of(job).placements
     planner = PaperPlanner(
         placements=placements,
-        models=Models(*learned),
+        models=learn(rolled, simulator, encoder, rho_mm, job.part.symmetry),
         encoder=encoder,
         clearance=lambda belief, placement: least_clearance(
             simulator.outline, simulator.jaws, belief, placement

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,18 +20,6 @@ from planner.frames import wrap
 
 STILL_MM = 1e-6
 """A particle this near to a stored pose is that pose already."""
-
-
-class Projected(NamedTuple):
-    """Particles on their subspaces.
-
-    Attributes:
-        poses: (n, 3) [mm, mm, rad].
-        moved_mm: (n,) how far each had to move, in [x, y, rho theta].
-    """
-
-    poses: Array
-    moved_mm: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +61,7 @@ class Projection:
             trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
         return cls(poses, trees, rho_mm, order)
 
-    def project(self, poses: Array, label: IntArray) -> Projected:
+    def project(self, poses: Array, label: IntArray) -> Array:
         """Moves particles onto their subspaces.
 
         Args:
@@ -84,24 +72,21 @@ class Projection:
             The nearest stored poses, at that of their equal angles which is nearest to the particle's; free
             particles as they are. Projecting twice is the same as once.
         """
-        result = Projected(np.array(poses, dtype=np.float64), np.zeros(len(poses)))
+        result = np.array(poses, dtype=np.float64)
         for k in range(1, len(self.trees)):
             members = np.flatnonzero(label == k)
             if len(members):
-                self._project_onto(k, members, result)
+                result[members] = self._onto(k, result[members])
         return result
 
-    def _project_onto(self, k: int, members: IntArray, result: Projected) -> None:
-        """Moves the members (m,) of a subspace, in place."""
+    def _onto(self, k: int, start: Array) -> Array:
+        """The stored poses of subspace k that are nearest to poses (m, 3)."""
         tree = self.trees[k]
         assert tree is not None
-        start = result.poses[members]
         distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
         end = self.poses[k][nearest]
         end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
-        moving = distance > STILL_MM
-        result.poses[members[moving]] = end[moving]
-        result.moved_mm[members[moving]] = distance[moving]
+        return np.where(distance[:, None] > STILL_MM, end, start)
 
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:

@@ -17,10 +17,11 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.observation import COUNTS, Encoder, Partition
+from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world
 from planner.paper.open_loop import ALPHA, Collision, Motion, OpenLoop
 from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
-from planner.search.expand import Progress, TreeNode
+from planner.search.expand import PlannedSqueeze, Progress, TreeNode
 
 METHODS = ("paper", "paper-sequence", "sensorless")
 """Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
@@ -105,7 +106,7 @@ class PaperPlanner:
             The root. A leaf whose ratio is not above r_s could not be expanded: no action was free of
             collision and kept the ratio, or the path was too long.
         """
-        root = TreeNode(belief, 1.0, singleton(belief, self.tolerances, self.order))
+        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, self.tolerances, self.order))
         waiting, done = deque([root]), 0
         while waiting:
             node = waiting.popleft()
@@ -118,7 +119,7 @@ class PaperPlanner:
 
     def _expanded(self, node: TreeNode, rng: np.random.Generator) -> list[TreeNode]:
         """Acts on a node; returns the nodes at the ends of what was added, for further expansion."""
-        actions = self._search(self.max_depth - node.depth).search(node.belief, rng).actions
+        actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "paper":
             actions = actions[:1]
         blind, branching = actions[:-1], actions[-1:]
@@ -145,7 +146,7 @@ class PaperPlanner:
 
     def _branched(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> list[TreeNode]:
         """Adds a child for each observation (the end of Algorithm 2, then the loop of Algorithm 1)."""
-        hand = self.models.motion.move(to_hand(node.belief, placement), rng)
+        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
         subspace = self.models.subspaces.label(width)
         poses = to_world(self.models.subspaces.project(hand, subspace), placement)
@@ -154,7 +155,7 @@ class PaperPlanner:
 
     def _blind(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> TreeNode:
         """Adds the one child that every width leads to."""
-        hand = self.models.motion.move(to_hand(node.belief, placement), rng)
+        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
         clusters, _ = nearest_observation(self.encoder, width, np.zeros(len(width), np.int64))
         return self._add(node, placement, clusters, [to_world(hand, placement)])[0]
@@ -163,14 +164,13 @@ class PaperPlanner:
         self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
     ) -> list[TreeNode]:
         """Gives a node its action and its children."""
-        node.placement, node.opening_mm = placement, self.encoder.opening_mm
         # Particles that the learned detector let through would make the clearance negative.
-        node.clearance_mm = max(self.clearance(node.belief, placement), 0.0)
-        node.clusters = clusters
+        clearance = max(self.clearance(node.belief.poses, placement), 0.0)
+        node.squeeze = PlannedSqueeze(placement, self.encoder.opening_mm, clearance, clusters)
         for k, belief in enumerate(beliefs):
             share = node.share * len(belief) / len(node.belief)
             mode = singleton(belief, self.tolerances, self.order)
-            node.children.append(TreeNode(belief, share, mode, (*node.path, k)))
+            node.children.append(TreeNode(Belief.of(belief), share, mode, (*node.path, k)))
         return node.children
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, IntArray
 from planner.belief.observation import HOLE, Encoder, cut, resolution_of
 
 EXPLAINED = 0.97
@@ -54,12 +54,6 @@ class Subspaces:
     def label(self, width_mm: Array) -> IntArray:
         """Subspace of each width: (n,) to (n,); 0 is free space."""
         return np.asarray(np.searchsorted(self.edges_mm, width_mm, side="right"), dtype=np.int64)
-
-    def within(self, width_mm: Array, margin_mm: float = 0.0) -> BoolArray:
-        """Where a width (n,) is one that was seen in its subspace, give or take a margin: the reject test."""
-        label = self.label(width_mm)
-        low, high = self.low_mm[label] - margin_mm, self.high_mm[label] + margin_mm
-        return np.asarray((width_mm >= low) & (width_mm <= high))
 
     def figures(self) -> list[dict[str, float]]:
         """For JSON."""

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
-from planner.job.model import Job
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
@@ -55,15 +57,37 @@ def style() -> Iterator[None]:
         yield
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure, in the format that the suffix names: the same bytes for the same figure.
+def save(path: Path, draw: Callable[[], Figure]) -> None:
+    """Draws a figure and writes it in the format that the suffix names: the same bytes for the same figure.
 
     Args:
-        figure: drawn under `style`.
         path: ends in one of `PICTURES`.
+        draw: makes the figure.
     """
-    with writing(path) as file:
-        figure.savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
+    with style(), writing(path) as file:
+        draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
+
+
+def polygons(
+    axes: Axes, shapes: Sequence[Array] | Array, colour: str, width: float, order: float = 2.0,
+    fill: float = 0.0, edge: float = 1.0,
+) -> None:  # fmt: skip
+    """Draws closed polygons; the limits of the axes stay.
+
+    Args:
+        axes: where.
+        shapes: n of them, each (N, 2) [mm].
+        colour: of edges and faces.
+        width: of the edges [points].
+        order: greater ones are drawn over lesser ones.
+        fill: opacity of the faces.
+        edge: opacity of the edges.
+    """
+    faces = to_rgba(colour, fill) if fill else "none"
+    drawn = PolyCollection(
+        list(shapes), linewidths=width, zorder=order, facecolors=faces, edgecolors=to_rgba(colour, edge)
+    )
+    axes.add_collection(drawn, autolim=False)
 
 
 def outlines(outline: Array, poses: Array) -> Array:
@@ -79,13 +103,6 @@ def outlines(outline: Array, poses: Array) -> Array:
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)  # (n, 2, 2)
     return np.asarray(np.einsum("nij,kj->nki", turn, outline) + poses[:, None, :2])
-
-
-def jaws_of(job: Job) -> Array:
-    """Opening, finger length, finger thickness [mm], and the upper finger's share of the closing."""
-    gripper = job.gripper
-    sizes = gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm
-    return np.array([*sizes, gripper.upper_finger_share])
 
 
 def finger_boxes(jaws: Array, width_mm: float) -> Array:

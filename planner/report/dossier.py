@@ -17,6 +17,7 @@ import numpy as np
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.statistics import wilson_interval
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
 from planner.report.details import leaf_details, node_details, runs
@@ -61,7 +62,7 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     data = {
         "outline": tree.points(job.part.outline_mm),
         "reach": round(drawing.reach, 2),
-        "jaws": [round(float(value), 3) for value in canvas.jaws_of(job)],
+        "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,
         "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
         "nodes": node_details(table, beliefs),

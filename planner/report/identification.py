@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,21 +25,14 @@ NEAR = 0.35
 SIZE_IN = (7.4, 5.0)
 
 
-def figure(data: Normalised, found: Sequence[Identified], title: str, path: Path) -> None:
-    """Draws the identified surfaces and saves the picture.
+def figure(data: Normalised, found: Sequence[Identified], title: str) -> Figure:
+    """Draws the identified surfaces.
 
     Args:
         data: the pairs.
         found: one result for each kind of surface, of the same pairs.
         title: over all of it.
-        path: ends in .png, .svg or .pdf.
     """
-    with canvas.style():
-        canvas.save(panels(data, found, title), path)
-
-
-def panels(data: Normalised, found: Sequence[Identified], title: str) -> Figure:
-    """The figure that `figure` saves; arguments alike."""
     result = Figure(figsize=SIZE_IN, facecolor="white", layout="constrained")
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -16,6 +14,7 @@ from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.belief.particles import subsample
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.paper.subspaces import subspaces_of
 from planner.report import canvas, trajectory
@@ -91,7 +90,7 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
         squeezes: length of the path shown.
     """
     path = likeliest_path(table, beliefs, squeezes)
-    outline, jaws = job.part.outline_mm, canvas.jaws_of(job)
+    outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
     track, widths = _track(beliefs, path)
     boxes = [_closed(table, step, jaws) for step in path]
@@ -108,11 +107,11 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
             _frame(axes, half)
         _density(above, outline, poses[k])
         before = track[max(k - 1, 0)]
-        _outlines(below, outline, before[None], canvas.GREY, 0.9)
+        canvas.polygons(below, canvas.outlines(outline, before[None]), canvas.GREY, 0.9)
         if k:
             _fingers(above, boxes[k - 1])
             _fingers(below, _closed(table, path[k - 1], jaws, widths[k - 1]))
-            _outlines(below, outline, track[k][None], canvas.BLUE, 1.4, 0.25)
+            canvas.polygons(below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25)
         above.set_title(_heading(table, path, k, len(poses[k]) / len(poses[0])), fontsize=FONT, pad=4.0)
     _caption(result, "x / mm", "y / mm")
     grid[0, 0].set_ylabel("what is believed", fontsize=FONT)
@@ -159,7 +158,7 @@ def squeezes(job: Job) -> Figure:
     for _, pose in BUTTERFLY_POSES:
         states, status = simulator.trace(np.array(pose), surface, MU)
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
-    result = trajectory.panels(job.part.outline_mm, simulator.jaws, traces)
+    result = trajectory.figure(job.part.outline_mm, simulator.jaws, traces)
     result.set_size_inches(WIDTH_IN, 2.95)
     for k, (axes, trace, (end, _)) in enumerate(zip(result.axes, traces, BUTTERFLY_POSES, strict=True)):
         axes.set_title(f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm", fontsize=FONT, pad=4.0)
@@ -222,21 +221,9 @@ def _density(axes: Axes, outline: Array, poses: Array) -> None:
     """A sample of the poses, so transparent that full overlap looks alike in all panels."""
     poses = subsample(poses, OUTLINES)
     fill = 1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1))
-    _outlines(axes, outline, poses, canvas.BLUE, 0.4, fill, min(0.8, 4.0 * fill))
-
-
-def _outlines(
-    axes: Axes, outline: Array, poses: Array, color: str, width: float, fill: float = 0.0, edge: float = 1.0
-) -> None:
-    drawn = PolyCollection(
-        list(canvas.outlines(outline, poses)), linewidths=width, zorder=2.0,
-        facecolors=to_rgba(color, fill), edgecolors=to_rgba(color, edge),
-    )  # fmt: skip
-    axes.add_collection(drawn, autolim=False)
+    shapes = canvas.outlines(outline, poses)
+    canvas.polygons(axes, shapes, canvas.BLUE, 0.4, fill=fill, edge=min(0.8, 4.0 * fill))
 
 
 def _fingers(axes: Axes, boxes: Array) -> None:
-    drawn = PolyCollection(
-        list(boxes), facecolors=to_rgba(canvas.RED, 0.25), edgecolors=canvas.RED, linewidths=1.0, zorder=3.0
-    )
-    axes.add_collection(drawn, autolim=False)
+    canvas.polygons(axes, boxes, canvas.RED, 1.0, 3.0, fill=0.25)

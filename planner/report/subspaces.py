@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from math import ceil
-from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
@@ -21,21 +18,14 @@ WIDTH_IN = 2.1
 SEED = 4
 
 
-def figure(quality: Quality, outline: Array, jaws: Array, path: Path) -> None:
-    """Draws the subspaces and saves the picture.
+def figure(quality: Quality, outline: Array, jaws: Array) -> Figure:
+    """Draws the subspaces.
 
     Args:
         quality: has the subspaces and the final poses in them.
         outline: (N, 2) the part [mm].
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        path: ends in .png, .svg or .pdf.
     """
-    with canvas.style():
-        canvas.save(panels(quality, outline, jaws), path)
-
-
-def panels(quality: Quality, outline: Array, jaws: Array) -> Figure:
-    """The figure that `figure` saves; arguments alike."""
     count = len(quality.subspaces)
     columns = min(COLUMNS, count)
     rows = ceil(count / columns)
@@ -58,7 +48,9 @@ def panels(quality: Quality, outline: Array, jaws: Array) -> Figure:
         axes.tick_params(labelsize=7.0)
         poses = quality.final[quality.label == k]
         chosen = poses[rng.permutation(len(poses))[:PARTS]]
-        _draw(axes, outline, jaws, chosen, float(quality.subspaces.mean_mm[k]))
+        canvas.polygons(axes, canvas.outlines(outline, chosen), canvas.BLUE, 0.4)
+        boxes = canvas.finger_boxes(jaws, float(quality.subspaces.mean_mm[k]))
+        canvas.polygons(axes, boxes, canvas.RED, 1.3, 3.0)
         axes.set_title(f"{chr(97 + k)}  {name(quality, k)}", fontsize=8.0, pad=4.0)
     result.supxlabel("x / mm, along the fingers", fontsize=8.0)
     result.supylabel("y / mm, closing", fontsize=8.0)
@@ -72,14 +64,3 @@ def name(quality: Quality, k: int) -> str:
     if k == 0:
         return f"free space, {share}"
     return f"{subspaces.low_mm[k]:.1f} to {subspaces.high_mm[k]:.1f} mm, {share}"
-
-
-def _draw(axes: Axes, outline: Array, jaws: Array, poses: Array, width_mm: float) -> None:
-    """Outlines of the part at the poses, and the fingers at their mean width in red."""
-    parts = canvas.outlines(outline, poses)
-    boxes = canvas.finger_boxes(jaws, width_mm)
-    for shapes, colour, width in ((parts, canvas.BLUE, 0.4), (boxes, canvas.RED, 1.3)):
-        drawn = PolyCollection(
-            list(shapes), facecolors="none", edgecolors=colour, linewidths=width, zorder=2.0 + width
-        )
-        axes.add_collection(drawn, autolim=False)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
@@ -72,21 +70,14 @@ def trail(centres: Array) -> Array:
     return np.stack([np.interp(marks, passed, centres[:, j]) for j in range(2)], axis=-1)
 
 
-def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed], path: Path) -> None:
-    """Draws one panel for each squeeze.
+def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
+    """Draws one panel for each squeeze, a group `squeeze-1`, ... in an SVG.
 
     Args:
         outline: (N, 2) the part [mm].
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         traces: 1 to `MOST_PANELS` squeezes.
-        path: the picture; ends in .png, .svg or .pdf.
     """
-    with canvas.style():
-        canvas.save(panels(outline, jaws, traces), path)
-
-
-def panels(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
-    """The figure that `figure` saves; arguments alike. Each panel is a group `squeeze-1`, ... in an SVG."""
     half = extent(outline, jaws, traces)
     columns = min(COLUMNS_IF_TALL if half[1] > TALL * half[0] else COLUMNS, len(traces))
     rows = ceil(len(traces) / columns)
@@ -134,8 +125,6 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
         (states[-1:], canvas.RED, 1.3, 3.0),
     ):
         boxes = [box for state in rows for box in canvas.finger_boxes(jaws, float(state[3]))]
-        shapes = [*boxes, *canvas.outlines(outline, rows[:, :3])]
-        drawn = PolyCollection(shapes, facecolors="none", edgecolors=color, linewidths=width, zorder=order)
-        axes.add_collection(drawn, autolim=False)
+        canvas.polygons(axes, [*boxes, *canvas.outlines(outline, rows[:, :3])], color, width, order)
     marks = trail(states[:, :2])
     axes.plot(marks[:, 0], marks[:, 1], "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)

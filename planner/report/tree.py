@@ -18,6 +18,7 @@ from planner.belief.particles import subsample
 from planner.evaluation.evaluate import placement_of
 from planner.frames import to_world
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
 from planner.report.layout import Sizes, Spot, tidy
 from planner.report.replay import Replay, replay
@@ -186,7 +187,7 @@ class _Sketch:
     def __init__(self, table: Table, job: Job, beliefs: Replay, style: Style) -> None:
         self.table, self.beliefs, self.style = table, beliefs, style
         self.layout = tidy(table, style.sizes)
-        self.jaws = canvas.jaws_of(job)
+        self.jaws = jaws_of(job.gripper)
         self.parent = {
             branch.target: (index, number)
             for index, node in enumerate(table.nodes)

@@ -6,12 +6,13 @@ same place from any opening, and quasi-static contact does not know how strong t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.observation import Encoder, encoder_of
+from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.frames import to_hand
 from planner.job.model import Job
@@ -46,7 +47,7 @@ class Handling:
     area: Array
     encoder: Encoder
 
-    def opening(self, belief: Array, placement: Array) -> tuple[float, float]:
+    def opening(self, belief: Belief, placement: Array) -> tuple[float, float]:
         """The least opening that keeps clear of the belief by `SPARE_MM`, and the clearance there [mm]."""
         for opening in self.openings_mm[:-1]:
             clearance = self._clearance(opening, belief, placement)
@@ -55,10 +56,10 @@ class Handling:
         full = self.openings_mm[-1]
         return full, max(self._clearance(full, belief, placement), 0.0)
 
-    def clear(self, belief: Array, placement: Array) -> Array:
+    def clear(self, belief: Belief, placement: Array) -> Belief:
         """The particles that no open finger comes down on; at the others the arm stops."""
-        verdict = classify_contact(self.outline, self.jaws, to_hand(belief, placement))
-        return np.asarray(belief[verdict != STANDS_ON])
+        verdict = classify_contact(self.outline, self.jaws, to_hand(belief.poses, placement))
+        return belief[verdict != STANDS_ON]
 
     def force_n(self, unstable: float) -> float:
         """The strongest grip for a stable squeeze; the gentlest where parts may be thrown (paper VII.B)."""
@@ -77,7 +78,9 @@ class Handling:
         """
         reach = float(np.max(np.hypot(*self.outline.T)))
         low, high = self.area[0] + reach, self.area[1] - reach
-        held = [b for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True) if w >= HELD_MM]
+        held = [
+            b.poses for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True) if w >= HELD_MM
+        ]
         if not held or bool(np.any(low >= high)):
             return None
         centres = np.concatenate(held)[:, :2]
@@ -85,20 +88,19 @@ class Handling:
             return None
         return np.asarray(0.5 * (self.area[0] + self.area[1]))
 
-    def released(self, placement: Array, release: Array | None, outcomes: Outcomes) -> list[Array]:
+    def released(self, placement: Array, release: Array | None, outcomes: Outcomes) -> list[Belief]:
         """The beliefs after the jaws have opened: held parts have come along with the hand."""
         if release is None:
             return outcomes.beliefs
-        widths = self._widths(outcomes)
-        moved = [belief.copy() for belief in outcomes.beliefs]
-        for belief, width in zip(moved, widths, strict=True):
-            if width >= HELD_MM:
-                belief[:, :2] += release - placement[:2]
-        return moved
+        drag = np.array([*(release - placement[:2]), 0.0])
+        return [
+            replace(belief, poses=belief.poses + drag) if width >= HELD_MM else belief
+            for belief, width in zip(outcomes.beliefs, self._widths(outcomes), strict=True)
+        ]
 
-    def _clearance(self, opening: float, belief: Array, placement: Array) -> float:
+    def _clearance(self, opening: float, belief: Belief, placement: Array) -> float:
         jaws = np.array([opening, *self.jaws[1:]])
-        return least_clearance(self.outline, jaws, belief, placement)
+        return least_clearance(self.outline, jaws, belief.poses, placement)
 
     def _widths(self, outcomes: Outcomes) -> Array:
         return self.encoder.width_mm(outcomes.clusters.mean)

@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate`: what a cell has to measure of itself before it can be believed."""
+"""The command `grasp-calibrate`: measures the gripper's widths, and the audit's camera."""
 
 import argparse
 import json
@@ -9,15 +9,14 @@ from dataclasses import replace
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import TextIO
 
+from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Gripper
-from runtime.errors import GripperStateError, UsageError
+from runtime.errors import ArgumentsError, GripperStateError
 from runtime.execution import calibration, strokes
 from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
-from runtime.execution.decision import CLOSING_CONTACT
 from runtime.execution.reading import CLOSED_COUNTS, check_fresh
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import ready_gripper
@@ -25,6 +24,7 @@ from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
+from runtime.traversal.decision import CLOSING_CONTACT
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
@@ -51,13 +51,6 @@ standard input stop the fingers where they are; an activation is reset. What the
 is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 {EXIT_CODES}"""
-
-
-class Open(Protocol):
-    """Opens a gripper by its port; `drivers.connect.gripper`."""
-
-    def __call__(self, port: str) -> Gripper:
-        """Connect, moving nothing."""
 
 
 def parser() -> Parser:
@@ -94,12 +87,16 @@ def parser() -> Parser:
     return built
 
 
-def run(arguments: argparse.Namespace, open_gripper: Open, ask: Callable[[str], object] | None = None) -> int:
+def run(
+    arguments: argparse.Namespace,
+    open_gripper: Callable[[str], Gripper],
+    ask: Callable[[str], object] | None = None,
+) -> int:
     """Measure and write as the arguments say.
 
     Args:
         arguments: parsed.
-        open_gripper: opens the gripper.
+        open_gripper: opens a gripper by its port, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
 
     Returns:
@@ -194,7 +191,7 @@ def figures(made: GripperCalibration) -> dict[str, object]:
 
 
 class _Terminal:
-    """Asks the operator, where no parser reads it."""
+    """Asks the operator, on the stream that is not parsed."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file
@@ -204,7 +201,7 @@ class _Terminal:
         with suppress(OSError):  # a terminal that is gone
             if sys.stdin.readline():
                 return
-        raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
+        raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
@@ -221,13 +218,13 @@ def _checked(
     """Blocks in rising order, tips and current; looked at before anybody holds a block."""
     widths_mm = sorted(_numbers("--blocks", arguments.blocks))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
-        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
+        raise ArgumentsError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise UsageError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
+        raise ArgumentsError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
     try:
         usable(arguments.output)
     except OutputError as error:
-        raise UsageError(f"--output {error}") from error
+        raise ArgumentsError(f"--output {error}") from error
     tips = current = None
     if arguments.tips is not None:
         link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
@@ -244,7 +241,7 @@ def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
     except ValueError:
         numbers = []
     if not numbers or not all(map(isfinite, numbers)):
-        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
+        raise ArgumentsError(f"{option} {text!r}: write numbers separated by commas")
     if wanted is not None and len(numbers) != wanted:
-        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
+        raise ArgumentsError(f"{option} {text!r}: takes {wanted} numbers")
     return numbers

@@ -11,9 +11,10 @@ from enum import Enum
 from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from runtime.devices.ports import Arm, Clock, Gripper
+from drivers.ports import Arm, Gripper
+from runtime.devices.ports import Clock, Heard
 from runtime.execution.safety import NO_COMMUNICATION
 from runtime.table import Calibration, Pose2, Table, misfits
 
@@ -39,20 +40,8 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-class Heard(Protocol):
-    """A slave that answered a scan."""
-
-    @property
-    def unit(self) -> int:
-        """Slave id."""
-
-    @property
-    def baud(self) -> int:
-        """Baud rate."""
-
-
 class System(NamedTuple):
-    """Where the machine keeps what the checks read; tests put folders of their own here."""
+    """The system folders that the checks read; tests use folders of their own."""
 
     dev: Path = Path("/dev")
     proc: Path = Path("/proc")
@@ -139,7 +128,7 @@ def check_silence(port: str, scan: Callable[[str], Iterator[Heard]]) -> Iterator
 
 
 def check_gripper(gripper: Gripper) -> Iterator[Finding]:
-    """What the gripper says of itself."""
+    """Whether the gripper is activated and free of faults."""
     seen = gripper.state()
     if seen.fault not in (0, NO_COMMUNICATION):
         yield Finding(
@@ -214,7 +203,7 @@ def _group(path: Path) -> str:
 
 
 def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
-    """Processes that have the device open, as far as we may look; not ourselves, nor a terminal's maker."""
+    """Other processes that have the device open, as permissions tell; not a pseudo-terminal's maker."""
     wanted = path.stat().st_rdev
     pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
     for folder in proc.glob("[0-9]*"):

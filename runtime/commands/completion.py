@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.shell.command import Parser, run
 
 NAME = "squeezetree-completion"
@@ -39,7 +39,7 @@ COMMANDS = {
     "plan-identify": Source("planner.cli.identify"),
     "plan-init": Source("planner.cli.init"),
     "plan-report": Source("planner.cli.report"),
-    "grasp-runtime": Source("runtime.commands.options"),
+    "grasp-runtime": Source("runtime.commands.arguments"),
     "grasp-doctor": Source("runtime.commands.doctor"),
     "grasp-calibrate": Source("runtime.commands.calibrate", CAMERA),
     "grasp-journal": Source("runtime.commands.journal"),
@@ -72,7 +72,7 @@ def parser() -> Parser:
 
 def _print_script(_: argparse.Namespace) -> int:
     if find_spec("shtab") is None:
-        raise UsageError(
+        raise ArgumentsError(
             "needs the completion extra (shtab is missing); install it with: "
             "pip install 'squeezetree[completion]'"
         )

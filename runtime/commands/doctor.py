@@ -5,13 +5,12 @@ import json
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Protocol
 
 from runtime.commands import checks as doctor
-from runtime.commands.checks import Finding, Heard, System, Verdict
+from runtime.commands.checks import Finding, System, Verdict
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Arm, Gripper
+from runtime.devices.ports import Drivers
 from runtime.errors import CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say
@@ -28,19 +27,6 @@ exit codes:
   30  table invalid                      33  calibration refused    40  stopped by the operator
 """
 MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
-
-
-class Drivers(Protocol):
-    """What opens devices; `drivers.connect`."""
-
-    def gripper(self, port: str, *, read_only: bool) -> Gripper:
-        """Connect to a gripper."""
-
-    def arm(self, url: str, *, read_only: bool) -> Arm:
-        """Connect to an arm."""
-
-    def scan(self, port: str) -> Iterator[Heard]:
-        """Who answers on a serial port."""
 
 
 def parser() -> Parser:

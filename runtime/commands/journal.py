@@ -8,13 +8,13 @@ from itertools import chain
 from pathlib import Path
 
 from runtime.devices.clock import date
-from runtime.errors import JournalError, UsageError
-from runtime.execution.results import Outcome
+from runtime.errors import ArgumentsError, JournalError
 from runtime.journal import export
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Entry, Replay
 from runtime.shell.command import Parser, natural, run
 from runtime.shell.files import STDOUT, usable, words_of
+from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
 exit codes:
@@ -130,7 +130,7 @@ def _export(arguments: argparse.Namespace) -> int:
     suffix = ".csv" if output in STDOUT else output.suffix
     write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(suffix)
     if write is None:
-        raise UsageError(f"--output {output}: name it .csv or .parquet")
+        raise ArgumentsError(f"--output {output}: name it .csv or .parquet")
     rows = write(export.rows(_entries(arguments.journal)), output)
     told = json.dumps({"rows": rows, "output": str(output)})
     print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))

@@ -1,4 +1,4 @@
-"""The arguments of `grasp-runtime`, and what they mean for a run."""
+"""What the arguments of `grasp-runtime` mean for a run, and which of them contradict one another."""
 
 import argparse
 import os
@@ -6,113 +6,51 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from runtime.errors import UsageError
-from runtime.execution import calibration, delivery, safe_state
+from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.errors import ArgumentsError
+from runtime.execution import calibration, delivery
 from runtime.execution.calibration import GripperCalibration
-from runtime.execution.decision import Policy
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.reading import CurrentBand
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
-from runtime.shell.command import Parser, positive, positive_int
 from runtime.table import Table, job_of
+from runtime.traversal.decision import Policy
 
-DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
-SIMULATED = "sim"
-SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 ARC_MODELS = ("2f-85", "c-85")
-
-EPILOG = f"""\
-examples:
-  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
-  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
-  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
-  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
-
-exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
-   0  every part reached a leaf        24  journal cannot be written
-   1  internal error: a bug            25  the last run broke off and was given up
-   2  usage                            30  table invalid
-   3  table file missing or unreadable 31  simulated cell failed to start
-  10  a part was rejected              33  calibration refused, or unfit for the table
-  11  a part stayed unresolved         40  stopped by the operator
-  12  a part could not be delivered
-  20  gripper link fault               22  arm fault, or a motion refused
-  21  gripper fault, or not activated  23  a device's port cannot be opened, or is in use
-
-With --count above 1, rejected, unresolved and undelivered parts do not end the run unless the policy says
-stop; a fault or a stop does. The exit code is the highest that any part earned. A real cell feeds its parts
-by itself, a simulated one brings the next.
-
-Connecting moves nothing. Every fault, and every stop request (Ctrl-C, SIGTERM, SIGHUP, SIGQUIT), ends in the
-declared safe state; what came first gives the exit code:
-{safe_state.DECLARED}.
-"""
-
-
-def parser() -> Parser:
-    """The command's arguments."""
-    built = Parser(
-        prog="grasp-runtime",
-        description="Localise parts by executing a decision table on a cell.",
-        epilog=EPILOG,
-    )
-    add = built.add_argument
-    add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
-    add(
-        "--port",
-        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
-    )
-    add("--arm", help="the arm: tcp://host:port; with --port sim its own")
-    add("--count", type=positive_int, default=1, metavar="N", help="number of parts (default: 1)")
-    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
-    add(
-        "--journal",
-        type=Path,
-        default=DEFAULT_JOURNAL,
-        metavar="P",
-        help=f"append the run to this file, after verifying it (default: ./{DEFAULT_JOURNAL})",
-    )
-    built.add_common(
-        "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"
-    )
-    _add_instead(built.add_argument_group("instead of a run"))
-    _add_handling(built.add_argument_group("how parts are handled"))
-    _add_policy(built.add_argument_group("what follows"))
-    _add_views(built.add_argument_group("who watches"))
-    _add_simulated(built.add_argument_group("with --port sim"))
-    return built
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
     """Check what argparse alone cannot judge.
 
     Raises:
-        UsageError: arguments contradict one another, or one is missing.
+        ArgumentsError: arguments contradict one another, or one is missing.
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
-        raise UsageError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
+        raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
     if arguments.put_down and arguments.after_crash != "abort":
-        raise UsageError("--put-down goes on with no run; leave out --after-crash")
+        raise ArgumentsError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
-        raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
+        raise ArgumentsError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
     if simulated and arguments.arm not in (None, SIMULATED):
-        raise UsageError("--port sim brings its own arm; leave out --arm, or name the real gripper's port")
+        raise ArgumentsError(
+            "--port sim brings its own arm; leave out --arm, or name the real gripper's port"
+        )
     if simulated and arguments.check:
-        raise UsageError("--check looks at an attached gripper; name its port, or leave --port out")
+        raise ArgumentsError("--check looks at an attached gripper; name its port, or leave --port out")
     if simulated or arguments.check:
         return
     if SIMULATED_CAMERA in (arguments.audit or ""):
-        raise UsageError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
+        raise ArgumentsError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
     if arguments.arm in (None, SIMULATED):
-        raise UsageError("a real gripper needs a real arm; name it with --arm tcp://host:port")
+        raise ArgumentsError("a real gripper needs a real arm; name it with --arm tcp://host:port")
     if arguments.arm == arguments.port:
-        raise UsageError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
+        raise ArgumentsError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
     if arguments.time_scale != 1.0 or arguments.world is not None:
-        raise UsageError(
+        raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
 
@@ -131,30 +69,23 @@ def _check_views(arguments: argparse.Namespace) -> None:
     if not arguments.watch and arguments.http is None:
         return
     if arguments.check or arguments.dry_run:
-        raise UsageError("--watch and --http follow a run; leave them out with --check and --dry-run")
+        raise ArgumentsError("--watch and --http follow a run; leave them out with --check and --dry-run")
     if arguments.http is not None:
-        from runtime.monitoring.live import address  # not loaded into a run that nobody watches
+        from runtime.monitoring.live import server  # not loaded into a run that nobody watches
 
-        address.parse(arguments.http)
+        server.parse(arguments.http)
     if views(arguments).terminal is not None and find_spec("rich") is None:
-        raise UsageError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
+        raise ArgumentsError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
 
 
-def gripper_calibration(arguments: argparse.Namespace) -> GripperCalibration | None:
-    """The calibration file named, read and checked; None where none was.
-
-    Raises:
-        CalibrationError: it is refused.
-    """
-    return None if arguments.calibration is None else calibration.load(arguments.calibration)
-
-
-def plan_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> Plan:
+def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     """What the run does besides what its table says.
 
     Raises:
-        UsageError: a policy, an arc or a delivery is not understood.
+        CalibrationError: the calibration file is refused.
+        ArgumentsError: a policy, an arc or a delivery is not understood.
     """
+    measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
         calibration=None if measured is None else measured.table,
         arc=_arc(arguments, table, measured),
@@ -163,7 +94,7 @@ def plan_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibr
         current=CurrentBand(*measured.current_ma) if measured and measured.current_ma else CurrentBand(),
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
-    return Plan(policy, handling, _delivery(arguments.deliver, table))
+    return RunOptions(policy, handling, _delivery(arguments.deliver, table))
 
 
 def _delivery(named: str, table: Table) -> delivery.Delivery | None:
@@ -181,7 +112,9 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
         try:
             link_mm, offset_mm = (float(word) for word in arguments.tips.split(","))
         except ValueError:
-            raise UsageError(f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm") from None
+            raise ArgumentsError(
+                f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
+            ) from None
         return TipArc(link_mm, offset_mm, taught_mm)
     if arguments.tips == "straight" or (arguments.tips is None and arguments.port == SIMULATED):
         return None
@@ -189,114 +122,3 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
         return TipArc(*measured.tips, taught_mm)
     known = any(model in table.gripper.model.lower() for model in ARC_MODELS)
     return TipArc(taught_mm=taught_mm) if known or arguments.tips == "arc" else None
-
-
-def _add_instead(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--check",
-        action="store_true",
-        help="prove the table against the gripper's calibration, read the gripper at --port, move nothing",
-    )
-    group.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="connect over links that cannot write, and tell what would be sent",
-    )
-    group.add_argument(
-        "--put-down",
-        action="store_true",
-        help="put down what the fingers still hold: straight down where the arm stands, open, retreat, end",
-    )
-
-
-def _add_handling(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add("--calibration", type=Path, metavar="F", help="of this gripper, as grasp-calibrate width wrote it")
-    add(
-        "--tips",
-        metavar="ARC",
-        help="how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a "
-        "2F-85, whose arm then moves with the jaws; straight in a simulated cell, whose tips do)",
-    )
-    add(
-        "--force",
-        choices=("regulated", "direct"),
-        default="regulated",
-        help="close gently until contact and then raise the force, or close with it (default: regulated)",
-    )
-    add(
-        "--grip-current",
-        type=positive_int,
-        metavar="MA",
-        help="raise the force no further once the motor draws this much (default: up to the table's force)",
-    )
-    add(
-        "--deliver",
-        default="job",
-        metavar="X,Y,ANGLE|FILE|no",
-        help="take a localised part and put it down there (default: as the job's section delivery says)",
-    )
-    add(
-        "--audit",
-        metavar="COMMAND",
-        help="ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} "
-        "is the address of the camera of --port sim",
-    )
-
-
-def _add_policy(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add(
-        "--jaws-empty",
-        action="store_true",
-        help="begin although the fingers may hold something: you see that they do not (what they hold falls)",
-    )
-    add(
-        "--on-reject",
-        default="next",
-        metavar="LIST",
-        help="in this order, each once a part: resqueeze, restart; and last next or stop (default: next)",
-    )
-    add(
-        "--on-unresolved",
-        default="next",
-        metavar="LIST",
-        help="restart; and last next or stop (default: next)",
-    )
-    add(
-        "--after-crash",
-        choices=("abort", "resume", "restart"),
-        default="abort",
-        help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
-        "part over (default: abort)",
-    )
-    add(
-        "--resume-within",
-        type=positive,
-        default=300.0,
-        metavar="S",
-        help="go on with a part only if its last record is at most so many seconds old (default: 300)",
-    )
-
-
-def _add_views(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add(
-        "--watch",
-        action="store_true",
-        help="show the tree and where the cell is, on a terminal (extra watch)",
-    )
-    add(
-        "--http",
-        metavar="[HOST:]PORT",
-        help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
-        "alone unless HOST names another address of it",
-    )
-    add("--status", type=Path, metavar="SOCKET", help="tell JSON and Prometheus text on this Unix socket")
-
-
-def _add_simulated(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add("--time-scale", type=positive, default=1.0, metavar="S", help="times as fast as life")
-    add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
-    add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")

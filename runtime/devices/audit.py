@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Self
 
 from runtime.devices.ports import Auditor, Clock
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.table import Pose2
 
@@ -36,7 +36,7 @@ MAX_TEXT = 500
 
 
 def answer_of(auditor: Auditor, part: int, pose: Pose2) -> dict[str, object]:
-    """The auditor's answer, fit for the journal: "unknown" where it fails or says anything else.
+    """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
     Returns:
         `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
@@ -64,7 +64,7 @@ class AuditProcess:
         answer_s: seconds it may take to judge one part.
 
     Raises:
-        UsageError: the program cannot be started.
+        ArgumentsError: the program cannot be started.
     """
 
     def __init__(self, command: str, clock: Clock, answer_s: float = ANSWER_S) -> None:
@@ -78,7 +78,7 @@ class AuditProcess:
                 shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
             )
         except (OSError, ValueError, IndexError) as error:
-            raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
+            raise ArgumentsError(f"--audit {command!r} cannot be started: {error}") from error
 
     def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> Mapping[str, object]:
         """Ask for one part's verdict.
@@ -95,16 +95,16 @@ class AuditProcess:
         """Ask a question without a pose, which any verdict answers.
 
         Raises:
-            UsageError: the program has ended, is silent, or answers something else.
+            ArgumentsError: the program has ended, is silent, or answers something else.
         """
         try:
             told = self._ask({"part": 0}, START_S)
         except ValueError:
             told = {}
         except OSError as error:
-            raise UsageError(f"--audit {self._command!r}: {error}") from error
+            raise ArgumentsError(f"--audit {self._command!r}: {error}") from error
         if "verdict" not in told:
-            raise UsageError(
+            raise ArgumentsError(
                 f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
             )
 
@@ -124,7 +124,7 @@ class AuditProcess:
         return told if isinstance(told, dict) else {}
 
     def close(self) -> None:
-        """End the process; a deaf one is killed."""
+        """End the process; one that does not react is killed."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):

@@ -105,7 +105,7 @@ class CellProcess:
 
 def _environment() -> dict[str, str]:
     """Our own, in which the packages are the ones we run from, whatever the working directory holds."""
-    home = str(Path(__file__).resolve().parents[1])
+    home = str(Path(__file__).resolve().parents[2])
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}
 

@@ -28,7 +28,7 @@ def age_s(stamp: str, now: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SystemClock:
-    """The machine's monotonic clock, for a cell that lives `time_scale` seconds in one of ours.
+    """The machine's monotonic clock, for a cell that runs `time_scale` times as fast as real time.
 
     Attributes:
         time_scale: cell seconds per second; 1 for hardware.
@@ -41,7 +41,7 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """The moment by which a motion of so many cell seconds is over; the link keeps our time."""
+        """Time by which a motion of so many cell seconds is over; the link's margin is in real seconds."""
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
     def sleep(self, seconds: float) -> None:

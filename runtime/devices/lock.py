@@ -22,7 +22,7 @@ CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tel
 
 
 class PortLock:
-    """Held while a process of ours works with a device; gone with the process, however it ends.
+    """Held while a process works with a device; released when the process ends, however it ends.
 
     Args:
         port: a tty's path or an address. Links such as /dev/serial/by-id are followed to the device, names of
@@ -42,7 +42,7 @@ class PortLock:
             raise
 
     def close(self) -> None:
-        """Let go of it; the second time does nothing."""
+        """Release it; the second time does nothing."""
         while self._held:
             self._held.pop().close()
 

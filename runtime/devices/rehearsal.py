@@ -1,4 +1,4 @@
-"""A world without physics: widths drawn from the table's own statistics, to rehearse a table with.
+"""A world without physics: widths are drawn from the table's own statistics.
 
 It shows that runtime, gripper and arm play together; about the part it knows no more than the table does, so
 a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
@@ -7,9 +7,9 @@ a success here says nothing about the plan. Where the planner is installed, its 
 from math import isclose, remainder, tau
 from random import Random
 
-from runtime.errors import UsageError
-from runtime.execution.geometry import compose, placement
+from runtime.errors import ArgumentsError
 from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+from runtime.traversal.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -24,15 +24,15 @@ def make(job: object, seed: int) -> "Rehearsal":
         seed: of the draws.
 
     Raises:
-        UsageError: `job` is no table.
+        ArgumentsError: `job` is no table.
     """
     if not isinstance(job, Table):
-        raise UsageError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+        raise ArgumentsError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
     return Rehearsal(job, seed)
 
 
 class Rehearsal:
-    """Walks the tree: a branch by its probability, a width inside it; the part itself never moves.
+    """Draws a branch by its probability and a width inside it; the part itself never moves.
 
     A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
     later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
@@ -79,7 +79,7 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
-        """Never: the table proved its placements against a part this world does not have."""
+        """False: this world has no part to collide with; the table's placements are proved."""
         del pose_hand, opening_mm
         return False
 

@@ -1,1 +1,1 @@
-"""The execution of a decision table: place, squeeze, read, decide, release, deliver."""
+"""The execution of a decision table: place, squeeze, read, release, deliver; recovery after a crash."""

@@ -1,4 +1,4 @@
-"""The last grasp of a localised part and its way to the drop-off: chosen, checked, and gone.
+"""The last grasp of a localised part and its path to the drop-off: choice, checks, execution.
 
 A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where
 both fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and
@@ -11,15 +11,15 @@ from itertools import product
 from math import degrees, inf, pi, tau
 from typing import NamedTuple
 
-from runtime.devices.ports import Arm, Pose
+from drivers.ports import Arm, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
-from runtime.execution.geometry import compose, placement, same_turns
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.traversal.geometry import compose, placement, same_turns
 
 
 class Way(NamedTuple):
@@ -56,8 +56,8 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
                 raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
 
 
-def choose(delivery: Delivery, table: Table, pose: Pose2, start: Pose, arm: Arm | None) -> Way:
-    """The way that turns the hand least, of those that come to the same.
+def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None) -> Way:
+    """The path that turns the hand least, among equivalent ones.
 
     Args:
         delivery: where to.
@@ -136,7 +136,7 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
 
 
 def _same(delivery: Delivery, table: Table, pose: Pose2) -> Iterator[Way]:
-    """The ways that come to the same; the plainest first."""
+    """The equivalent paths; the one without a turn of the part's symmetry first."""
     halves = (0.0, pi) if _close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     for turn, half in product(range(table.goal.symmetry), halves):
@@ -152,7 +152,7 @@ def _close_alike(table: Table) -> bool:
 
 
 def _refusal(
-    delivery: Delivery, limits: Limits, start: Pose, taken: Pose2, put: Pose2, arm: Arm | None
+    delivery: Delivery, limits: Limits, start: PoseOfHand, taken: Pose2, put: Pose2, arm: Arm | None
 ) -> str:
     """Why a part cannot be taken there and put down there, or an empty string."""
     low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.table import Pose2
 
 KEYS = {
@@ -55,12 +55,14 @@ def from_text(text: str) -> Delivery:
     """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
 
     Raises:
-        UsageError: it is not three numbers.
+        ArgumentsError: it is not three numbers.
     """
     try:
         x_mm, y_mm, angle_deg = (float(word) for word in text.split(","))
     except ValueError:
-        raise UsageError(f"--deliver {text!r}: write x,y,angle in mm, mm and degrees, or a file") from None
+        raise ArgumentsError(
+            f"--deliver {text!r}: write x,y,angle in mm, mm and degrees, or a file"
+        ) from None
     return from_keys({"drop_mm": [x_mm, y_mm], "drop_angle_deg": angle_deg}, "--deliver")
 
 
@@ -68,15 +70,15 @@ def from_file(path: Path) -> Delivery:
     """The delivery of a TOML file, its keys at the top or in a section `delivery`.
 
     Raises:
-        UsageError: it cannot be read, or a key is wrong.
+        ArgumentsError: it cannot be read, or a key is wrong.
     """
     try:
         with path.open("rb") as file:
             document = tomllib.load(file)
     except OSError as error:
-        raise UsageError(f"--deliver {path}: {error.strerror or error}; name a TOML file") from error
+        raise ArgumentsError(f"--deliver {path}: {error.strerror or error}; name a TOML file") from error
     except (ValueError, RecursionError) as error:
-        raise UsageError(f"--deliver {path}: no TOML file ({error})") from error
+        raise ArgumentsError(f"--deliver {path}: no TOML file ({error})") from error
     return from_keys(document.get("delivery", document), f"--deliver {path}")
 
 
@@ -84,7 +86,7 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
 
     Raises:
-        UsageError: a key of it is wrong.
+        ArgumentsError: a key of it is wrong.
     """
     keys = (job or {}).get("delivery")
     return None if keys is None else from_keys(keys, "the job's section delivery")
@@ -94,14 +96,14 @@ def from_keys(keys: object, where: str) -> Delivery:
     """The delivery of its keys.
 
     Raises:
-        UsageError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
+        ArgumentsError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
     """
     if not isinstance(keys, Mapping):
-        raise UsageError(f"{where}: delivery is no section of keys and values")
+        raise ArgumentsError(f"{where}: delivery is no section of keys and values")
     if unknown := keys.keys() - KEYS.keys():
-        raise UsageError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
+        raise ArgumentsError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
     if "drop_mm" not in keys:
-        raise UsageError(f"{where}: drop_mm is missing; say where the part goes")
+        raise ArgumentsError(f"{where}: drop_mm is missing; say where the part goes")
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
     drop, grasp = (
         (*numbers.get(f"{name}_mm", (0.0, 0.0)), math.radians(numbers.get(f"{name}_angle_deg", (0.0,))[0]))
@@ -114,7 +116,7 @@ def from_keys(keys: object, where: str) -> Delivery:
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
         if x_min >= x_max or y_min >= y_max:
-            raise UsageError(f"{where}: area_mm is x min, y min, x max, y max, each min below its max")
+            raise ArgumentsError(f"{where}: area_mm is x min, y min, x max, y max, each min below its max")
         made = replace(made, area_um=(x_min, y_min, x_max, y_max))
     return made
 
@@ -123,13 +125,15 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
     items: list[object] = value if isinstance(value, list) else [value]
     wanted = KEYS[name]
     if isinstance(value, list) != bool(wanted) or len(items) != max(wanted, 1):
-        raise UsageError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
+        raise ArgumentsError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
     numbers = []
     for item in items:
         if isinstance(item, bool) or not isinstance(item, int | float) or item != item:
-            raise UsageError(f"{where}: {name} holds {item!r}, which is no number")
+            raise ArgumentsError(f"{where}: {name} holds {item!r}, which is no number")
         if not -LARGEST <= item <= LARGEST:
-            raise UsageError(f"{where}: {name} holds a number beyond {LARGEST:g}; these are mm and degrees")
+            raise ArgumentsError(
+                f"{where}: {name} holds a number beyond {LARGEST:g}; these are mm and degrees"
+            )
         numbers.append(float(item))
     return tuple(numbers)
 

@@ -1,22 +1,22 @@
-"""What a run would send, told without sending it."""
+"""Tells what a run would send, without sending it."""
 
 from math import degrees
 
-from runtime.devices.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
-from runtime.execution.executor import Plan
-from runtime.execution.geometry import placement
+from runtime.execution.executor import RunOptions
 from runtime.table import Calibration, Table
+from runtime.traversal.geometry import placement
 
 
-def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
+def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
     """Read both devices and go through every node of a table.
 
     Args:
         table: the table.
         gripper: on a link that cannot write.
         arm: on a link that cannot write.
-        plan: how the parts would be handled.
+        options: how the parts would be handled.
 
     Returns:
         One sentence for each device, one for each node, and one for the delivery if there is one.
@@ -24,7 +24,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
     Raises:
         MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
-    handling = plan.handling
+    handling = options.handling
     calibration = handling.calibration or Calibration.linear(table.gripper)
     seen, pose = gripper.state(), arm.pose()
     width_mm = calibration.width_um(seen.position_counts) / 1000
@@ -51,9 +51,9 @@ def tell(table: Table, gripper: Gripper, arm: Arm, plan: Plan) -> list[str]:
             f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
             f"close by position/speed/force {', '.join(requests)}"
         )
-    if plan.delivery is not None:
-        carry.check(plan.delivery, table, arm)
-        x_mm, y_mm, angle_rad = plan.delivery.drop
+    if options.delivery is not None:
+        carry.check(options.delivery, table, arm)
+        x_mm, y_mm, angle_rad = options.delivery.drop
         told.append(
             f"delivery: the part from every leaf to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
         )

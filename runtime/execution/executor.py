@@ -1,6 +1,6 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `runtime.devices.ports`: no import of a driver, no file, no clock of its own.
+Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: no driver, no file, no clock.
 What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
 end in `safe_state` and in a terminal outcome.
 """
@@ -10,29 +10,29 @@ from dataclasses import dataclass, field, replace
 from math import hypot, tau
 from typing import Protocol
 
+from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
 from runtime.devices.audit import answer_of
-from runtime.devices.ports import TURN_RADIUS_MM, Arm, Auditor, Clock, Gripper, Journal
+from runtime.devices.ports import Auditor, Clock, Journal
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
-from runtime.execution import safety, strokes
+from runtime.execution import recovery, safety, strokes
 from runtime.execution.carry import deliver
-from runtime.execution.decision import Course, Policy, advance, decide, release_point
 from runtime.execution.delivery import Delivery
-from runtime.execution.geometry import placement
+from runtime.execution.events import Phase, Watcher, ignore_phase
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.phases import Phase, Watcher, unwatched
 from runtime.execution.reading import reading_fields
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.execution.safe_state import reach_safe_state
-from runtime.journal import recovery
 from runtime.shell import interrupts
 from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decision_map, predicted_pose
+from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Outcome, PartResult, Step
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
 
 
 class Observer(Protocol):
-    """Sees each squeeze when it is decided; must not raise."""
+    """Called with each squeeze when it is decided; must not raise."""
 
     def __call__(self, part: int, step: Step) -> None:
         """One squeeze of one part."""
@@ -50,7 +50,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RunOptions:
     """What a run does besides what its table says.
 
     Attributes:
@@ -71,7 +71,7 @@ class Executor:
         table: the table, proved.
         cell: the devices, connected and not yet moved.
         observe: called after each squeeze.
-        plan: what the table leaves open.
+        options: what the table leaves open.
         watch: called at each change of phase; must not raise.
 
     Raises:
@@ -83,20 +83,20 @@ class Executor:
         table: Table,
         cell: Cell,
         observe: Observer,
-        plan: Plan | None = None,
-        watch: Watcher = unwatched,
+        options: RunOptions | None = None,
+        watch: Watcher = ignore_phase,
     ) -> None:
         safety.check_table(table)
         self._table = table
         self._cell = cell
         self._observe = observe
-        self._plan = plan or Plan()
+        self._options = options or RunOptions()
         self._watch = watch
         self._found: int | None = None  # the leaf of the part that is being delivered
-        self._calibration = self._plan.handling.calibration or Calibration.linear(table.gripper)
+        self._calibration = self._options.handling.calibration or Calibration.linear(table.gripper)
         self._maps = [decision_map(node, self._calibration) for node in table.nodes]
         self._hand = Hand(
-            cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._plan.handling
+            cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._options.handling
         )
 
     def run_part(self, part: int, broken: recovery.Broken | None = None) -> PartResult:
@@ -122,7 +122,7 @@ class Executor:
                 if broken is not None:
                     steps.extend(broken.steps)
                     self._free(part, broken)
-                result = self._descend(part, steps, Course() if broken is None else broken.course)
+                result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
             self._cell.journal.record("outcome", {"part": part, **result.fields()})
         except BrokenRunError as error:
@@ -137,13 +137,13 @@ class Executor:
         self._watch(part, Phase.DONE, None)
         return result
 
-    def _descend(self, part: int, steps: list[Step], course: Course) -> PartResult:
-        while course.outcome is None:
-            step = self._squeeze_at(course.node, len(steps) + 1, part)
+    def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
+        while traversal.outcome is None:
+            step = self._squeeze_at(traversal.node, len(steps) + 1, part)
             steps.append(step)
             self._observe(part, step)
-            course = advance(course, step.target, self._table, self._plan.policy)
-        return PartResult.of(part, course.outcome, steps, _reason(course, steps))
+            traversal = advance(traversal, step.target, self._table, self._options.policy)
+        return PartResult.of(part, traversal.outcome, steps, _reason(traversal, steps))
 
     def _squeeze_at(self, index: int, number: int, part: int) -> Step:
         node = self._table.nodes[index]
@@ -191,7 +191,7 @@ class Executor:
 
     def _free(self, part: int, broken: recovery.Broken) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
-        self._watch(part, Phase.RESUME, broken.course.node)
+        self._watch(part, Phase.RESUME, broken.traversal.node)
         try:
             self._hand.await_stillness()
         except GripperStateError as error:
@@ -214,24 +214,24 @@ class Executor:
             answer = answer_of(self._cell.auditor, result.part, pose)
             result = result.audited(str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
-        if self._plan.delivery is not None:
+        if self._options.delivery is not None:
             self._watch(result.part, Phase.DELIVER, None)
             # With the pose, which is the answer even where the delivery comes to nothing.
             found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
             self._found = result.leaf
-            missed = deliver(self._hand, self._plan.delivery, pose, self._table)
+            missed = deliver(self._hand, self._options.delivery, pose, self._table)
             result = result.delivered(missed)
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
         return result
 
     def _abandon(self, part: int, steps: list[Step], error: BrokenRunError) -> PartResult:
-        """Give a broken part up before anything was moved: what its fingers hold is for people to see."""
+        """End a part that cannot be resumed, before anything was moved; the operator looks at the fingers."""
         result = PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=("nothing was moved",))
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
     def _expected_s(self, squeeze: Squeeze) -> float:
-        """Cell seconds of the longest way: across the work area, once round, up, down, three slow strokes."""
+        """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
         limits = self._table.limits
         x_min, y_min, x_max, y_max = limits.work_area_um
         path_um = hypot(x_max - x_min, y_max - y_min)
@@ -252,16 +252,16 @@ class Executor:
         return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
 
-def _reason(course: Course, steps: Sequence[Step]) -> str | None:
-    if course.outcome is Outcome.REJECT:
+def _reason(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
+    if traversal.outcome is Outcome.REJECT:
         return steps[-1].reason
-    if course.outcome is Outcome.UNRESOLVED:
-        return f"leaf {course.leaf} is not resolved: the table cannot tell the pose well enough"
+    if traversal.outcome is Outcome.UNRESOLVED:
+        return f"leaf {traversal.leaf} is not resolved: the table cannot tell the pose well enough"
     return None
 
 
 def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
-    """Record a fault's result; a journal that fails now is told in the result instead of hiding the fault."""
+    """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
     try:
         write()
     except CellError as error:

@@ -9,11 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import ceil, degrees, remainder, tau
 
-from runtime.devices.ports import Arm, Clock, Gripper, Pose, Settled
+from drivers.ports import Arm, Gripper, PoseOfHand, Settled
+from runtime.devices.ports import Clock
 from runtime.errors import MotionRefusedError, TableError
 from runtime.execution import safety, strokes
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT
-from runtime.execution.geometry import same_turns
 from runtime.execution.reading import (
     CLOSED_COUNTS,
     CurrentBand,
@@ -25,6 +24,8 @@ from runtime.execution.reading import (
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Limits, Node, Squeeze
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.traversal.geometry import same_turns
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05
@@ -126,7 +127,7 @@ class Hand:
             self._clock.sleep(LOOK_S)
         safety.ready_gripper(self.gripper)
 
-    def where(self) -> Pose:
+    def where(self) -> PoseOfHand:
         """Read where the arm stands."""
         self.arm_known = False  # until it answers
         pose = self.arm.pose()
@@ -208,7 +209,7 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node and give out the reading of the last stroke, which is fresh.
+        """Close the jaws at a node and return the fresh reading of the last stroke.
 
         Raises:
             GripperStateError: the gripper is not ready, or a reading cannot be trusted.
@@ -258,12 +259,12 @@ class Hand:
         if abs(height_mm - z_mm) > LEVEL_MM:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
-    def _go(self, target: Pose) -> None:
-        """Go to a place, turning the hand no farther than it takes."""
+    def _go(self, target: PoseOfHand) -> None:
+        """Go to a place by the smallest turn of the hand."""
         now_rad = self._now_rad()
         self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
 
-    def _go_as_counted(self, target: Pose) -> None:
+    def _go_as_counted(self, target: PoseOfHand) -> None:
         """Go straight to a place, in several motions where the hand turns by about half a turn or more."""
         safety.check_target(target, self.limits)
         motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
@@ -286,7 +287,7 @@ class Hand:
         self.arm_known = True
         return turns
 
-    def _move_arm(self, target: Pose) -> None:
+    def _move_arm(self, target: PoseOfHand) -> None:
         self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
         self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
         safety.check_placed(self.arm, target)

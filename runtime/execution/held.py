@@ -10,15 +10,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.devices.ports import GripperState, Journal, Pose
+from drivers.ports import GripperState, PoseOfHand
+from runtime.devices.ports import Journal
 from runtime.errors import GripperStateError
-from runtime.execution.decision import CLOSING_CONTACT
 from runtime.execution.delivery import Delivery
 from runtime.execution.hand import CLEAR_MM, Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.journal.chain import records
 from runtime.journal.replay import UNDECIDED
 from runtime.table import Calibration, Table
+from runtime.traversal.decision import CLOSING_CONTACT
 
 # Jaws within this of their widest are open: they settle at counts 3 to 13 (Robotiq SDK); the thinnest part.
 OPEN_UM, CLOSED_UM = 4_000, 1_000
@@ -116,7 +117,7 @@ def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journ
     return told
 
 
-def _within(pose: Pose, area_um: tuple[int, int, int, int]) -> bool:
+def _within(pose: PoseOfHand, area_um: tuple[int, int, int, int]) -> bool:
     x_min, y_min, x_max, y_max = area_um
     return x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
 

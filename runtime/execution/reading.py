@@ -1,11 +1,11 @@
-"""The checks that make a reading of the gripper one to act upon: fresh, possible, and of one mind."""
+"""The checks that a reading passes before it is acted upon: fresh, possible, and self-consistent."""
 
 from typing import NamedTuple
 
-from runtime.devices.ports import Settled
+from drivers.ports import Settled
 from runtime.errors import GripperStateError
-from runtime.execution.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 from runtime.table import UNDETECTED_UM, Calibration
+from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 
 CLOSED_COUNTS = 255
 OPENED_COUNTS = 2

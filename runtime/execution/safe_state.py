@@ -10,14 +10,14 @@ The declared safe state, in this order, each step tried even if the one before f
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from runtime.devices.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper
 from runtime.table import Limits
 
 DECLARED = "fingers stopped where they are, arm straight up to the retreat height if its state is known"
 
 
 def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool) -> list[str]:
-    """Bring the cell into the declared safe state as far as its devices let it.
+    """Bring the cell into the declared safe state as far as its devices respond.
 
     Args:
         gripper: the gripper, in whatever state.
@@ -33,7 +33,7 @@ def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: b
 
 @contextmanager
 def fingers_stop(gripper: Gripper) -> Iterator[None]:
-    """Stop the fingers on every way out that was not planned: a fault, a stop request, the end of the input.
+    """Stop the fingers on every exception: a fault, a stop request, the end of the input.
 
     What came of it is a note of the error, which `shell.command.told` tells with it.
     """

@@ -2,11 +2,11 @@
 
 from math import hypot, isfinite, remainder, tau
 
-from runtime.devices.ports import Arm, Gripper, GripperState, Pose
+from drivers.ports import Arm, Gripper, GripperState, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
-from runtime.execution.geometry import MOST_TURNS
 from runtime.execution.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
 from runtime.table import Limits, Table
+from runtime.traversal.geometry import MOST_TURNS
 
 # Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
 NO_COMMUNICATION = 0x09
@@ -58,7 +58,7 @@ def ready_gripper(gripper: Gripper) -> GripperState:
     return state
 
 
-def check_target(pose: Pose, limits: Limits) -> None:
+def check_target(pose: PoseOfHand, limits: Limits) -> None:
     """Check where the arm is about to be sent.
 
     Raises:
@@ -82,7 +82,7 @@ def check_target(pose: Pose, limits: Limits) -> None:
         raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than {MOST_TURNS} whole turns")
 
 
-def check_placed(arm: Arm, target: Pose) -> None:
+def check_placed(arm: Arm, target: PoseOfHand) -> None:
     """Read the arm and check that it stands where it was sent.
 
     Raises:

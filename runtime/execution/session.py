@@ -4,20 +4,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from runtime.devices.ports import Gripper, Journal, Scene
+from drivers.ports import Gripper
+from runtime.devices.ports import Journal, Scene
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
-from runtime.execution.executor import Cell, Executor, Plan
+from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
+from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
-from runtime.execution.phases import Watcher, unwatched
-from runtime.execution.results import Outcome, PartResult
+from runtime.execution.recovery import BrokenRun
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.execution.safety import ready_gripper
-from runtime.execution.tally import Tally
-from runtime.journal.recovery import BrokenRun
-from runtime.monitoring.console import Console, Sighting
 from runtime.shell import interrupts
 from runtime.table import Calibration, Table, error_mm, meets, poses_of
+from runtime.traversal.results import Outcome, PartResult
 
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 Result = tuple[PartResult, Sighting | None]
@@ -49,8 +48,8 @@ def run_journalled(
     *,
     count: int,
     activate: bool,
-    plan: Plan | None = None,
-    watch: Watcher = unwatched,
+    options: RunOptions | None = None,
+    watch: Watcher = ignore_phase,
     broken: BrokenRun | None = None,
 ) -> Tally:
     """Prepare the gripper, run the parts, and write the run's last record however it ends.
@@ -58,11 +57,11 @@ def run_journalled(
     Args:
         table: the table, proved.
         cell: the devices and the journal, its header written.
-        scene: the simulated cell's feeder and eye, None on a real one.
+        scene: the simulated cell's feeder and ground truth, None on a real one.
         console: told as it happens.
         count: number of parts, those of a broken run included.
         activate: whether an inactive gripper may be activated.
-        plan: what the table leaves open.
+        options: what the table leaves open.
         watch: told of each change of phase.
         broken: the run that broke off and is gone on with, None for a new one.
 
@@ -73,25 +72,25 @@ def run_journalled(
         JournalError: the last record cannot be written.
         Exception: an error before the first part, or between two, once it is recorded.
     """
-    plan = plan or Plan()
+    options = options or RunOptions()
     with _ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             with interrupts.stoppable():
                 prepare_gripper(cell.gripper, console, activate=activate)
-        for result, seen in run_parts(table, cell, scene, console, count, plan, watch, broken):
+        for result, seen in run_parts(table, cell, scene, console, count, options, watch, broken):
             tally.add(result, seen)
     return tally
 
 
-def put_down(table: Table, cell: Cell, console: Console, plan: Plan) -> Mapping[str, object]:
+def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) -> Mapping[str, object]:
     """Put down what the fingers hold, as a run without parts.
 
     Args:
         table: the table, proved.
         cell: the devices and the journal, its header written.
         console: told what the safe state was after a fault.
-        plan: how the hand is used, and where parts are carried.
+        options: how the hand is used, and where parts are carried.
 
     Returns:
         Where it was put down, and its width.
@@ -99,12 +98,12 @@ def put_down(table: Table, cell: Cell, console: Console, plan: Plan) -> Mapping[
     Raises:
         Exception: whatever went wrong, once the declared safe state is reached and recorded.
     """
-    calibration = plan.handling.calibration or Calibration.linear(table.gripper)
-    hand = Hand(cell.gripper, cell.arm, cell.clock, table.limits, calibration, plan.handling)
+    calibration = options.handling.calibration or Calibration.linear(table.gripper)
+    hand = Hand(cell.gripper, cell.arm, cell.clock, table.limits, calibration, options.handling)
     with _ending(cell.journal):
         try:
             with interrupts.stoppable():
-                return held.put_down(hand, table, plan.delivery, cell.journal)
+                return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
             for sentence in reach_safe_state(cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known):
                 console.note(sentence)
@@ -132,8 +131,8 @@ def run_parts(
     scene: Scene | None,
     console: Console,
     count: int,
-    plan: Plan | None = None,
-    watch: Watcher = unwatched,
+    options: RunOptions | None = None,
+    watch: Watcher = ignore_phase,
     broken: BrokenRun | None = None,
 ) -> Iterator[Result]:
     """Execute the table on the parts up to number `count`, or until one whose end ends the run.
@@ -141,18 +140,18 @@ def run_parts(
     Args:
         table: the table, proved.
         cell: the devices and the journal.
-        scene: the simulated cell's feeder and eye, None on a real one.
+        scene: the simulated cell's feeder and ground truth, None on a real one.
         console: told as it happens.
         count: the last part's number.
-        plan: what the table leaves open.
+        options: what the table leaves open.
         watch: told of each change of phase.
         broken: the run that is gone on with.
 
     Yields:
         A result a part, with the truth where a scene knows it.
     """
-    plan = plan or Plan()
-    executor = Executor(table, cell, console.step, plan, watch)
+    options = options or RunOptions()
+    executor = Executor(table, cell, console.step, options, watch)
     begun = None if broken is None else broken.part
     first = 1 if broken is None else broken.parts + 1
     for number in range(first, count + 1):
@@ -163,7 +162,7 @@ def run_parts(
         seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
         console.part(result, seen)
         yield result, seen
-        if plan.policy.ends_run(result.outcome):
+        if options.policy.ends_run(result.outcome):
             return
 
 

@@ -1,1 +1,1 @@
-"""The journal of a run: its chain of records, replay, recovery after a crash, export."""
+"""The journal of a run: its chain of records, replay, export."""

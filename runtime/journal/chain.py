@@ -31,6 +31,7 @@ VERSION = 1
 GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
+MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
@@ -147,7 +148,7 @@ class Journal:
             raise
 
     def _take_back(self) -> None:
-        """Take back a line that was written in part, or wholly but is not counted yet."""
+        """Remove a line that was written in part, or wholly but is not counted yet."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._file, self._end.size)
 
@@ -185,6 +186,39 @@ class Verified:
     closed: bool
     head: str
     size: int
+
+
+class Incidents:
+    """Retries and failures on the drivers' links, kept until there is a journal to write them to.
+
+    It begins before the journal does: a run that was refused leaves no file.
+    """
+
+    def __init__(self) -> None:
+        self._journal: Journal | None = None
+        self._kept: list[tuple[str, Mapping[str, object]]] = []
+
+    def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        """Write one incident, or keep it.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
+        if self._journal is not None:
+            self._journal.record(kind, fields)
+        elif len(self._kept) < MOST_INCIDENTS:
+            self._kept.append((kind, fields))
+
+    def hand_over(self, journal: Journal) -> None:
+        """Write what was kept; from now on write at once.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
+        self._journal = journal
+        for kind, fields in self._kept:
+            journal.record(kind, fields)
+        self._kept.clear()
 
 
 def verify(path: Path) -> Verified:
@@ -246,7 +280,7 @@ def _chain(path: Path, file: BinaryIO, *, torn: bool = False) -> Iterator[tuple[
 
 
 def _is_begun(line: bytes, number: int) -> bool:
-    """Whether a line could be what a crash left of a record; a file system may fill its end with zeros."""
+    """Whether a line may be a record cut short by a crash; a file system may fill its end with zeros."""
     opening = OPENING + b'%d,"time":"' % (number - 1)
     if line.endswith(b"\n"):
         return False

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.journal.replay import Entry
 from runtime.shell.files import writing
 
@@ -75,14 +75,14 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
     """Write rows as Parquet; returns their number.
 
     Raises:
-        UsageError: pyarrow is not installed.
+        ArgumentsError: pyarrow is not installed.
         OutputError: the file cannot be written.
     """
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise UsageError(
+        raise ArgumentsError(
             "Parquet needs pyarrow, which a cell controller does not have; "
             "pip install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
@@ -92,7 +92,7 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
         with writing(path) as draft:
             parquet.write_table(pyarrow.table(columns), draft)
     except pyarrow.ArrowException as error:  # where a column holds words and numbers
-        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
+        raise ArgumentsError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 
 

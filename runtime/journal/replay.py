@@ -1,7 +1,7 @@
-"""A journal's decisions derived again, record by record, from its counts and its embedded tables alone.
+"""Replays a journal: derives its decisions again, record by record, from its counts and embedded tables.
 
-The fold is one class, `Course` and `decide` are the executor's own; so a resumed run, a replay and an export
-agree on where a part stood, or say where they do not.
+`TraversalState`, `decide` and `advance` are the executor's own, so a resumed run, a replay and an export
+agree on where a part stood, or report where they do not.
 """
 
 import base64
@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from runtime.execution.decision import Course, Policy, advance, decide
-from runtime.execution.results import EXIT_CODES, Outcome, Step
 from runtime.table import REJECT, Calibration, Table, decision_map, loads
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
+from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
 UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
@@ -28,7 +28,7 @@ class Last(Enum):
 
 
 class Finding(NamedTuple):
-    """Something a journal claims and its counts do not justify."""
+    """A claim of a journal that its counts do not justify."""
 
     seq: int
     sentence: str
@@ -47,7 +47,7 @@ class Replay:
         part: number of the part under way, or None.
         parts: parts that came to an outcome.
         steps: the part's squeezes so far.
-        course: where the part stands.
+        traversal: where the part stands.
         last: what the hand was doing.
         held_at: the node that last squeezed the part and the target it led to, or None; AWAY tells that the
             fingers have let go there.
@@ -93,7 +93,7 @@ class Replay:
         elif kind == "freed":
             self.last = Last.AWAY
         elif kind == "delivery":
-            self.delivering, self._found = entry["begun"] is True, self.course.leaf
+            self.delivering, self._found = entry["begun"] is True, self.traversal.leaf
         elif kind == "outcome":
             yield from self._end(entry)
         elif kind == "end":
@@ -116,7 +116,7 @@ class Replay:
     def _begin(self, part: int | None) -> None:
         self.part = part
         self.steps: list[Step] = []
-        self.course = Course()
+        self.traversal = TraversalState()
         self.delivering = False
         self._found = None
         self._hold(Last.AWAY, None)
@@ -126,13 +126,13 @@ class Replay:
 
     def _resume(self, entry: Entry) -> None:
         if entry["how"] == "restart":
-            self.course, self.steps = Course(), []
+            self.traversal, self.steps = TraversalState(), []
 
     def _expect(self, entry: Entry) -> Iterator[str]:
         if entry.get("part") != self.part:
             yield f"tells of part {entry.get('part')}, under way is {self.part}"
-        if entry["node"] != self.course.node or self.course.outcome is not None:
-            yield f"is at node {entry['node']}, the path leads to {_sketch(self.course)}"
+        if entry["node"] != self.traversal.node or self.traversal.outcome is not None:
+            yield f"is at node {entry['node']}, the path leads to {_sketch(self.traversal)}"
 
     def _squeeze(self, entry: Entry) -> Iterator[str]:
         yield from self._expect(entry)
@@ -148,7 +148,7 @@ class Replay:
             yield f"says that count {count} is {entry['width_um']} um, the calibration says {width_um}"
         number = _integer(entry, "number")
         self.steps.append(Step(number, index, node.squeeze, count, width_um, target, decision.reason))
-        self.course = advance(self.course._replace(node=index), target, self.table, self.policy)
+        self.traversal = advance(self.traversal._replace(node=index), target, self.table, self.policy)
         self._hold(Last.SQUEEZED, (index, target))
         self.decisions += 1
 
@@ -159,9 +159,9 @@ class Replay:
         if outcome is None and entry.get("leaf") not in (None, self._found):
             yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
         if outcome is not None:
-            if (outcome, entry.get("leaf")) != (self.course.outcome, self.course.leaf):
+            if (outcome, entry.get("leaf")) != (self.traversal.outcome, self.traversal.leaf):
                 told = f"{outcome.name}, leaf {entry.get('leaf')}"
-                yield f"reports {told}; the path leads to {_sketch(self.course)}"
+                yield f"reports {told}; the path leads to {_sketch(self.traversal)}"
             missed = entry.get("delivery") == "missed"
             if entry.get("exit_code") != EXIT_CODES[outcome] and not missed:
                 yield f"reports exit code {entry.get('exit_code')}, {outcome.name} has {EXIT_CODES[outcome]}"
@@ -173,10 +173,10 @@ class Replay:
         self._begin(None)
 
 
-def _sketch(course: Course) -> str:
-    if course.outcome is None:
-        return f"node {course.node}"
-    return f"{course.outcome.name}, leaf {course.leaf}"
+def _sketch(traversal: TraversalState) -> str:
+    if traversal.outcome is None:
+        return f"node {traversal.node}"
+    return f"{traversal.outcome.name}, leaf {traversal.leaf}"
 
 
 def _integer(entry: Entry, name: str) -> int:

@@ -1,1 +1,1 @@
-"""Who watches a run: console, status, watchdog, live views."""
+"""The watchers of a run: console, status, watchdog, live views."""

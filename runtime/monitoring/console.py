@@ -2,51 +2,14 @@
 
 import json
 import sys
-from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
-from runtime.execution.geometry import placement
-from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.events import Sighting, Tally
 from runtime.shell.command import say
 from runtime.table import GoalSpec, Pose2, Table, predicted_pose
-
-if TYPE_CHECKING:
-    from runtime.execution.tally import Tally
-
-
-@dataclass(frozen=True, slots=True)
-class Sighting:
-    """Where a simulated part really lies, and how far the prediction is off.
-
-    Attributes:
-        true: mm, mm, rad; None in a rehearsal, whose part has no pose.
-        error_mm: distance by the goal's metric; None without a prediction, or where the goal has none.
-        within: whether the prediction meets the goal, None without one.
-        crashes: times open fingers were placed onto this part.
-    """
-
-    true: Pose2 | None
-    error_mm: float | None
-    within: bool | None
-    crashes: int
-
-
-class Console(Protocol):
-    """Told what happens, in order."""
-
-    def note(self, sentence: str) -> None:
-        """Something the reader should know."""
-
-    def step(self, part: int, step: Step) -> None:
-        """One squeeze."""
-
-    def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """One part's end."""
-
-    def summary(self, tally: "Tally", journal: Path) -> None:
-        """The run's end."""
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Lines:
@@ -80,7 +43,7 @@ class Lines:
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
         say(told)
 
-    def summary(self, tally: "Tally", journal: Path) -> None:
+    def summary(self, tally: Tally, journal: Path) -> None:
         """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
         told = [f"{tally.outcomes[outcome]} {outcome.name}" for outcome in Outcome if tally.outcomes[outcome]]
         if tally.within is not None:
@@ -100,7 +63,7 @@ class Objects:
         self._journal = journal
 
     def note(self, sentence: str) -> None:
-        """Print a sentence where no parser reads it."""
+        """Print a sentence on standard error."""
         say(sentence, sys.stderr)
 
     def step(self, part: int, step: Step) -> None:
@@ -110,8 +73,8 @@ class Objects:
         """Print the part's object."""
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
-    def summary(self, tally: "Tally", journal: Path) -> None:
-        """Nothing: the objects say it all."""
+    def summary(self, tally: Tally, journal: Path) -> None:
+        """Nothing: the objects hold everything."""
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:

@@ -1,17 +1,17 @@
-"""Who watches a run, told of the same events: console, status socket, live views, service manager."""
+"""Passes the events of a run to its watchers: console, status socket, live views, service manager."""
 
-from contextlib import ExitStack
+import os
+import socket
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
-from runtime.execution.phases import Phase
-from runtime.execution.results import PartResult, Step
-from runtime.execution.tally import Tally
-from runtime.monitoring import watchdog
-from runtime.monitoring.console import Console, Sighting
-from runtime.monitoring.status import Status, StatusServer
+from runtime.execution.events import Console, Phase, Sighting, Tally
+from runtime.monitoring.status import Status
 from runtime.table import TableFile
+from runtime.traversal.results import PartResult, Step
 
 if TYPE_CHECKING:
     from runtime.monitoring.live.terminal import View
@@ -32,7 +32,7 @@ class Views(NamedTuple):
 
 
 class Monitor:
-    """A console that also keeps the status and the watchdog; the context is the time it can be asked.
+    """A console that also updates the status and the watchdog; servers and views run within its context.
 
     Args:
         console: told everything.
@@ -52,16 +52,21 @@ class Monitor:
         """The devices answer, and the run begins."""
         if self._view is not None:
             self._console = self._stack.enter_context(self._view)
-        watchdog.notify(watchdog.READY)
+        notify("READY=1")
 
     def note(self, sentence: str) -> None:
         """Something the reader should know."""
         self._console.note(sentence)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """A change of phase."""
+        """A change of phase, told from the loop's own thread.
+
+        A loop that hangs in a device falls silent, and the service manager ends it; so `WatchdogSec` has to
+        be longer than the longest phase.
+        """
         self._status.phase(part, phase, node)
-        watchdog.alive(part, phase, node)
+        where = "" if node is None else f", node {node}"
+        notify("WATCHDOG=1", f"STATUS=part {part}: {phase.value}{where}")
 
     def step(self, part: int, step: Step) -> None:
         """One squeeze."""
@@ -80,6 +85,8 @@ class Monitor:
     def __enter__(self) -> Self:
         with ExitStack() as opened:
             if self._views.socket is not None:
+                from runtime.monitoring.status_socket import StatusServer
+
                 opened.enter_context(StatusServer(self._views.socket, self._status))
             if self._views.http is not None:
                 self._serve(self._views.http, opened)
@@ -95,17 +102,34 @@ class Monitor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        watchdog.notify(watchdog.STOPPING)
+        notify("STOPPING=1")
         self._stack.close()
 
     def _serve(self, text: str, stack: ExitStack) -> None:
-        from runtime.monitoring.live import address, page
+        from runtime.monitoring.live import page
         from runtime.monitoring.live.answers import Answers
-        from runtime.monitoring.live.server import PageServer
+        from runtime.monitoring.live.server import PageServer, is_loopback, parse
 
-        at = address.parse(text)
-        local = address.is_loopback(at.host)
+        at = parse(text)
+        local = is_loopback(at.host)
         answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
         server = stack.enter_context(PageServer(at, answers))
         open_to = "" if local else ", for everybody who reaches this machine"
         self._console.note(f"live page: http://{server.address}/{open_to}")
+
+
+def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
+    """Send lines to systemd (sd_notify(3)); whether there is a service manager that took them."""
+    address = environment.get("NOTIFY_SOCKET", "")
+    if not address.startswith(("/", "@")):
+        return False
+    # A leading @ stands for the zero byte of Linux' abstract names.
+    name = "\0" + address[1:] if address.startswith("@") else address
+    with (
+        suppress(OSError),
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel,
+    ):
+        channel.connect(name)
+        channel.sendall("\n".join(lines).encode())
+        return True
+    return False

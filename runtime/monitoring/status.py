@@ -1,30 +1,13 @@
-"""What a run tells while it runs: one snapshot, asked for over a local socket as JSON or as Prometheus text.
+"""What a run tells while it runs: one snapshot, as a JSON object or as Prometheus text."""
 
-```
-$ curl -s --unix-socket cell.sock http://cell/           one JSON object
-$ curl -s --unix-socket cell.sock http://cell/metrics    Prometheus text
-```
-
-A client that says nothing, or no HTTP, gets the JSON object and nothing around it. The socket belongs to the
-process: who watches may come and go, and can change nothing.
-"""
-
-import contextlib
-import json
-import socket
 import threading
 from collections import Counter, deque
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from runtime.errors import UsageError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
+from runtime.execution.events import Phase
 from runtime.table import PPM
+from runtime.traversal.results import Outcome, PartResult, Step
 
-ASK_S = 0.25  # how long a client may take to say what it wants
-MAX_ASK_BYTES = 4096
 RECENT = 10
 """Parts that a snapshot remembers one by one."""
 
@@ -135,98 +118,6 @@ class Status:
                 ),
             ]
         return "".join(blocks)
-
-
-class StatusServer:
-    """Answers for a status on a Unix socket, in a thread of its own; leaving the context ends it.
-
-    Args:
-        path: the socket's path; one that nobody listens at any more is replaced.
-        status: what is told.
-
-    Raises:
-        UsageError: the socket cannot be made there, or somebody else listens.
-    """
-
-    def __init__(self, path: Path, status: Status) -> None:
-        self._path, self._status = path, status
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
-        try:
-            _bind(self._socket, path)
-        except OSError as error:
-            self._socket.close()
-            raise UsageError(f"--status {path}: {error.strerror or error}; name another path") from error
-        self._socket.listen(8)
-        self._thread = threading.Thread(target=self._serve, name="status", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop answering and remove the socket."""
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-        self._thread.join()
-        if self._path.is_socket():  # what somebody else put there stays
-            self._path.unlink()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _serve(self) -> None:
-        while True:
-            try:
-                client, _ = self._socket.accept()
-            except OSError:  # closed
-                return
-            with contextlib.suppress(OSError), client:
-                client.settimeout(ASK_S)
-                client.sendall(self._answer(_asked(client)))
-
-    def _answer(self, asked: bytes) -> bytes:
-        words = asked.split()
-        plain = json.dumps(self._status.as_object()).encode() + b"\n"
-        if len(words) < 2 or words[0] not in (b"GET", b"HEAD"):
-            return plain
-        if words[1].startswith(b"/metrics"):
-            return _http("text/plain; version=0.0.4", self._status.as_metrics().encode())
-        return _http("application/json", plain)
-
-
-def _asked(client: socket.socket) -> bytes:
-    """What a client says before its first empty line, its end, or the end of our patience."""
-    asked = b""
-    with contextlib.suppress(TimeoutError):
-        while b"\r\n\r\n" not in asked and len(asked) < MAX_ASK_BYTES:
-            piece = client.recv(1024)
-            if not piece:
-                break
-            asked += piece
-    return asked
-
-
-def _bind(server: socket.socket, path: Path) -> None:
-    try:
-        server.bind(str(path))
-    except OSError:
-        if not path.is_socket() or _is_answered(path):
-            raise
-        path.unlink()  # left behind by a process that was killed
-        server.bind(str(path))
-
-
-def _is_answered(path: Path) -> bool:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        return probe.connect_ex(str(path)) == 0
-
-
-def _http(kind: str, body: bytes) -> bytes:
-    head = f"HTTP/1.0 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n\r\n"
-    return head.encode() + body
 
 
 def _metric(name: str, kind: str, told: str, values: dict[str, float]) -> str:

@@ -28,7 +28,7 @@ _lost: list[OSError] = []
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, and whose text is printed as it was written."""
+    """An argument parser with one-line errors and help texts printed verbatim."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
@@ -61,7 +61,7 @@ def run(
     body: Callable[[argparse.Namespace], int],
     stopped: tuple[int, str] = (INTERRUPTED, "interrupted"),
 ) -> int:
-    """Run a command; whatever goes wrong becomes one line on standard error and an exit code.
+    """Run a command; every error becomes one line on standard error and an exit code.
 
     An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
     connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.

@@ -119,7 +119,7 @@ def words_of(path: Path) -> TextIO:
 
 
 def _objection(path: Path) -> str:
-    """What speaks against writing a file, "" for nothing.
+    """Why a file cannot be written, "" if it can.
 
     Raises:
         OSError: it cannot even be looked at.

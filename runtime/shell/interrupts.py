@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, SIGHUP (a session that dropped) and SIGQUIT are one request: to stop. It is heard once.
+"""Ctrl-C, SIGTERM, SIGHUP (a session that dropped) and SIGQUIT are one request: to stop. It is raised once.
 
 A request raises KeyboardInterrupt only in what is `stoppable`, and never while an exception is being handled:
 what came first, a fault or the request, is what the command ends with, and nothing cuts short what follows
@@ -21,7 +21,7 @@ AGAIN_S = 0.01  # until a request that met the handling of an exception is tried
 
 
 class _Request:
-    """What is known of the request; one a process, as signals are.
+    """State of the stop request; one a process, as signals are.
 
     Attributes:
         asked: whether a signal came.
@@ -68,7 +68,7 @@ def whole() -> "contextlib._GeneratorContextManager[None]":
 
 
 def conclude() -> None:
-    """How the command ends is decided: a stop request raises nothing any more."""
+    """The command's outcome is decided: a stop request raises nothing any more."""
     _request.over = True
 
 

@@ -1,4 +1,4 @@
-"""JSON that somebody else may have written: what comes out of it is safe to look into and to compute with."""
+"""A strict parser for JSON of unknown origin: finite numbers, short integers, limited nesting."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What the journals of many parts say: is the cell still the one that its table was made for.
+"""Statistical process control from journals: whether the cell still matches its table.
 
 Standard library only: a report is made on the cell controller, from journals alone.
 """

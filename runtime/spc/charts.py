@@ -1,7 +1,7 @@
-"""Control charts: each sees one part after the other and says when the cell is no longer what it was.
+"""Control charts: each takes one part after the other and alarms when the cell has changed.
 
-Limits are set for the whole shift: together the charts raise less than one false alarm in ten thousand parts.
-After an alarm a chart begins anew, so that a fault that stays is told again and one that was mended is not.
+Limits: together the charts raise less than one false alarm in ten thousand parts.
+After an alarm a chart is reset: a fault that persists alarms again, one that was repaired does not.
 """
 
 from collections import deque
@@ -12,11 +12,14 @@ from math import log, sqrt
 from runtime.spc.distributions import binomial_tail, chi_square_tail
 
 WINDOW = 50  # parts that shares are taken over
-WINDOWS = (50, 200)  # parts that frequencies are taken over: a large change shows soon, a small one at last
-RARE = 1e-5  # probability below which what a window shows is no chance
+WINDOWS = (
+    50,
+    200,
+)  # parts of frequencies: the short window finds large changes soon, the long one small ones
+RARE = 1e-5  # false-alarm probability of a window
 UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
-CLIP = 3.0  # standard deviations: one part that flew away is a failure, not a drift
+CLIP = 3.0  # standard deviations: a single outlier is a failure, not a drift
 
 
 @dataclass(slots=True)
@@ -80,8 +83,8 @@ class Ewma:
 
 
 @dataclass(slots=True)
-class Share:
-    """How many of the last parts had something, against the share that was predicted.
+class BinomialWindowChart:
+    """Number of the last parts with a property, against the predicted share (binomial test).
 
     Attributes:
         expected: predicted share.
@@ -101,8 +104,8 @@ class Share:
 
 
 @dataclass(slots=True)
-class Frequencies:
-    """Which branches the last parts took, against the shares that the table predicts.
+class GTestChart:
+    """Branches that the last parts took, against the shares that the table predicts (G test).
 
     Attributes:
         shares: predicted shares of each node's branches.
@@ -136,7 +139,7 @@ class Frequencies:
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic and its degrees of freedom; cells of little expectation are taken together.
+    """Pearson's statistic and its degrees of freedom; cells of small expected counts are pooled.
 
     Args:
         counts: of each branch.
@@ -149,7 +152,7 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
     """Twice the logarithm of the likelihood ratio (the G statistic), chi-square distributed as Pearson's is.
 
-    In short windows it sees a branch that is no longer taken far sooner.
+    In short windows it detects a branch that is no longer taken far sooner.
     """
     filled = cells(counts, shares)
     gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
@@ -157,7 +160,7 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 
 
 def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
-    """Seen and expected counts, those of little expectation taken together."""
+    """Observed and expected counts, those of small expectation pooled."""
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
         return []
@@ -172,7 +175,7 @@ def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, f
     if rest_expected >= LEAST_EXPECTED or not filled:
         filled.append((rest_seen, rest_expected))
     elif rest_expected > 0.0:
-        # What is expected hardly ever joins the smallest cell: its own ratio would be all chance.
+        # A rest of small expectation joins the smallest cell: its own ratio would be noise.
         smallest = min(range(len(filled)), key=lambda k: filled[k][1])
         filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
     return filled

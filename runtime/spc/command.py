@@ -75,7 +75,7 @@ def write(
     """Write the files that were asked for.
 
     Raises:
-        UsageError: one has a name of no format that is known.
+        ArgumentsError: one has a name of no format that is known.
         OutputError: one cannot be written.
     """
     if options.export is not None:

@@ -1,4 +1,4 @@
-"""The few distributions that control charts need, without a library: the cell controller has none."""
+"""The distributions that the control charts need, in the standard library alone."""
 
 from math import comb, erf, exp, lgamma, log, sqrt
 

@@ -12,7 +12,7 @@ from math import exp, log
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import Table
@@ -44,11 +44,11 @@ class Expectation:
         """Check that this is of the table of a history.
 
         Raises:
-            UsageError: it is not.
+            ArgumentsError: it is not.
         """
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
-            raise UsageError(
+            raise ArgumentsError(
                 "--expected is of another table than the journals; make it with plan-expect from theirs"
             )
 
@@ -61,7 +61,7 @@ class Expectation:
 
 
 @dataclass(slots=True)
-class Likelihood:
+class ShiryaevRoberts:
     """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics.
 
     Attributes:
@@ -73,7 +73,7 @@ class Likelihood:
     sums: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Begin with nothing seen."""
+        """Set all statistics to zero."""
         self.sums = [0.0] * (len(self.expected.names) - 1)
 
     @property
@@ -107,18 +107,18 @@ def load(path: Path) -> Expectation:
     """Read what `plan-expect` wrote.
 
     Raises:
-        UsageError: it cannot be read, or is something else.
+        ArgumentsError: it cannot be read, or is something else.
     """
     try:
         told = strict_json.parse(path.read_bytes())
     except OSError as error:
-        raise UsageError(f"--expected {path}: {error.strerror}; make it with plan-expect") from error
+        raise ArgumentsError(f"--expected {path}: {error.strerror}; make it with plan-expect") from error
     except ValueError as error:
-        raise UsageError(f"--expected {path}: is {error}; make it with plan-expect") from error
+        raise ArgumentsError(f"--expected {path}: is {error}; make it with plan-expect") from error
     try:
         return _checked(told)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise UsageError(
+        raise ArgumentsError(
             f"--expected {path}: does not hold {KIND} of version {VERSION}; make it with plan-expect"
         ) from error
 

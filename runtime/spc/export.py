@@ -5,7 +5,7 @@ import importlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.shell.files import writing
 from runtime.spc.history import Part
 
@@ -37,12 +37,12 @@ def write(found: Iterable[Row], path: Path) -> None:
     """Write rows as the suffix says: `.csv` or `.parquet`.
 
     Raises:
-        UsageError: another suffix, or pyarrow is missing.
+        ArgumentsError: another suffix, or pyarrow is missing.
         OutputError: the file cannot be written.
     """
     writers = {".csv": _csv, ".parquet": _parquet}
     if path.suffix not in writers:
-        raise UsageError(f"{path}: name a file that ends in .csv or .parquet")
+        raise ArgumentsError(f"{path}: name a file that ends in .csv or .parquet")
     with writing(path) as draft:
         writers[path.suffix](found, draft)
 
@@ -59,7 +59,7 @@ def _parquet(found: Iterable[Row], path: Path) -> None:
         arrow = importlib.import_module("pyarrow")
         parquet = importlib.import_module("pyarrow.parquet")
     except ImportError as error:
-        raise UsageError("Parquet needs pyarrow; install squeezetree[parquet], or write .csv") from error
+        raise ArgumentsError("Parquet needs pyarrow; install squeezetree[parquet], or write .csv") from error
     kinds = {"index": "int64", "part": "int64", "leaf": "int64", "squeezes": "int64"}
     fields = [(name, arrow.field(name, _kind(arrow, name, kinds))) for name in COLUMNS]
     schema = arrow.schema([field for _, field in fields])

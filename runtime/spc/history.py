@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import JournalError, TornError, UsageError
+from runtime.errors import ArgumentsError, JournalError, TornError
 from runtime.journal.chain import records
 from runtime.table import Table, loads
 
@@ -101,7 +101,7 @@ def read(paths: Sequence[Path]) -> History:
 
     Raises:
         JournalError: one cannot be read, or does not verify.
-        UsageError: they are of different tables, or hold no part.
+        ArgumentsError: they are of different tables, or hold no part.
     """
     table: Table | None = None
     digest = ""
@@ -112,7 +112,7 @@ def read(paths: Sequence[Path]) -> History:
             if table is None:
                 table, digest = loads(data), name
             elif name != digest:
-                raise UsageError(f"journal {path}: is of another table; report on one table at a time")
+                raise ArgumentsError(f"journal {path}: is of another table; report on one table at a time")
             try:
                 parts.extend(_parts(found, table))
             except (KeyError, ValueError, IndexError) as error:
@@ -120,7 +120,7 @@ def read(paths: Sequence[Path]) -> History:
                     path, "holds a squeeze or a leaf that is none of its table's; leave it out"
                 ) from error
     if table is None or not parts:
-        raise UsageError("the journals hold no part yet; run some first")
+        raise ArgumentsError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)
 
 

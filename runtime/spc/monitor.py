@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from runtime.spc.charts import WINDOWS, Cusum, Ewma, Frequencies, Share
+from runtime.spc.charts import WINDOWS, BinomialWindowChart, Cusum, Ewma, GTestChart
 from runtime.spc.distributions import wilson
-from runtime.spc.expectation import Expectation, Likelihood
+from runtime.spc.expectation import Expectation, ShiryaevRoberts
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import PPM, Branch, Leaf, Table
 
@@ -58,15 +58,15 @@ class Monitor:
 
     table: Table
     widths: Cusum
-    branches: tuple[Frequencies, ...]
-    failures: Share
-    rejects: Share
+    branches: tuple[GTestChart, ...]
+    failures: BinomialWindowChart
+    rejects: BinomialWindowChart
     residuals: tuple[Ewma, Ewma, Ewma]
-    readings: Likelihood | None = None
+    readings: ShiryaevRoberts | None = None
 
     @classmethod
     def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
-        """Charts that have seen nothing yet."""
+        """Charts without data."""
         predicted = table.predicted
         _, failed = wilson(round((PPM - predicted.success_ppm) / PPM * predicted.trials), predicted.trials)
         _, rejected = wilson(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
@@ -74,11 +74,11 @@ class Monitor:
         return cls(
             table,
             Cusum(WIDTH_SHIFT_UM),
-            tuple(Frequencies(shares, window) for window in WINDOWS),
-            Share(max(failed, LEAST_SHARE)),
-            Share(max(rejected, LEAST_SHARE)),
+            tuple(GTestChart(shares, window) for window in WINDOWS),
+            BinomialWindowChart(max(failed, LEAST_SHARE)),
+            BinomialWindowChart(max(rejected, LEAST_SHARE)),
             (Ewma(), Ewma(), Ewma()),
-            None if expected is None else Likelihood(expected),
+            None if expected is None else ShiryaevRoberts(expected),
         )
 
     def add(self, part: Part) -> list[tuple[str, str]]:
@@ -113,7 +113,7 @@ def watch(history: History, expected: Expectation | None = None) -> Iterator[Ala
     """All alarms of a history, in order; of the readings too where it is known what to expect of them.
 
     Raises:
-        UsageError: the expectation is of another table.
+        ArgumentsError: the expectation is of another table.
     """
     if expected is not None:
         expected.check(history)

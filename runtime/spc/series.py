@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from runtime.spc.charts import RARE, Cusum, Ewma
 from runtime.spc.distributions import binomial_tail, wilson
-from runtime.spc.expectation import LIMIT, Expectation, Likelihood
+from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
 from runtime.spc.history import History
 from runtime.spc.monitor import LEAST_SHARE, WIDTH_SHIFT_UM, deviation, standardised
 from runtime.table import PPM
@@ -78,7 +78,7 @@ def widths(history: History) -> Series:
 
 def readings(history: History, expected: Expectation) -> Series:
     """How much likelier the readings are at another friction than at the planned one."""
-    chart, line = Likelihood(expected), []
+    chart, line = ShiryaevRoberts(expected), []
     for part in history.parts:
         alarm = chart.add(history.table, part)
         line.append(log1p(LIMIT if alarm else chart.value))
@@ -87,7 +87,7 @@ def readings(history: History, expected: Expectation) -> Series:
 
 
 def thinned(values: Sequence[float], most: int = 1200) -> list[tuple[int, float]]:
-    """Not more points than can be seen: of each stretch, the value farthest from zero."""
+    """Thin values for drawing: of each stretch, the value farthest from zero."""
     stretch = max(1, -(-len(values) // most))
     found = []
     for start in range(0, len(values), stretch):

@@ -112,7 +112,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     """The figures of a history; of its readings too where it is known what to expect of them.
 
     Raises:
-        UsageError: the expectation is of another table.
+        ArgumentsError: the expectation is of another table.
     """
     parts, table = history.parts, history.table
     passed = sum(part.verdict == "pass" for part in parts)

@@ -30,8 +30,8 @@ from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: 
 
 from drivers.camera.calibration import command as calibrate_command  # noqa: E402
 from drivers.camera.calibration import file as calibration  # noqa: E402
+from drivers.camera.calibration import measure  # noqa: E402
 from drivers.camera.errors import TagError  # noqa: E402
-from drivers.camera.vision import measure  # noqa: E402
 from drivers.camera.vision.plane import View  # noqa: E402
 from drivers.camera.vision.tags import Finder  # noqa: E402
 from drivers.sim.camera import album  # noqa: E402

@@ -27,6 +27,7 @@ from kcde_twin import Unaided  # noqa: E402
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
+from planner.belief.particles import Belief  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
@@ -68,7 +69,7 @@ def simulated(model: LearnedModel, belief: np.ndarray, placements: np.ndarray) -
         drawn = model.motion.sample(to_hand(belief, placement), rng)
         covered = model.covered(drawn.source, drawn.nearest_mm, np.zeros(len(belief), np.int64))
         shares.append(float(np.mean((drawn.source >= 0) & ~covered)))
-        belief = np.concatenate(model.squeeze([(belief, placement)], rng)[0].beliefs)
+        belief = Belief.joined(model.squeeze([(Belief.of(belief), placement)], rng)[0].beliefs).poses
     return shares
 
 

@@ -34,8 +34,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from tapped_devices import TappedArm, TappedGripper  # noqa: E402
 
-from runtime.execution.decision import Course, Policy, advance, decide  # noqa: E402
 from runtime.table import REJECT, Calibration, decision_map, load  # noqa: E402
+from runtime.traversal.decision import Policy, TraversalState, advance, decide  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "runtime.json"
 LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}
@@ -134,12 +134,12 @@ def decision_us(tree: Path) -> dict[str, float]:
     gc.collect()
     for number in range(DECISIONS):
         index, count = divmod(number % inputs, 256)
-        course = Course(index)
+        traversal = TraversalState(index)
         start = clock()
         node = table.nodes[index]
         decision = decide(node, maps[index], count, 2)
         target = None if decision.branch == REJECT else node.branches[decision.branch].target
-        advance(course, target, table, policy)
+        advance(traversal, target, table, policy)
         spent[number] = took = clock() - start
         least[number % inputs] = min(least[number % inputs], took)
     for number in range(DECISIONS):

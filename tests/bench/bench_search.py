@@ -14,20 +14,20 @@ import json
 import platform
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from planner.compile import compile_job  # noqa: E402
+from planner import compile as planning  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.job.overrides import job_with  # noqa: E402
-from planner.search import closed_loop  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "search.json"
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
-WIDENED = closed_loop.FOLLOWED
+WIDENED = planning.PARAMS.followed
 ALL = (10**6,) * 3
 ANGLES = {4: 45, 12: 15, 180: 5}
 CENTERS = {4: "[[0, 0]]", 12: "[[0, 0]]", 180: "[[-10, 0], [-5, 0], [0, 0], [5, 0], [10, 0]]"}
@@ -46,9 +46,9 @@ def bench(placements: int, followed: tuple[int, ...], seed: int) -> dict[str, An
             ("actions.centers_mm", CENTERS[placements]),
         ],
     )
-    closed_loop.FOLLOWED = followed
+    planning.PARAMS = replace(planning.PARAMS, followed=followed)
     start = time.perf_counter()
-    plan = compile_job(job)
+    plan = planning.compile_job(job)
     seconds = time.perf_counter() - start
     figures = plan.evaluation.summary()
     row = {

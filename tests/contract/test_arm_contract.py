@@ -15,10 +15,17 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
-from runtime.devices.ports import TURN_RADIUS_MM
+from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
+
+
+def opened(url, read_only, frames):
+    """An arm whose frames are told in its address."""
+    told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
+    query = f"?{'&'.join(told)}" if frames else ""
+    return contextlib.closing(connect.arm(url + query, time_scale=SCALE, read_only=read_only))
 
 
 class Abb:
@@ -27,13 +34,10 @@ class Abb:
     far_mm = 900.0
 
     def __init__(self):
-        self.stopped = threading.Event()
-        start = time.monotonic()
-        self.now = lambda: (time.monotonic() - start) * SCALE
         self.model = ArmModel(BASE)
-        self.server = ArmServer(
-            self.model, threading.RLock(), self.now, lambda s: self.stopped.wait(s / SCALE), self.stopped
-        )
+        time = SimulatedTime(SCALE, threading.Event())
+        self.now = time.now
+        self.server = ArmServer(self.model, threading.RLock(), time)
         self.server.start()
 
     @property
@@ -51,11 +55,10 @@ class Abb:
     def silence(self):
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
-    def open(self, **options):
-        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
+    def open(self, *, read_only=False, **frames):
+        return opened(self.url, read_only, frames)
 
     def close(self):
-        self.stopped.set()
         self.server.close()
 
 
@@ -79,8 +82,8 @@ class Other:
     def silence(self):
         self.device.mute = True
 
-    def open(self, **options):
-        return contextlib.closing(connect.arm(self.url, time_scale=SCALE, **options))
+    def open(self, *, read_only=False, **frames):
+        return opened(self.url, read_only, frames)
 
     def close(self):
         self.server.close()
@@ -190,10 +193,6 @@ def test_after_a_silence_everything_is_refused(any_arm):
             with pytest.raises(ArmError, match="state unknown since"):
                 call()
     assert any_arm.moves == 0
-
-
-def test_runtime_and_drivers_agree_how_fast_a_hand_is_turned():
-    assert ports.TURN_RADIUS_MM == TURN_RADIUS_MM
 
 
 # -- the open_abb driver --------------------------------------------------------------------------

@@ -24,19 +24,20 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "runtime/table/__init__.py": "import runtime.table.codec\n",
     "runtime/table/codec.py": "",
     "runtime/execution/__init__.py": "",
-    "runtime/execution/executor.py": "import runtime.table\n",
+    "runtime/execution/executor.py": "import drivers.ports\nimport runtime.table\n",
     "runtime/cli.py": (
         "import drivers.camera.commands\nimport drivers.connect\nimport runtime.execution.executor\n"
     ),
     "drivers/__init__.py": "",
     "drivers/camera/__init__.py": "",
     "drivers/camera/commands.py": "import runtime.shell.command\n",
-    "drivers/camera/audit/__init__.py": "",
-    "drivers/camera/audit/judge.py": "import runtime.table\n",
+    "drivers/camera/audit.py": "import runtime.table\n",
     "drivers/connect.py": "import drivers.robotiq\n",
+    "drivers/ports.py": "",
     "drivers/robotiq.py": "",
     "drivers/sim/__init__.py": "",
     "drivers/sim/cli.py": "import runtime.shell.command\n",
+    "drivers/sim/physics.py": "import runtime.table\n",
 }
 
 BROKEN = [
@@ -55,6 +56,13 @@ BROKEN = [
         "runtime is numpy-free",
         id="runtime-planner",
     ),
+    pytest.param(
+        "runtime/journal.py",
+        "import runtime.execution.executor",
+        "the runtime's rooms",
+        id="journal-up",
+    ),
+    pytest.param("drivers/ports.py", "import drivers.robotiq", "drivers.ports holds", id="ports-make"),
     pytest.param("runtime/table/codec.py", "import numpy", "runtime is numpy-free", id="table-numpy"),
     pytest.param("drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"),
     pytest.param(
@@ -63,7 +71,7 @@ BROKEN = [
     pytest.param("runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"),
     pytest.param("drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"),
     pytest.param(
-        "drivers/camera/audit/judge.py",
+        "drivers/camera/audit.py",
         "import runtime.execution.executor",
         "drivers know",
         id="camera-executor",
@@ -75,6 +83,7 @@ BROKEN = [
         "drivers/robotiq.py", "import planner.compile", "drivers know neither", id="drivers-planner"
     ),
     pytest.param("drivers/robotiq.py", "import runtime.shell.files", "drivers know", id="driver-shell"),
+    pytest.param("drivers/sim/wire.py", "import drivers.sim.cell", "the drivers' rooms", id="wire-cell"),
 ]
 
 
@@ -104,6 +113,21 @@ def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Pa
 def test_this_tree_keeps_the_rules() -> None:
     result = lint(ROOT)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"])
+def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
+    package = contract["layers"][0].partition(".")[0]
+    layers: list[set[str]] = []
+    for layer in contract["layers"]:  # a room's own layers are one row
+        rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
+        layers += [rooms] if rooms else []
+    picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()
+    drawn = re.split(r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2])[0]
+    rows: dict[str, set[str]] = {}
+    for height, name in re.findall(r' y="([\d.]+)" font-size="22"[^>]*>(\w+)<', drawn):
+        rows.setdefault(height, set()).add(name)
+    assert list(rows.values()) == layers
 
 
 def test_allowed_imports_keep_the_rules(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from soaking import soak_run
 
-from drivers.sim.faults.schedule import KINDS
+from drivers.sim.faults import KINDS
 from runtime import errors
-from runtime.commands.options import parser
-from runtime.execution.decision import Policy, Response
-from runtime.execution.phases import Phase
-from runtime.execution.results import EXIT_CODES, Outcome
+from runtime.commands.arguments import parser
+from runtime.execution.events import Phase
+from runtime.traversal.decision import Policy, RecoveryAction
+from runtime.traversal.results import EXIT_CODES, Outcome
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()
@@ -57,7 +57,7 @@ def test_the_policies_are_those_of_the_command(row: list[str]) -> None:
         for name in names:
             parser().parse_args(["--tree", "t", option, name])
         return
-    known = {response.value for response in Response}
+    known = {action.value for action in RecoveryAction}
     assert names == known - ({"resqueeze"} if option == "--on-unresolved" else set())
     for end in ("next", "stop"):
         text = ",".join([*(names - {"next", "stop"}), end])

@@ -14,11 +14,11 @@ import pytest
 from cameras import camera, part_tag, rig, true_calibration
 
 from drivers.camera.audit import service
-from drivers.camera.audit.auditor import Answer
-from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.sim.camera.server import CameraServer
+from drivers.sim.physics.tabletop import Look
 
 ROOT = Path(__file__).parents[2]
 TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
@@ -31,15 +31,15 @@ ANSWER_S = 60.0
 class Asked:
     """The process, spoken to as the runtime does."""
 
-    def __init__(self, *words, code=0, **files):
+    def __init__(self, *words, code=0, folder=ROOT, **files):
         self.code = code
         arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
+            [sys.executable, "-P", "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            cwd=ROOT,
+            cwd=folder,
         )
 
     def ask(self, pose=POSE, part=3):
@@ -70,7 +70,7 @@ def files(tmp_path):
     """What the command line names, and a camera that shows the part at `POSE`."""
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    with CameraServer(RIG.taker(lambda: POSE, seed=1)) as server:
+    with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
         yield {
             "tree": TREE,
             "camera": server.url,
@@ -138,8 +138,10 @@ def test_silent_camera_is_answered_for_within_the_deadline(files):
     assert {answer["verdict"] for answer in answers} == {"unknown"}
 
 
-def test_process_that_grew_starts_anew_and_goes_on_answering(files):
-    with Asked("--memory-mb", "1", **files) as audit:
+def test_process_that_grew_starts_anew_and_goes_on_answering(files, tmp_path):
+    (tmp_path / "drivers").mkdir()  # a folder that is not the package
+    (tmp_path / "drivers" / "__init__.py").touch()
+    with Asked("--memory-mb", "1", folder=tmp_path, **files) as audit:
         first = audit.process.pid
         assert [audit.ask()["verdict"] for _ in range(3)] == ["pass", "pass", "pass"]
         assert audit.process.pid == first

@@ -57,7 +57,7 @@ def test_tree_and_table_have_the_same_nodes_in_the_same_order(plan):
     assert len(nodes) == len(plan.table.nodes)
     for node, row in zip(nodes, plan.table.nodes, strict=True):
         assert len(node.children) == len(row.branches)
-        assert row.squeeze.x_um == pytest.approx(1e3 * node.placement[0], abs=50)
+        assert row.squeeze.x_um == pytest.approx(1e3 * node.squeeze.placement[0], abs=50)
     leaves = [node for node in breadth_first(plan.root) if not node.children]
     for leaf, row in zip(leaves, plan.table.leaves, strict=True):
         assert row.x_um == pytest.approx(1e3 * leaf.mode.pose[0], abs=1000)
@@ -70,7 +70,7 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
     for node, row in zip(nodes, plan.table.nodes, strict=True):
         outcome = by_count(decision_map(row, calibration))
         for k in range(len(node.children)):
-            for count in range(node.clusters.low[k], node.clusters.high[k] + 1):
+            for count in range(node.squeeze.clusters.low[k], node.squeeze.clusters.high[k] + 1):
                 agree += outcome[count] == k
                 total += 1
                 assert outcome[count] >= 0

@@ -22,6 +22,8 @@ PARSED = {
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
+MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
 CURLS = {"--unix-socket"}
 
 
@@ -179,6 +181,21 @@ def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
 def test_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
     assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_and_modules_that_are_named_exist(page):
+    text = page.read_text()
+    named = set(FILE.findall(text)) | {name.replace(".", "/") for name in MODULE.findall(text)}
+    assert [name for name in sorted(named) if not _exists(name.rstrip("/"))] == []
+
+
+def _exists(name):
+    """Whether it is a file or folder of the repository, or a name that one of its modules has."""
+    found = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
+    module, _, attribute = name.rpartition("/")
+    above = [path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()]
+    return bool(found) or any(re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above)
 
 
 def test_the_readme_shows_what_the_demo_runs():

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from soaking import small_soak, soak_run
 
-from drivers.sim.faults.schedule import KINDS, Channel, Fault, Listed
-from runtime.execution.executor import Plan
+from drivers.sim.faults import KINDS, Channel, Fault, Listed
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 
 TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
@@ -26,7 +26,7 @@ DECIDED = {"leaf", "unresolved", "reject"}
 FINE = {"reply_late", "flag_late"}  # their values are seconds
 
 
-HANDLED = {"direct": (Plan(),), "regulated": (Plan(handling=Handling(regulated=True)),)}
+HANDLED = {"direct": (RunOptions(),), "regulated": (RunOptions(handling=Handling(regulated=True)),)}
 
 
 @pytest.fixture(scope="module", params=HANDLED)

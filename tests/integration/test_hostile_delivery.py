@@ -18,21 +18,21 @@ from soaking import small_setting, soak_run
 from tapped_devices import TappedArm, TappedGripper
 
 from drivers.abb.kinematics import LAST_AXIS_DEG
-from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.faults import Fault, Listed
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
 from runtime.execution.delivery import from_text
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.results import Outcome
 from runtime.journal.chain import records
 from runtime.table import Table, dump
+from runtime.traversal.results import Outcome
 
 ROOT = Path(__file__).parents[2]
 Record = Callable[[str, object], None]
 
 # With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
-WINDING = Plan(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
+WINDING = RunOptions(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
 WIDE = """
 drop_mm = [{x}, 0.0]
 area_mm = [-1000, -1000, 1000, 1000]
@@ -85,7 +85,7 @@ def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
     monkeypatch.setattr("drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000)))
-    monkeypatch.setattr("runtime.execution.geometry.MOST_TURNS", 9)
+    monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     told = soaked(60)
     assert (told.halts, told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)

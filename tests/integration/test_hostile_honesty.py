@@ -15,18 +15,19 @@ from sample_tables import GRIPPER, every_field_table, random_table, small_table,
 
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
+from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
 from planner.evaluation.evaluate import REJECTED, evaluate
 from planner.evaluation.untried import tried, without_untried
 from planner.job import model as job_file
+from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines
-from planner.search.expand import TreeNode
+from planner.search.expand import PlannedSqueeze, TreeNode
 from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, as_object
 from runtime.table import (
@@ -41,6 +42,7 @@ from runtime.table import (
     dumps,
     load,
 )
+from runtime.traversal.results import Outcome, PartResult, Step
 
 TREES = Path(__file__).parents[2] / "trees"
 LINE = Calibration.linear(GRIPPER)
@@ -103,11 +105,12 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
 
 def tree_of(table: Table, target: int = 0) -> TreeNode:
     """A tree of the table's shape, without beliefs."""
-    node = TreeNode(np.empty((0, 4)), 1.0, Mode(np.zeros(3), 1.0))
+    node = TreeNode(Belief.of(np.empty((0, 3))), 1.0, Mode(np.zeros(3), 1.0))
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)
-        node.clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        node.squeeze = PlannedSqueeze(np.zeros(3), 85.0, 0.0, clusters)
         node.children = [tree_of(table, branch.target) for branch in branches]
     return node
 
@@ -128,7 +131,12 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
         old, new, planned = waiting.pop()
         before, after = table.nodes[old], pruned.nodes[new]
         assert after.squeeze == before.squeeze
-        assert len(planned.children) == len(planned.clusters.mean) == len(after.branches) == len(kept[old])
+        assert (
+            len(planned.children)
+            == len(planned.squeeze.clusters.mean)
+            == len(after.branches)
+            == len(kept[old])
+        )
         read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
         assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
@@ -254,6 +262,6 @@ def test_a_finger_that_stands_still_does_so_in_pictures(tmp_path) -> None:
         small_job(tmp_path / "job.toml", ("force_n = 40.0", "upper_finger_share = 1.0\nforce_n = 40.0"))
     )
     for width_mm in (5.0, 40.0, 85.0):
-        upper, lower = canvas.finger_boxes(canvas.jaws_of(job), width_mm)
+        upper, lower = canvas.finger_boxes(jaws_of(job.gripper), width_mm)
         assert lower[:, 1].max() == -42.5
         assert upper[:, 1].min() == pytest.approx(width_mm - 42.5)

@@ -7,12 +7,11 @@ from sample_tables import small_table
 from soaking import small_setting
 
 from drivers.sim.cell import Cell
-from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.faults import Fault, Listed
 from runtime import cli
 from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
-from runtime.journal.chain import Journal, records, verify
-from runtime.journal.incidents import MOST_KEPT, Incidents
+from runtime.journal.chain import MOST_INCIDENTS, Incidents, Journal, records, verify
 from runtime.table import dump
 
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
@@ -46,13 +45,13 @@ def test_retries_are_journalled_with_the_run(tmp_path: Path, monkeypatch: pytest
 
 def test_what_is_told_before_there_is_a_journal_is_kept_and_not_without_end(tmp_path: Path) -> None:
     incidents = Incidents()
-    for number in range(MOST_KEPT + 5):
+    for number in range(MOST_INCIDENTS + 5):
         incidents.record("link", {"number": number})
     with Journal(tmp_path / "j.jsonl", lambda: "now") as journal:
         journal.header(b"table", {})
         incidents.hand_over(journal)
         incidents.record("link", {"number": -1})
     numbers = [entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"]
-    assert numbers == [*range(MOST_KEPT), -1]
+    assert numbers == [*range(MOST_INCIDENTS), -1]
     with pytest.raises((JournalError, OSError)):
         incidents.record("link", {"number": 0})

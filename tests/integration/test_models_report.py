@@ -18,6 +18,7 @@ from planner.learned.model import learned_model, learns
 from planner.learned.rollouts import COLLIDES
 from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
+from planner.report import canvas
 from planner.report.subspaces import figure
 from runtime.table import dumps
 
@@ -95,7 +96,7 @@ def compiled(tmp_path, *words):
 def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_path):
     report, _ = judged
     picture = tmp_path / "tree.models.svg"
-    figure(report, rectangle(), JAWS, picture)
+    canvas.save(picture, lambda: figure(report, rectangle(), JAWS))
     out = models_report.text(report)
     assert out.count(" deg: ") == 4
     for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):

@@ -10,18 +10,18 @@ from crash_cell import KilledError, World, process, restart_takes_a_while
 from sample_tables import small_table
 
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import Policy
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.results import Outcome
 from runtime.execution.tips import TipArc
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
 from runtime.table import Table
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome
 
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
-PLAIN = Plan(Policy.of("next", "next"), Handling())
-CAREFUL = Plan(
+PLAIN = RunOptions(Policy.of("next", "next"), Handling())
+CAREFUL = RunOptions(
     Policy.of("resqueeze,restart,next", "restart,next"), Handling(regulated=True, arc=TipArc(level_mm=8.0))
 )
 
@@ -55,7 +55,7 @@ def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
-def moments_of(table: Table, plan: Plan, path: Path) -> int:
+def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     world = World(table, PATH)
     tally, moments = process(world, path, Silent(), plan)
     assert tally.outcomes == {Outcome.LEAF: 1}
@@ -63,7 +63,7 @@ def moments_of(table: Table, plan: Plan, path: Path) -> int:
     return moments
 
 
-def survive(table: Table, plan: Plan, path: Path, deaths: tuple[int, ...], after_crash: str) -> tuple:
+def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...], after_crash: str) -> tuple:
     """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
     world = World(table, PATH)
     for last in (*deaths, None):
@@ -93,7 +93,7 @@ def survive(table: Table, plan: Plan, path: Path, deaths: tuple[int, ...], after
     ids=["plain", "regulated, level tips", "dragging", "dragging, regulated, level tips"],
 )
 def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
-    table: Table, plan: Plan, tmp_path: Path
+    table: Table, plan: RunOptions, tmp_path: Path
 ) -> None:
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200

@@ -9,7 +9,7 @@ import pytest
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
-from drivers.sim.faults.schedule import KINDS, Fault, Listed, Seeded
+from drivers.sim.faults import KINDS, Fault, Listed, Seeded
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution import executor, safety
 from runtime.table import REJECT

@@ -16,6 +16,7 @@ from drivers.abb.codec import Pose
 from drivers.sim.devices import rapid
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 50.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -199,13 +200,10 @@ class Served:
     """A server at 50 times the speed of life, and strangers' clients."""
 
     def __init__(self):
-        self.stopped = threading.Event()
-        start = time.monotonic()
-        self.now = lambda: (time.monotonic() - start) * SCALE
         self.model = ArmModel(BASE)
-        self.server = ArmServer(
-            self.model, threading.RLock(), self.now, lambda s: self.stopped.wait(s / SCALE), self.stopped
-        )
+        time = SimulatedTime(SCALE, threading.Event())
+        self.now = time.now
+        self.server = ArmServer(self.model, threading.RLock(), time)
         self.server.start()
         self.clients = []
 
@@ -216,7 +214,6 @@ class Served:
         return made
 
     def close(self):
-        self.stopped.set()
         for client in self.clients:
             client.close()
         self.server.close()

@@ -15,14 +15,13 @@ from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws
-from runtime.execution import session
-from runtime.execution.executor import Cell, Plan
-from runtime.execution.geometry import placement
+from runtime.execution import crash, session
+from runtime.execution.events import Console
+from runtime.execution.executor import Cell, RunOptions
 from runtime.journal import chain as journal
-from runtime.journal import crash
 from runtime.journal.chain import Journal
-from runtime.monitoring.console import Console
 from runtime.table import Calibration, Node, Table, dumps
+from runtime.traversal.geometry import placement
 
 REACH_MM = 35.0
 RESUME_WITHIN_S = 60.0
@@ -242,7 +241,7 @@ def process(
     world: World,
     path: Path,
     console: Console,
-    plan: Plan,
+    options: RunOptions,
     *,
     last: int | None = None,
     after_crash: str = "resume",
@@ -254,7 +253,7 @@ def process(
     """
     life = Life(last)
     data = dumps(world.table)
-    on_reject, on_unresolved = plan.policy.texts()
+    on_reject, on_unresolved = options.policy.texts()
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
         begun = crash.look(
@@ -264,7 +263,7 @@ def process(
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
         tally = session.run_journalled(
-            world.table, cell, None, console, count=1, activate=False, plan=plan, broken=begun
+            world.table, cell, None, console, count=1, activate=False, options=options, broken=begun
         )
     return tally, life.moment
 

@@ -13,7 +13,7 @@ DOCS = ROOT / "tools" / "docs"
 COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 PAGES = sorted(
     path
-    for pattern in ("*.md", "tools/d*s/*.md", "tools/docs/*.rst", "runtime/*.md", "drivers/*/*.md")
+    for pattern in ("*.md", "tools/d*s/*.md", "tools/docs/*.rst", "runtime/**/*.md", "drivers/*/*.md")
     for path in ROOT.glob(pattern)
 )
 BLOCK = re.compile(r"^( *)```(console|bash|sh)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)

@@ -1,4 +1,4 @@
-"""Mutated tables, one for each number: what `tools/fuzz tables` and its slice in the tests run.
+"""Mutated tables, one for each number: what `tools/hostile tables` and its slice in the tests run.
 
 A mutant is damaged in one of three depths: the bytes of a file; the payload, with a digest that fits again;
 the integers of its arrays, packed again, so that only the proof stands between them and a cell.

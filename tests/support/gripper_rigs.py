@@ -9,16 +9,16 @@ import random
 import threading
 
 import other_make
+from can_node import CanNode
 
 from drivers import connect
 from drivers.robotiq.canopen import CanMap
-from drivers.sim.devices.can_node import CanNode
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
 from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.timing import SimulatedTime
+from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 20.0
 
@@ -52,7 +52,7 @@ class Robotiq:
         else:
             self.slave = modbus_tcp(self.model, self.now)
             port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
-        return port, f"{bus}://{port.address}"
+        return port, f"{bus}://127.0.0.1:{port.port}"
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):

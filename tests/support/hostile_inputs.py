@@ -308,7 +308,7 @@ def _as_process(made: Case) -> tuple[int, str]:
 @cache
 def documented(entry: tuple[str, str]) -> frozenset[int]:
     """The codes that a command's --help lists, but for that of a bug."""
-    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
+    module = "runtime.commands.arguments" if entry[0] == "runtime.cli" else entry[0]
     listed = (importlib.import_module(module).parser().epilog or "").partition("exit codes")[2]
     each = re.sub(r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed)
     return frozenset(map(int, re.findall(r"\b\d{1,3}\b(?=\s)", each))) - {INTERNAL}
@@ -316,7 +316,7 @@ def documented(entry: tuple[str, str]) -> frozenset[int]:
 
 def err_name(entry: tuple[str, str]) -> str:
     """What a command's errors begin with."""
-    module = "runtime.commands.options" if entry[0] == "runtime.cli" else entry[0]
+    module = "runtime.commands.arguments" if entry[0] == "runtime.cli" else entry[0]
     return str(importlib.import_module(module).parser().prog)
 
 

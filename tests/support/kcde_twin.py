@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.belief.particles import Belief
+from planner.belief.transition import Case
 from planner.frames import to_hand, to_world
 from planner.learned.kcde import Kcde
 
@@ -60,11 +62,10 @@ class Unaided(NamedTuple):
 
     motion: Kcde
 
-    def squeeze(
-        self, cases: list[tuple[np.ndarray, np.ndarray]], rng: np.random.Generator
-    ) -> list[SimpleNamespace]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[SimpleNamespace]:
         """Outcomes with all particles in one belief."""
+        moved = [self.motion.sample(to_hand(belief.poses, hand), rng).poses for belief, hand in cases]
         return [
-            SimpleNamespace(beliefs=[to_world(self.motion.sample(to_hand(belief, hand), rng).poses, hand)])
-            for belief, hand in cases
+            SimpleNamespace(beliefs=[Belief.of(to_world(poses, hand))])
+            for poses, (_, hand) in zip(moved, cases, strict=True)
         ]

@@ -5,11 +5,14 @@ import problems
 
 from planner.belief.metric import Metric
 from planner.belief.observation import partition
+from planner.belief.particles import Belief
 from planner.belief.transition import Costs, Outcomes
 from planner.search.actions import ActionSet
 from planner.search.closed_loop import LookAhead
+from planner.search.params import Objective
+from planner.search.ranking import Ranking
 
-BELIEF = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0)
+BELIEF = Belief.of(np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0))
 AREA = np.array([[-99.0, -99.0], [99.0, 99.0]])
 TELLING, SILENT, RISKY = 0.0, 1.0, 2.0
 
@@ -21,7 +24,7 @@ class Oracle:
         outcomes = []
         for belief, placement in cases:
             telling = placement[2] in (TELLING, RISKY)
-            counts = np.where((belief[:, 0] > 0) & telling, 200, 100)
+            counts = np.where((belief.poses[:, 0] > 0) & telling, 200, 100)
             clusters = partition(counts)
             label = clusters.label[counts]
             beliefs = [belief[label == k] for k in range(len(clusters.mean))]
@@ -29,15 +32,10 @@ class Oracle:
         return outcomes
 
 
-def look_ahead(angles, depth=2, unstable=0.0):
+def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99):
     placements = np.array([[0.0, 0.0, angle] for angle in angles])
-    return LookAhead(
-        actions=ActionSet(placements, None, AREA),
-        simulator=problems.simulator(problems.rectangle()),
-        model=Oracle(),
-        metric=Metric(3.0, 10.0, 2),
-        confidence=0.99,
-        depth=depth,
-        costs=Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0),
-        particles=200,
-    )
+    costs = Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0)
+    objective = Objective(Metric(3.0, 10.0, 2), confidence, costs)
+    simulator = problems.simulator(problems.rectangle())
+    ranking = Ranking(ActionSet(placements, None, AREA), simulator, model or Oracle(), objective)
+    return LookAhead(ranking, depth, particles=200)

@@ -8,7 +8,7 @@ from sample_tables import small_table
 
 from drivers.sim.physics.scene import Setting, table_geometry
 from runtime.devices import rehearsal
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 
 SCRIPT = Path(__file__).parents[2] / "tools" / "soak"
 
@@ -22,6 +22,8 @@ def small_setting() -> Setting:
     return Setting(table, table_geometry(table), "runtime.devices.rehearsal:make", rehearsal.make)
 
 
-def small_soak(parts: int = 1, *, faults: bool = False, handled: tuple[Plan, ...] = (Plan(),)) -> object:
+def small_soak(
+    parts: int = 1, *, faults: bool = False, handled: tuple[RunOptions, ...] = (RunOptions(),)
+) -> object:
     """Runs of that many parts."""
     return soak_run.Soak(small_setting(), small_table(), faults, parts, handled)

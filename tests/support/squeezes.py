@@ -3,10 +3,10 @@
 from fake_cell import FakeCell, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime.execution.executor import Executor, Plan
-from runtime.execution.results import PartResult
+from runtime.execution.executor import Executor, RunOptions
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Table
+from runtime.traversal.results import PartResult
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3
@@ -18,13 +18,15 @@ CLOSED = (229, CONTACT)  # on something thinner than a count
 ARC = TipArc()
 
 
-def run(made: FakeCell, plan: Plan, table: Table | None = None, phases: list | None = None) -> PartResult:
+def run(
+    made: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
+) -> PartResult:
     seen = [] if phases is None else phases
     executor = Executor(
         table or small_table(),
         made.cell,
         lambda part, step: None,
-        plan,
+        options,
         lambda part, phase, node: seen.append((phase, node)),
     )
     return executor.run_part(1)

@@ -7,11 +7,11 @@ from sample_tables import GRIPPER, small_table
 
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
-from runtime.execution.decision import Policy
-from runtime.execution.executor import Cell, Plan
+from runtime.execution.executor import Cell, RunOptions
 from runtime.journal.chain import Journal
 from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
+from runtime.traversal.decision import Policy
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
@@ -30,8 +30,9 @@ def write_run(path: Path, policy: Policy | None = None, calibration: Calibration
             fields["widths_um"] = list(calibration.widths_um)
         journal.header(dumps(table), fields)
         cell = Cell(made.gripper, made.arm, made.cell.clock, journal)
-        plan = Plan(policy)
-        session.run_journalled(table, cell, None, Quiet(), count=4, activate=False, plan=plan)
+        session.run_journalled(
+            table, cell, None, Quiet(), count=4, activate=False, options=RunOptions(policy)
+        )
     return path
 
 

@@ -1,4 +1,4 @@
-"""The fuzzers themselves: a slice of what `tools/fuzz` runs, repeatable, and able to find what is wrong."""
+"""The fuzzers themselves: a slice of what `tools/hostile` runs, repeatable, able to find what is wrong."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ import fuzz_tables
 import hostile_inputs
 import pytest
 
-TOOL = Path(__file__).parents[2] / "tools" / "fuzz"
+TOOL = Path(__file__).parents[2] / "tools" / "hostile"
 
 
 def run_tool(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -62,20 +62,14 @@ def test_a_master_that_believes_noise_is_found(monkeypatch: pytest.MonkeyPatch) 
 def test_the_tool_repeats_one_mutant() -> None:
     done = run_tool("tables", "--first", "12", "--count", "1")
     assert done.returncode == 0, done.stderr
-    assert "1 mutated tables" in done.stdout
+    assert "tables: 0 failures" in done.stdout
 
 
-def test_the_tool_fuzzes_frames_without_its_engine() -> None:
-    done = run_tool("frames", "--seconds", "1", "--random")
-    assert done.returncode == 0, done.stdout
-    assert "0 failures" in done.stdout
-
-
-def test_the_tool_says_what_to_install(tmp_path: Path) -> None:
+def test_the_tool_fuzzes_frames_without_its_engine(tmp_path: Path) -> None:
     (tmp_path / "atheris.py").write_text("raise ModuleNotFoundError('No module named atheris')\n")
     done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))
-    assert done.returncode == 2
-    assert "pip install atheris" in done.stderr
+    assert done.returncode == 0, done.stdout
+    assert "frames: 0 failures" in done.stdout
 
 
 def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must() -> None:

@@ -1,21 +1,79 @@
 """One audit: take a picture, check the camera, measure the part, compare it with what the leaf says."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
-from drivers.camera.audit import explain, overlay
-from drivers.camera.audit.judge import FAIL, PASS, UNKNOWN, Judgement, judge
+from drivers.camera.audit import overlay
+from drivers.camera.audit.subject import Subject
 from drivers.camera.calibration import drift
 from drivers.camera.calibration.file import CameraCalibration
+from drivers.camera.calibration.measure import Measured, measure
 from drivers.camera.errors import CameraError
-from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.measure import Measured, measure
+from drivers.camera.vision import explain
+from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.sources import Source
-from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.tag_file import Pose
 from drivers.camera.vision.tags import Finder
-from runtime.table import GoalSpec
+from runtime.table import GoalSpec, distance, residual, threshold
+
+PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
+COVERAGE = 3.0
+"""How many standard deviations a measurement has to be clear of the threshold."""
+
+
+class Judgement(NamedTuple):
+    """How a measurement compares.
+
+    Attributes:
+        verdict: "pass", "fail" or "unknown".
+        distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
+        error: `COVERAGE` standard deviations of it.
+        threshold: what it has to stay below.
+        residual: measured less predicted: mm, mm, rad under the symmetry.
+    """
+
+    verdict: str
+    distance: float
+    error: float
+    threshold: float
+    residual: Pose
+
+
+def judge(
+    goal: GoalSpec, predicted: Iterable[Pose], measured: Pose, sigma_mm: float, sigma_rad: float
+) -> Judgement:
+    """Compare a measured pose with the predicted ones; the nearest counts.
+
+    Args:
+        goal: of the table.
+        predicted: the leaf's pose, and others it allows.
+        measured: by the camera.
+        sigma_mm: standard deviation of the measured place, in each direction.
+        sigma_rad: standard deviation of the measured angle.
+    """
+    return min(
+        (_compare(goal, pose, measured, sigma_mm, sigma_rad) for pose in predicted),
+        key=lambda judged: judged.distance,
+    )
+
+
+def _compare(goal: GoalSpec, pose: Pose, measured: Pose, sigma_mm: float, sigma_rad: float) -> Judgement:
+    off, bound = distance(goal, pose, measured), threshold(goal)
+    if goal.kind in ("pose", "modes"):
+        sigma = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad)
+    else:
+        x_um, y_um, theta_urad = goal.tolerance
+        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
+        sigma = max(shift, sigma_rad / (theta_urad / 1e6))
+    error, verdict = COVERAGE * sigma, UNKNOWN
+    if off + error < bound:
+        verdict = PASS
+    elif off - error >= bound:
+        verdict = FAIL
+    return Judgement(verdict, off, error, bound, residual(goal, pose, measured))
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,23 +114,6 @@ class Answer:
         if self.picture is not None:
             told["picture"] = self.picture
         return told
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Subject:
-    """What is audited.
-
-    Attributes:
-        goal: of the table.
-        tag: the part's.
-        outline_mm: (n, 2) in the part's frame, for overlays; None: not known.
-        poses_of: further poses that the leaf of a predicted pose allows.
-    """
-
-    goal: GoalSpec
-    tag: PartTag
-    outline_mm: Array | None = None
-    poses_of: Callable[[Pose], Sequence[Pose]] = field(default=lambda pose: (pose,))
 
 
 class Auditor:

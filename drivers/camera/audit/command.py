@@ -11,7 +11,7 @@ from typing import TypeVar
 import cv2
 
 from drivers.camera.audit import service, subject
-from drivers.camera.audit.auditor import Auditor, Subject
+from drivers.camera.audit.auditor import Auditor
 from drivers.camera.calibration import drift
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
@@ -112,13 +112,13 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     worker = service.Worker(lambda: noted(make))
     lines = service.Lines(sys.stdin.fileno())
     if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full):
-        os.execv(sys.executable, [sys.executable, "-m", "drivers.camera.audit.command", *words])
+        os.execv(sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words])
     if why_not:
         raise why_not[0]
     return 0
 
 
-def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, Subject]:
+def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, subject.Subject]:
     """What the files of a command line say.
 
     Raises:

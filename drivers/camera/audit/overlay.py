@@ -1,22 +1,17 @@
 """The picture of an audit: where the part should lie, where it does, and the sentence, over what was seen."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from drivers.camera.audit.subject import Subject
+from drivers.camera.calibration.measure import Measured, print_corners
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.measure import Measured, print_corners
 from drivers.camera.vision.plane import View, as_it_lies
 from drivers.camera.vision.tag_file import Pose
 from runtime.shell.files import writing
-
-if TYPE_CHECKING:
-    from drivers.camera.audit.auditor import Subject
 
 # Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
 PREDICTED = (0, 94, 213)

@@ -18,10 +18,8 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
-from drivers.camera.audit.auditor import Answer
-from drivers.camera.audit.judge import UNKNOWN
+from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
 from drivers.camera.vision.tag_file import Pose
 from runtime.shell import strict_json
 
@@ -31,18 +29,10 @@ RESERVE_BYTES = 1 << 30  # of address space: thread stacks and allocators' pools
 PAGE_BYTES = resource.getpagesize()
 
 
-class Audits(Protocol):
-    """Judges parts; `drivers.camera.audit.auditor.Auditor`."""
-
-    def audit(self, part: int, predicted: Pose, until: float) -> Answer:
-        """Judge one part, given a picture until then."""
-        ...
-
-
 class Worker:
     """A thread that judges one part after the other, so that one that hangs cannot hold up an answer."""
 
-    def __init__(self, make: Callable[[], Audits]) -> None:
+    def __init__(self, make: Callable[[], Auditor]) -> None:
         self._make = make
         self._questions: queue.Queue[tuple[int, Pose, float]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
@@ -73,7 +63,7 @@ class Worker:
         return True
 
     def _work(self) -> None:
-        audits: Audits | None = None
+        audits: Auditor | None = None
         while True:
             part, predicted, until = self._questions.get()
             try:

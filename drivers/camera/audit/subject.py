@@ -1,17 +1,34 @@
 """What is audited, from a table: its goal, its leaves, and the outline in the job it carries."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from drivers.camera.audit.auditor import Subject
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.tag_file import PartTag, Pose
-from runtime.table import Table, job_of, load, poses_of
+from runtime.table import GoalSpec, Table, job_of, load, poses_of
 
 SAME_MM = 1e-3
 SAME_RAD = 2e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What is audited.
+
+    Attributes:
+        goal: of the table.
+        tag: the part's.
+        outline_mm: (n, 2) in the part's frame, for overlays; None: not known.
+        poses_of: further poses that the leaf of a predicted pose allows.
+    """
+
+    goal: GoalSpec
+    tag: PartTag
+    outline_mm: Array | None = None
+    poses_of: Callable[[Pose], Sequence[Pose]] = field(default=lambda pose: (pose,))
 
 
 def from_table(path: Path, tag: PartTag) -> Subject:

@@ -14,7 +14,7 @@ import numpy as np
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import residual_picture
 from drivers.camera.calibration.fit import Made, Material, calibrate, glue, pictures_in, read_poses
-from drivers.camera.errors import RefusedError
+from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
@@ -154,7 +154,9 @@ def run_tag(options: argparse.Namespace) -> Told:
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
-            raise RefusedError("give --at X,Y,THETA, or --calibration and --poses to have it measured")
+            raise CalibrationRefusedError(
+                "give --at X,Y,THETA, or --calibration and --poses to have it measured"
+            )
         touched = read_poses(options.poses)
         usable(options.output, *(known.picture for known in touched))
         tag = glue(calibration.load(options.calibration), tag, touched)

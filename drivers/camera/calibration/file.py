@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drivers.camera import documents
-from drivers.camera.errors import CameraFileError, PictureError
+from drivers.camera.errors import PictureError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View
@@ -101,7 +101,6 @@ def save(calibration: CameraCalibration, path: Path) -> None:
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
-        "version": 1,
         "camera": calibration.camera,
         "made": calibration.made,
         "width_px": lens.width,
@@ -128,16 +127,10 @@ def load(path: Path) -> CameraCalibration:
     Raises:
         CameraFileError: it cannot be read, was changed, or is none.
     """
-    told = documents.read(path, KIND, REMEDY)
-    try:
-        return _parsed(told)
-    except (KeyError, TypeError, ValueError) as error:
-        raise CameraFileError(f"{KIND} {path}: {error!r}; {REMEDY}") from error
+    return documents.read(path, KIND, REMEDY, _parsed)
 
 
 def _parsed(told: dict[str, Any]) -> CameraCalibration:
-    if told["version"] != 1:
-        raise ValueError(f"version {told['version']}, this program reads 1")
     fx, fy = map(float, told["focal_px"])
     cx, cy = map(float, told["centre_px"])
     k1, k2, p1, p2, k3 = map(float, told["distortion_k1_k2_p1_p2_k3"])

@@ -9,11 +9,11 @@ from typing import NamedTuple
 from drivers.camera.calibration import lens_fit, table_fit
 from drivers.camera.calibration.drift import place
 from drivers.camera.calibration.file import CameraCalibration, Reference
+from drivers.camera.calibration.measure import of_sighting, the_one
 from drivers.camera.calibration.table_fit import Residuals
-from drivers.camera.errors import CameraFileError, RefusedError
+from drivers.camera.errors import CalibrationRefusedError, CameraFileError
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.board import Board, BoardView
-from drivers.camera.vision.measure import of_sighting, the_one
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.sources import SUFFIXES, decoded
 from drivers.camera.vision.tag_file import PartTag, Pose
@@ -85,7 +85,9 @@ def calibrate(material: Material, made: str) -> Made:
     size, views, left_out = _views(material)
     lying = [view for view in views if view.name in {path.name for path in material.table}]
     if not lying or lying[0].name != material.table[0].name:
-        raise RefusedError(f"{material.table[0].name}: the board on the table is not seen; take it again")
+        raise CalibrationRefusedError(
+            f"{material.table[0].name}: the board on the table is not seen; take it again"
+        )
     found = lens_fit.fit(views, size)
     height_mm, below = material.height_mm, material.from_below
     view = table_fit.stand(found.lens, found.poses[0], below, height_mm)
@@ -125,7 +127,9 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
         calibration.check_size(picture.shape)
         sighting = the_one(finder.find(picture), tag.number, fixed)
         if sighting is None:
-            raise RefusedError(f"{known.picture.name}: tag {tag.number} is not seen; take it again")
+            raise CalibrationRefusedError(
+                f"{known.picture.name}: tag {tag.number} is not seen; take it again"
+            )
         seen.append(of_sighting(sighting, calibration, bare).pose)
     on_part, sigma_mm, sigma_rad = table_fit.part_offset([known.pose for known in touched], seen)
     return PartTag(tag.part, tag.number, tag.side_mm, on_part, tag.height_mm, sigma_mm, sigma_rad)
@@ -192,7 +196,7 @@ def _views(material: Material) -> tuple[tuple[int, int], list[BoardView], list[s
         picture = load_picture(path)
         found_size = (picture.shape[1], picture.shape[0])
         if size is not None and size != found_size:
-            raise RefusedError(
+            raise CalibrationRefusedError(
                 f"{path.name} is {_words(found_size)}, those before it {_words(size)}; take all at one size"
             )
         size = found_size
@@ -211,12 +215,12 @@ def _words(size: tuple[int, int]) -> str:
 def _tag_place(path: Path, view: View, number: int) -> tuple[float, float]:
     found = [tag for tag in Finder().find(load_picture(path)) if tag.number == number]
     if len(found) != 1:
-        raise RefusedError(f"{path.name}: tag {number} is seen {len(found)} times; take it again")
+        raise CalibrationRefusedError(f"{path.name}: tag {number} is seen {len(found)} times; take it again")
     return place(found[0], view)
 
 
 def _references(path: Path, view: View, number: int) -> tuple[Reference, ...]:
     seen = [tag for tag in Finder().find(load_picture(path)) if tag.number != number]
     if not seen:
-        raise RefusedError(f"{path.name}: no reference tag is seen; take it again")
+        raise CalibrationRefusedError(f"{path.name}: no reference tag is seen; take it again")
     return tuple(Reference(tag.number, *place(tag, view)) for tag in seen)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from drivers.camera.errors import RefusedError
+from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.board import BoardView
 from drivers.camera.vision.lens import Lens
@@ -51,7 +51,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
         size: width and height of the pictures.
 
     Raises:
-        RefusedError: too few views, a corner of the picture without any, large residuals, little tilt.
+        CalibrationRefusedError: too few views, a corner without any, large residuals, little tilt.
     """
     check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]).astype(np.float32) for v in views]
@@ -83,10 +83,10 @@ def check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
     """Check that there are enough views, and that they reach the corners of the picture.
 
     Raises:
-        RefusedError: they do not.
+        CalibrationRefusedError: they do not.
     """
     if len(views) < LEAST_VIEWS:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"{len(views)} pictures show the board; take at least {LEAST_VIEWS}, tilted to all sides, "
             "and in all corners of the picture"
         )
@@ -95,7 +95,7 @@ def check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
         for right, horizontal in ((0, "left"), (1, "right")):
             near = np.abs(seen - (right, down)) < CORNER_SHARE
             if not near.all(axis=1).any():
-                raise RefusedError(
+                raise CalibrationRefusedError(
                     f"no view shows the board in the {vertical} {horizontal} corner of the picture; "
                     "add one there"
                 )
@@ -105,18 +105,18 @@ def check_fit(found: LensFit, views: Sequence[BoardView]) -> None:
     """Check that the lens explains the views, and that the views tell the lens.
 
     Raises:
-        RefusedError: they do not.
+        CalibrationRefusedError: they do not.
     """
     worst = int(np.argmax(found.view_rms_px))
     if found.rms_px > LARGEST_RMS_PX or found.view_rms_px[worst] > LARGEST_VIEW_RMS_PX:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"the residual is {found.rms_px:.2f} px (limit {LARGEST_RMS_PX:g}), worst "
             f"{found.view_rms_px[worst]:.2f} px in {views[worst].name}; leave that one out, keep the board "
             "flat and still, and check its measures"
         )
     sigma = float(np.sqrt(max(found.covariance[0, 0], found.covariance[1, 1]))) / found.lens.focal[0]
     if not sigma <= LARGEST_FOCAL_SIGMA:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"the focal length is known to {100 * sigma:.1f} % only (limit {100 * LARGEST_FOCAL_SIGMA:g} %); "
             "add views with the board tilted by 30 degrees and more"
         )

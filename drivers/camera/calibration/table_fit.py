@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.camera.calibration.file import Trust
 from drivers.camera.calibration.lens_fit import STEPS, LensFit
-from drivers.camera.errors import RefusedError
+from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.board import BoardView
 from drivers.camera.vision.lens import Lens
@@ -68,19 +68,21 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose, float]
         Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
     Raises:
-        RefusedError: too few places, too near to one another, or in contradiction.
+        CalibrationRefusedError: too few places, too near to one another, or in contradiction.
     """
     a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
     if len(a) < LEAST_TOUCHED:
-        raise RefusedError(f"{len(a)} touched places; the arm has to touch at least {LEAST_TOUCHED}")
+        raise CalibrationRefusedError(
+            f"{len(a)} touched places; the arm has to touch at least {LEAST_TOUCHED}"
+        )
     spread = float(np.hypot(*(a.max(axis=0) - a.min(axis=0))))
     if spread < LEAST_SPREAD_MM:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"the touched places are within {spread:.0f} mm; spread them over {LEAST_SPREAD_MM:g} mm and more"
         )
     found = rigid_fit(a, b)
     if found.rms_mm > LARGEST_ALIGNMENT_MM:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"touched and seen places disagree by {found.rms_mm:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
             "check which picture belongs to which place, the arm's tool frame, and --above"
         )
@@ -91,7 +93,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
 
     Raises:
-        RefusedError: too far.
+        CalibrationRefusedError: too far.
     """
     places, off = [], []
     for board in boards:
@@ -104,7 +106,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
         off.append(seen - whole)
     found = Residuals(np.concatenate(places), np.concatenate(off))
     if not found.rms_mm <= LARGEST_RESIDUAL_MM:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"boards on the table are measured {found.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
             " mm); check that they lie flat, and the board's measures"
         )
@@ -150,10 +152,10 @@ def part_offset(parts: Sequence[Pose], tags: Sequence[Pose]) -> tuple[Pose, floa
         Pose of the tag in the part's frame, and the standard deviations of its place (mm) and angle (rad).
 
     Raises:
-        RefusedError: too few, or they contradict one another.
+        CalibrationRefusedError: too few, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
-        raise RefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
+        raise CalibrationRefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
     offsets = [compose(inverse(part), tag) for part, tag in zip(parts, tags, strict=True)]
     found = np.array(offsets)
     theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))
@@ -162,7 +164,7 @@ def part_offset(parts: Sequence[Pose], tags: Sequence[Pose]) -> tuple[Pose, floa
     scatter = np.sqrt(np.sum((found[:, :2] - place) ** 2) / (2 * (count - 1)))
     turned = np.remainder(found[:, 2] - theta + np.pi, 2.0 * np.pi) - np.pi
     if scatter > LARGEST_ALIGNMENT_MM:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"the tag's place on the part scatters by {scatter:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
             "check the part's poses and the order of the pictures"
         )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from drivers.camera.errors import RefusedError
+from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array, Picture
 
 LEAST_CORNERS = 12  # of a view
@@ -79,7 +79,7 @@ def parse(text: str) -> Board:
         text: `charuco:12x9:30:22.5` or `chessboard:12x9:30`: fields across, down, mm of a field, a marker.
 
     Raises:
-        RefusedError: it is not understood.
+        CalibrationRefusedError: it is not understood.
     """
     try:
         kind, size, *lengths = text.split(":")
@@ -88,7 +88,7 @@ def parse(text: str) -> Board:
     except ValueError:
         kind = ""
     if kind not in ("charuco", "chessboard") or min(columns, rows) < 4 or not 0 <= marker_mm < field_mm:
-        raise RefusedError(
+        raise CalibrationRefusedError(
             f"board {text!r}: write charuco:12x9:30:22.5 or chessboard:12x9:30 "
             "(fields across and down, mm of a field, mm of a marker)"
         )

@@ -10,7 +10,6 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -27,7 +26,7 @@ KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
 
 
-class Source(Protocol):
+class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
@@ -39,11 +38,10 @@ class Source(Protocol):
         Raises:
             SourceError: there is none in time.
         """
-        ...
+        raise NotImplementedError
 
     def close(self) -> None:
-        """Let go of the camera."""
-        ...
+        """Let go of the camera, if it is held."""
 
 
 def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
@@ -74,7 +72,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
     return Stream(str(path), cv2.CAP_V4L2, size)
 
 
-class Folder:
+class Folder(Source):
     """Pictures of a folder, each used once, in the order of their names; later ones are waited for."""
 
     def __init__(self, path: Path) -> None:
@@ -97,9 +95,6 @@ class Folder:
         except OSError as error:
             raise SourceError(f"picture {self._path / name}: {error.strerror}") from error
 
-    def close(self) -> None:
-        """Nothing is held."""
-
     def _next(self) -> str | None:
         try:
             names = (entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES)
@@ -109,7 +104,7 @@ class Folder:
             raise SourceError(f"folder {self._path}: {error.strerror}") from error
 
 
-class Still:
+class Still(Source):
     """A camera that answers each request with one JPEG: network cameras, and the simulated one."""
 
     def __init__(self, address: str) -> None:
@@ -134,11 +129,8 @@ class Still:
             raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
         return decoded(data, self._address)
 
-    def close(self) -> None:
-        """Nothing is held."""
 
-
-class Stream:
+class Stream(Source):
     """A device or a stream, read without a pause by a thread of its own, so that its buffers hold no past.
 
     Args:

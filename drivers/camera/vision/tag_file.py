@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from drivers.camera import documents
-from drivers.camera.errors import CameraFileError
 from drivers.camera.vision.tags import FAMILY
 
 KIND = "part tag"
@@ -45,7 +44,6 @@ def save(tag: PartTag, path: Path, made: str) -> None:
     """
     x_mm, y_mm, theta_rad = tag.on_part
     body = {
-        "version": 1,
         "made": made,
         "part": tag.part,
         "family": FAMILY,
@@ -67,16 +65,12 @@ def load(path: Path) -> PartTag:
     Raises:
         CameraFileError: it cannot be read, was changed, or is of another family.
     """
-    told = documents.read(path, KIND, REMEDY)
-    try:
-        return _parsed(told)
-    except (KeyError, TypeError, ValueError) as error:
-        raise CameraFileError(f"{KIND} {path}: {error!r}; {REMEDY}") from error
+    return documents.read(path, KIND, REMEDY, _parsed)
 
 
 def _parsed(told: dict[str, Any]) -> PartTag:
-    if told["version"] != 1 or told["family"] != FAMILY:
-        raise ValueError(f"version {told['version']}, family {told['family']}; 1 and {FAMILY} are known")
+    if told["family"] != FAMILY:
+        raise ValueError(f"family {told['family']}; {FAMILY} is known")
     on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
     rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
     tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)

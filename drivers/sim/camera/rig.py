@@ -60,17 +60,6 @@ class Rig:
         """The picture with the part at a pose, or without it."""
         return render(self.optics, self.cards(part), self.flaws, rng, occluders)
 
-    def taker(self, part: Callable[[], Pose2 | None], seed: int) -> Callable[[], bytes]:
-        """What a `CameraServer` takes pictures with.
-
-        Args:
-            part: where the part is now.
-            seed: of the noise.
-        """
-        rng = np.random.default_rng([seed, 0x43414D])
-        quality = self.flaws.jpeg_quality or 95
-        return lambda: jpeg(self.picture(part(), rng), quality)
-
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
         """What a simulated cell's `CameraServer` takes pictures with: a camera to which things happen.
 

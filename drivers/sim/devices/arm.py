@@ -49,7 +49,6 @@ class Controller(Protocol):
         Raises:
             RapidError: the server hangs up and listens again.
         """
-        ...
 
 
 class Leg(NamedTuple):

@@ -10,20 +10,19 @@ from collections.abc import Callable
 
 from drivers.sim.devices.arm import Answer, Controller
 from drivers.sim.devices.rapid import RapidError
+from drivers.sim.wire.serving import SimulatedTime, TcpServer
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
 MAX_STRING = 80  # SocketReceive \Str takes so much at once
 
 
-class ArmServer:
+class ArmServer(TcpServer):
     """Serves an arm model as SERVER.mod does.
 
     Args:
         model: the arm.
         lock: held while the model is used.
-        now: simulated seconds.
-        sleep: pause of simulated seconds; returns early when the cell stops.
-        stopped: tells that the cell stops.
+        time: simulated time.
         executed: called after each finished instruction.
     """
 
@@ -31,52 +30,28 @@ class ArmServer:
         self,
         model: Controller,
         lock: "threading.RLock | threading.Lock",
-        now: Callable[[], float],
-        sleep: Callable[[float], None],
-        stopped: threading.Event,
+        time: SimulatedTime,
         executed: Callable[[], None] = lambda: None,
     ) -> None:
+        super().__init__("arm", time.stopped)
         self._model = model
         self._lock = lock
-        self._now = now
-        self._sleep = sleep
-        self._stopped = stopped
+        self._time = time
         self._executed = executed
         self._stale: str | None = None
         self._waiting: list[socket.socket] = []
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._listener.getsockname()[1]
-        self._thread = threading.Thread(target=self._serve, name="arm", daemon=True)
-
-    @property
-    def url(self) -> str:
-        """Where clients connect."""
-        return f"tcp://127.0.0.1:{self.port}"
-
-    def start(self) -> None:
-        """Serve until the cell stops."""
-        self._thread.start()
 
     def close(self) -> None:
-        """Wait for the end; the cell's stop event must be set."""
-        if self._thread.is_alive():
-            self._thread.join()
-        self._cut_off()
-        self._listener.close()
+        """Stop serving; clients that wait are reset."""
+        super().close()
+        self._left()
 
-    def _serve(self) -> None:
-        while not self._stopped.is_set():
-            if self._listener not in self._readable([self._listener]):
-                continue
-            client, _ = self._listener.accept()
-            with client:
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._sleep(ACCEPT_S)
-                with contextlib.suppress(OSError):
-                    self._serve_client(client)
-            self._cut_off()
+    def _serve(self, client: socket.socket) -> None:
+        self._time.sleep(ACCEPT_S)
+        with contextlib.suppress(OSError):
+            self._serve_client(client)
 
-    def _cut_off(self) -> None:
+    def _left(self) -> None:
         """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
         for waiting in self._waiting:
             waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -98,7 +73,7 @@ class ArmServer:
                 return
             try:
                 with self._lock:
-                    answer = self._model.execute(data.decode("latin-1"), self._now())
+                    answer = self._model.execute(data.decode("latin-1"), self._time.now())
             except RapidError:
                 return
             if answer.closing or not self._deliver(client, answer):
@@ -113,8 +88,8 @@ class ArmServer:
             client.shutdown(socket.SHUT_RDWR)
         elif answer.before:
             client.sendall(answer.before.encode("latin-1"))
-        while (left := answer.ready_s - self._now()) > 0.0 and not self._stopped.is_set():
-            self._sleep(left)
+        while (left := answer.ready_s - self._time.now()) > 0.0 and not self._stopped.is_set():
+            self._time.sleep(left)
         self._executed()
         if answer.text is None or self._stopped.is_set():
             return answer.text is not None
@@ -127,9 +102,6 @@ class ArmServer:
             self._stale = answer.text
             return False
         return True
-
-    def _readable(self, sockets: list[socket.socket]) -> list[socket.socket]:
-        return select.select(sockets, [], [], 0.1)[0]
 
 
 def _gone(client: socket.socket) -> bool:

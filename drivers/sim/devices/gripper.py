@@ -23,7 +23,7 @@ from drivers.robotiq.registers import (
     speed_mm_s,
     unpack,
 )
-from drivers.sim.devices.jaws import EmptyAir, Jaws, ObjectFlag, Stroke, Surroundings
+from drivers.sim.devices.jaws import Jaws, ObjectFlag, Stroke, Surroundings
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 LAG_CYCLES = (1, 5)  # gOBJ behind the echo ([SDK] gripper.cpp waits for it)
@@ -51,7 +51,6 @@ class GripperModel:
         rng: draws the lags of gOBJ.
         jaws: the mechanics.
         surroundings: what the fingers may meet.
-        release_opens: direction of the automatic release for rARD = 1; manuals disagree.
     """
 
     def __init__(
@@ -59,14 +58,11 @@ class GripperModel:
         rng: random.Random,
         jaws: Jaws | None = None,
         surroundings: Surroundings | None = None,
-        *,
-        release_opens: bool = True,
     ) -> None:
         self.jaws = jaws or Jaws()
-        self.surroundings: Surroundings = surroundings or EmptyAir()
+        self.surroundings = surroundings or Surroundings()
         self.flag_delay_s = 0.0  # how much later than usual gOBJ follows
         self._rng = rng
-        self._release_opens = release_opens
         self._now = 0.0
         self._heard_s = 0.0
         self._shown_s = 0.0
@@ -191,7 +187,7 @@ class GripperModel:
         elif self._latched():
             pass
         elif new["rATR"]:
-            self._release(opens=(new["rARD"] == 1) == self._release_opens)
+            self._release(opens=new["rARD"] == 1)  # manuals disagree about the direction
         elif self._status == STA_ACTIVATING:
             self._fault = FAULT_DELAYED if new["rGTO"] else 0
         elif not new["rGTO"]:

@@ -1,6 +1,6 @@
 """Parts of the simulated gripper: mechanics, strokes, the lagging object flag, what fingers may meet."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.robotiq.registers import OBJ_MOVING
 
@@ -27,34 +27,18 @@ class Jaws(NamedTuple):
         return min(max(count, self.count_open), self.count_closed)
 
 
-class Surroundings(Protocol):
-    """What the fingers may meet."""
+class Surroundings:
+    """What the fingers may meet; here nothing."""
 
     def closing(self) -> int | None:
         """The jaws start to close: the count at which something will stop them, or None."""
-        ...
-
-    def gripped(self) -> None:
-        """They were stopped by it now."""
-        ...
-
-    def released(self) -> None:
-        """They open again and let go of it."""
-        ...
-
-
-class EmptyAir:
-    """Surroundings without anything in them."""
-
-    def closing(self) -> int | None:
-        """Nothing stops the jaws."""
         return None
 
     def gripped(self) -> None:
-        """Never happens."""
+        """They were stopped by it now."""
 
     def released(self) -> None:
-        """Never happens either."""
+        """They open again and let go of it."""
 
 
 class Stroke(NamedTuple):

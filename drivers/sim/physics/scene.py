@@ -1,31 +1,22 @@
-"""What a simulated cell starts from: part and world, loaded by name.
+"""What a simulated cell starts from: part and world.
 
-The one module that reaches planner and runtime, and only by dotted names: the drivers know neither.
+The planner may be missing, so its job reader is imported when a job is read; the drivers do not know it.
 """
 
-import importlib
 import math
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from drivers.sim.errors import SimulationError, SimulationFileError
+from runtime import table as tables
+from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
+
 Pose2 = tuple[float, float, float]  # mm, mm, rad
 
-DEFAULT_WORLD = "planner.world:make"
 REHEARSAL = "runtime.devices.rehearsal:make"
 REHEARSAL_RADIUS_MM = 10.0  # a rehearsal's part lies somewhere; its world does not look where
-
-
-class CellError(Exception):
-    """The simulated cell cannot start; `exit_code` is what grasp-cell returns."""
-
-    exit_code = 31
-
-
-class CellFileError(CellError):
-    """An input file is missing or unreadable."""
-
-    exit_code = 3
 
 
 class World(Protocol):
@@ -33,7 +24,6 @@ class World(Protocol):
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """Part pose in the hand frame -> its pose afterwards, the width in mm, and a status."""
-        ...
 
 
 class Geometry(NamedTuple):
@@ -66,15 +56,12 @@ class Setting(NamedTuple):
         """The world of a seed.
 
         Raises:
-            CellError: the factory fails, or what it returns cannot squeeze.
+            SimulationError: the factory fails, or what it returns cannot squeeze.
         """
         try:
-            made = self.factory(self.subject, seed)
-        except Exception as error:  # a factory is what somebody else wrote
-            kind = type(error).__name__
-            raise CellError(f"world {self.world}: called with job and seed: {kind}: {error}") from error
-        if not callable(getattr(made, "squeeze", None)):
-            raise CellError(f"world {self.world}: what it returns has no method squeeze(pose_hand)")
+            made: World = make_world(self.factory, self.subject, seed)
+        except WorldError as error:
+            raise SimulationError(f"world {self.world}: {error}") from error
         return made
 
     @property
@@ -92,58 +79,45 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         world: `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
 
     Raises:
-        CellError: a file is missing, or the world cannot be had; errors of table and job pass as they are.
+        SimulationError: a file is missing, or the world cannot be had; errors of table and job pass as they
+            are.
     """
     path = tree or job
     if path is None or not path.is_file():
-        raise CellFileError(f"{path}: no such file; give a compiled table (--tree) or a job file (--job)")
-    if world is None:
-        world = DEFAULT_WORLD if _installed(DEFAULT_WORLD) else REHEARSAL
-    factory = find_factory(world)
+        raise SimulationFileError(
+            f"{path}: no such file; give a compiled table (--tree) or a job file (--job)"
+        )
+    world, factory = _world(world)
     if tree is None:
-        subject = _module("planner.job.model").load(path)
+        subject = _planner_job().load(path)
         return Setting(subject, job_geometry(subject), world, factory)
-    table = _module("runtime.table").load(tree).table
+    table = tables.load(tree).table
     if world == REHEARSAL:
         return Setting(table, table_geometry(table), world, factory)
     if table.job is None:
-        raise CellError(f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}")
-    subject = _module("planner.job.model").from_canonical(table.job)
+        raise SimulationError(
+            f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
+        )
+    subject = _planner_job().from_canonical(table.job)
     return Setting(subject, job_geometry(subject), world, factory)
 
 
-def find_factory(world: str) -> Callable[[Any, int], World]:
-    """The factory a dotted path names.
-
-    Raises:
-        CellError: it is no such path, or nothing callable is there.
-    """
-    name, colon, attribute = world.partition(":")
-    if not (colon and name and attribute.isidentifier()):
-        raise CellError(
-            f"world {world!r} is not understood; write it as module:factory, e.g. {DEFAULT_WORLD}"
-        )
-    factory = getattr(_module(name), attribute, None)
-    if not callable(factory):
-        raise CellError(f"world {world}: {name} has no function {attribute}")
-    found: Callable[[Any, int], World] = factory
-    return found
-
-
-def _module(name: str) -> Any:
+def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
+    """Name and factory of a world; of the rehearsal where none is named and the planner's is missing."""
     try:
-        return importlib.import_module(name)
-    except Exception as error:  # importing runs what somebody else wrote
+        return name or DEFAULT_WORLD, find_factory(name or DEFAULT_WORLD)
+    except WorldError as error:
+        if name is None:
+            return REHEARSAL, find_factory(REHEARSAL)
         hint = "; install squeezetree[planner]" if name.startswith("planner") else ""
-        raise CellError(f"module {name} cannot be imported ({error}){hint}") from error
+        raise SimulationError(f"world {name}: {error}{hint}") from error
 
 
-def _installed(world: str) -> bool:
+def _planner_job() -> Any:
     try:
-        find_factory(world)
-    except CellError:
-        return False
-    return True
+        return import_module("planner.job.model")
+    except ImportError as error:
+        raise SimulationError(f"a job cannot be read ({error}); install squeezetree[planner]") from error
 
 
 def job_geometry(job: Any) -> Geometry:
@@ -161,7 +135,7 @@ def job_geometry(job: Any) -> Geometry:
     )
 
 
-def table_geometry(table: Any) -> Geometry:
+def table_geometry(table: tables.Table) -> Geometry:
     """What the cell needs, from a table's header."""
     gripper, limits = table.gripper, table.limits
     return Geometry(

@@ -1,4 +1,4 @@
-"""The scene's line protocol, both ends: stand-in for the feeder, and the eye that knows where the part lies.
+"""The scene's line protocol, both ends: it stands for the feeder, and tells the ground truth.
 
 One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
 status (pose null where the world has no pose to tell); `{"do":"quit"}` ends the cell. Nothing of this exists
@@ -8,13 +8,13 @@ in a real cell.
 import contextlib
 import json
 import math
-import select
 import socket
 import threading
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from drivers.errors import LinkError, PortError
+from drivers.sim.wire.serving import TcpServer
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
@@ -101,8 +101,8 @@ class Scene:
         return said
 
 
-class SceneServer:
-    """Answers scene requests on a TCP port, one thread a client.
+class SceneServer(TcpServer):
+    """Answers scene requests of any number of clients.
 
     Args:
         answer: request -> reply.
@@ -110,44 +110,30 @@ class SceneServer:
     """
 
     def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
+        super().__init__("scene", stopped)
         self._answer = answer
-        self._stopped = stopped
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.url = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
-        self._threads = [threading.Thread(target=self._accept, name="scene", daemon=True)]
 
-    def start(self) -> None:
-        """Serve until the cell stops."""
-        self._threads[0].start()
-
-    def close(self) -> None:
-        """Wait for the end; the cell's stop event must be set."""
-        for thread in self._threads:
-            if thread.is_alive() and thread is not threading.current_thread():
-                thread.join()
-        self._listener.close()
-
-    def _accept(self) -> None:
-        while not self._stopped.is_set():
-            if select.select([self._listener], [], [], 0.1)[0]:
-                client, _ = self._listener.accept()
-                thread = threading.Thread(target=self._serve, args=(client,), name="scene", daemon=True)
-                self._threads.append(thread)
-                thread.start()
-
-    def _serve(self, client: socket.socket) -> None:
-        pending = b""
-        with client, contextlib.suppress(OSError):
+    def _run(self) -> None:
+        pending: dict[socket.socket, bytes] = {}  # of each client, what is no whole line yet
+        with contextlib.ExitStack() as clients:
             while not self._stopped.is_set():
-                if not select.select([client], [], [], 0.1)[0]:
-                    continue
-                data = client.recv(MAX_LINE)
-                pending += data
-                if not data or len(pending) > MAX_LINE:
-                    return
-                *lines, pending = pending.split(b"\n")
-                for line in lines:
-                    client.sendall(json.dumps(self._reply(line)).encode() + b"\n")
+                for ready in self._readable([self._listener, *pending]):
+                    if ready is self._listener:
+                        pending[clients.enter_context(ready.accept()[0])] = b""
+                    elif (left := self._heard(ready, pending.pop(ready))) is not None:
+                        pending[ready] = left
+
+    def _heard(self, client: socket.socket, pending: bytes) -> bytes | None:
+        """Answer the lines of a client; returns what is left over, None once it is gone."""
+        with contextlib.suppress(OSError):
+            data = client.recv(MAX_LINE)
+            *lines, left = (pending + data).split(b"\n")
+            for line in lines:
+                client.sendall(json.dumps(self._reply(line)).encode() + b"\n")
+            if data and len(left) <= MAX_LINE:
+                return left
+        client.close()
+        return None
 
     def _reply(self, line: bytes) -> Mapping[str, object]:
         try:

@@ -4,7 +4,7 @@ import math
 import random
 from typing import NamedTuple
 
-from drivers.sim.faults.schedule import Channel, Desk
+from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Pose2, Setting
 
 
@@ -128,7 +128,7 @@ class TableTop:
             self.crashes += 1
 
     def truth(self) -> dict[str, object]:
-        """What the eye sees."""
+        """The ground truth, as the scene protocol sends it."""
         x, y, theta = self.pose if self.truthful else (None, None, None)
         return {
             "x_mm": x,

@@ -12,7 +12,7 @@ from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link, Report, no_report
 from drivers.robotiq.modbus import rtu_link
-from drivers.sim.faults.schedule import Schedule
+from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import Truth
 from drivers.sim.virtual.clock import VirtualClock
@@ -23,7 +23,7 @@ from drivers.sim.workcell import ARM_BASE, Workcell
 
 
 class VirtualScene:
-    """The feeder and the eye, as `drivers.connect.scene` gives them."""
+    """Feeder and ground truth, as `drivers.connect.scene` gives them."""
 
     def __init__(self, works: Workcell) -> None:
         self._works = works
@@ -47,7 +47,7 @@ class VirtualCell:
         clock: the cell's time, shared by devices, drivers and runtime.
         pace: the drivers' deadlines on it.
         works: what the cell consists of.
-        scene: its feeder and eye.
+        scene: its feeder and ground truth.
 
     Args:
         setting: part and world.
@@ -60,7 +60,7 @@ class VirtualCell:
         self,
         setting: Setting,
         seed: int,
-        faults: Schedule | None = None,
+        faults: Listed | None = None,
         overheard: Callable[[str], None] | None = None,
     ) -> None:
         self.clock = VirtualClock()

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from drivers.sim.devices.arm import Answer, Controller
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.virtual.clock import VirtualClock
-from drivers.sim.wire.line import Piece, UnpluggedError
+from drivers.sim.wire.line import Outbox, Piece, UnpluggedError
 from drivers.sim.wire.rtu import BYTE_S, RtuSlave
-from drivers.sim.wire.timing import Outbox
 from drivers.stream import port_error
 
 FRAME_GAP_S = 0.002  # silence that ends a frame (Modbus over serial line 1.02, 2.5.1.1: 1.75 ms)

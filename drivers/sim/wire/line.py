@@ -4,7 +4,7 @@ import errno
 import random
 from typing import NamedTuple
 
-from drivers.sim.faults.schedule import Channel, Desk
+from drivers.sim.faults import Channel, Desk
 from drivers.sim.wire.modbus import crc16
 
 
@@ -100,3 +100,34 @@ def _flipped(reply: bytes, bit: int) -> bytes:
 
 def _cut(reply: bytes, length: int) -> bytes:
     return reply[: min(length, len(reply) - 1)]
+
+
+class Outbox:
+    """What has still to be sent, each piece at its moment. One goes out after the other."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[float, bytes]] = []
+        self._free_s = 0.0
+
+    def put(self, pieces: list[Piece], now_s: float, byte_s: float = 0.0) -> None:
+        """Take pieces; each is whole on the other side once its bytes have crossed a line of that speed."""
+        for piece in pieces:
+            start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self._free_s)
+            whole_s = start_s + len(piece.data) * byte_s
+            if not piece.delay_s:
+                self._free_s = whole_s
+            self._waiting.append((whole_s, piece.data))
+        self._waiting.sort(key=lambda waiting: waiting[0])
+
+    def due(self, now_s: float) -> bytes:
+        """Whatever has arrived by now."""
+        if not self._waiting or self._waiting[0][0] > now_s:
+            return b""
+        arrived = [data for moment_s, data in self._waiting if moment_s <= now_s]
+        self._waiting = [waiting for waiting in self._waiting if waiting[0] > now_s]
+        return b"".join(arrived)
+
+    @property
+    def next_s(self) -> float | None:
+        """When the next piece arrives; None: nothing is on its way."""
+        return self._waiting[0][0] if self._waiting else None

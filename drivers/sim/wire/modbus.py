@@ -16,31 +16,12 @@ class Device(Protocol):
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes."""
-        ...
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""
-        ...
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
         """Write bytes of the output block and obey."""
-        ...
-
-
-class Registers(Protocol):
-    """16-bit registers by wire address."""
-
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` can read so many registers from `address` on."""
-        ...
-
-    def read(self, address: int, count: int) -> bytes:
-        """Registers from `address` on, high byte first; ask `serves` first."""
-        ...
-
-    def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write whole registers; False if one of them does not exist."""
-        ...
 
 
 class GripperRegisters:
@@ -94,7 +75,7 @@ def _inside(address: int, count: int, base: int) -> bool:
     return base <= address and address + count <= base + BLOCK_WORDS
 
 
-def answer(pdu: bytes, registers: Registers) -> bytes | None:
+def answer(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     """The reply to one request (function code first), or None for silence."""
     serve = {3: _read, 4: _read, 6: _write_one, 16: _write_many, 23: _read_write}.get(pdu[0]) if pdu else None
     return serve(pdu, registers) if serve else None
@@ -104,27 +85,27 @@ def _word(pdu: bytes, at: int) -> int:
     return int.from_bytes(pdu[at : at + 2], "big")
 
 
-def _read(pdu: bytes, registers: Registers) -> bytes | None:
+def _read(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     count = _word(pdu, 3)
     if len(pdu) != 5 or not 1 <= count <= MAX_READ or not registers.serves(pdu[0], _word(pdu, 1), count):
         return None
     return bytes((pdu[0], 2 * count)) + registers.read(_word(pdu, 1), count)
 
 
-def _write_one(pdu: bytes, registers: Registers) -> bytes | None:
+def _write_one(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     if len(pdu) != 5 or not registers.write(6, _word(pdu, 1), pdu[3:5]):
         return None
     return pdu
 
 
-def _write_many(pdu: bytes, registers: Registers) -> bytes | None:
+def _write_many(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     count, data = _word(pdu, 3), pdu[6:]
     if len(pdu) < 6 or not 1 <= count <= MAX_WRITE or not pdu[5] == len(data) == 2 * count:
         return None
     return pdu[:5] if registers.write(16, _word(pdu, 1), data) else None
 
 
-def _read_write(pdu: bytes, registers: Registers) -> bytes | None:
+def _read_write(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     """The write takes effect first, the reading shows it ([M18] p54)."""
     count, write_count, data = _word(pdu, 3), _word(pdu, 7), pdu[10:]
     if len(pdu) < 10 or not 1 <= count <= MAX_READ or not 1 <= write_count <= MAX_READ_WRITE:

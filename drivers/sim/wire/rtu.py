@@ -5,40 +5,27 @@ import os
 import select
 import threading
 import tty
-from typing import Protocol
 
 from drivers.robotiq.frames import RTU
 from drivers.robotiq.modbus import BAUD
-from drivers.sim.wire.line import CleanLine, Piece, UnpluggedError
-from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
-from drivers.sim.wire.timing import Outbox
+from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
+from drivers.sim.wire.modbus import GripperRegisters, answer, crc16, frame_length
+from drivers.sim.wire.serving import SimulatedTime
 
 GAP_S = 0.010  # wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps
 BYTE_S = 10 / BAUD  # 8N1
 
 
-class Time(Protocol):
-    """Simulated seconds, and what they are on the wall."""
-
-    def now(self) -> float:
-        """Simulated seconds."""
-        ...
-
-    def wall(self, seconds: float) -> float:
-        """Wall seconds of so many simulated ones."""
-        ...
-
-
-class RtuSlave:
-    """Frames of one slave on a bus, fed with bytes as they come.
+class Slave:
+    """Frames of one slave on a bus, fed with bytes as they come; another unit's frames meet silence.
 
     Args:
         registers: what it serves.
         line: what its frames meet on the way.
-        unit: slave id; other ids and broadcasts meet silence.
+        unit: slave id.
     """
 
-    def __init__(self, registers: Registers, line: CleanLine | None = None, unit: int = RTU.unit) -> None:
+    def __init__(self, registers: GripperRegisters, line: CleanLine | None, unit: int) -> None:
         self._registers = registers
         self._line = line or CleanLine()
         self._unit = unit
@@ -52,7 +39,7 @@ class RtuSlave:
         """
         self._buffer += data
         pieces: list[Piece] = []
-        while length := frame_length(self._buffer):
+        while length := self._frame_length():
             if len(self._buffer) < length:
                 break
             frame = bytes(self._buffer[:length])
@@ -67,11 +54,28 @@ class RtuSlave:
 
     @property
     def pending(self) -> bool:
-        """Whether an unfinished frame is waiting for more."""
+        """Whether an unfinished frame is waiting for more, and ends if the line is quiet."""
         return bool(self._buffer)
 
     def reply(self, frame: bytes) -> bytes | None:
-        """The answer to one frame, or None for silence: wrong id, bad CRC, unknown function or address."""
+        """The answer to one frame, or None for silence."""
+        raise NotImplementedError
+
+    def _frame_length(self) -> int | None:
+        """Bytes of the frame at the start of the buffer; 0 or None: not known."""
+        raise NotImplementedError
+
+
+class RtuSlave(Slave):
+    """RTU frames with CRC."""
+
+    def __init__(
+        self, registers: GripperRegisters, line: CleanLine | None = None, unit: int = RTU.unit
+    ) -> None:
+        super().__init__(registers, line, unit)
+
+    def reply(self, frame: bytes) -> bytes | None:
+        """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""
         if len(frame) < 4 or frame[0] != self._unit or crc16(frame[:-2]) != frame[-2:]:
             return None
         pdu = answer(frame[1:-2], self._registers)
@@ -79,6 +83,9 @@ class RtuSlave:
             return None
         body = bytes((self._unit,)) + pdu
         return body + crc16(body)
+
+    def _frame_length(self) -> int | None:
+        return frame_length(self._buffer)
 
 
 class PtyPort:
@@ -90,7 +97,9 @@ class PtyPort:
         time: simulated time; bytes take theirs on a 115200 baud line.
     """
 
-    def __init__(self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", time: Time) -> None:
+    def __init__(
+        self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", time: SimulatedTime
+    ) -> None:
         self._slave = slave
         self._lock = lock
         self._time = time

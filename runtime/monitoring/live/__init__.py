@@ -1,1 +1,1 @@
-"""What people see of a run while it runs, in a terminal or a browser; loaded only when it is asked for."""
+"""Live views of a run in a terminal or a browser; loaded only when asked for."""

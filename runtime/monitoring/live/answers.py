@@ -1,27 +1,14 @@
-"""What a browser's question is answered with: GET and HEAD of a few pages, a sentence for all else."""
+"""The answers to a browser's requests: GET and HEAD of a few pages, one sentence for all else."""
 
 import re
 from collections.abc import Callable, Mapping
 
-from runtime.monitoring.live.address import is_loopback
+from runtime.monitoring.http_server import response
+from runtime.monitoring.live.server import is_loopback
 
 Page = Callable[[], bytes]
 REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
 HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
-REASONS = {
-    200: "OK",
-    400: "Bad Request",
-    403: "Forbidden",
-    404: "Not Found",
-    405: "Method Not Allowed",
-}
-# Nothing is kept, guessed at or framed, and an answer ends with its connection.
-ALWAYS = """\
-Cache-Control: no-store\r
-X-Content-Type-Options: nosniff\r
-X-Frame-Options: DENY\r
-Connection: close\r
-"""
 TEXT = "text/plain; charset=utf-8"
 
 
@@ -37,26 +24,26 @@ class Answers:
     def __init__(self, pages: Mapping[str, tuple[str, Page]], *, local: bool) -> None:
         self._pages, self._local = pages, local
 
-    def to(self, asked: bytes) -> bytes:
-        """The whole answer to a question's head."""
+    def __call__(self, asked: bytes) -> bytes:
+        """The whole response to a request's head."""
         line, _, fields = asked.partition(b"\n")
         understood = REQUEST.match(line)
         if understood is None:
-            return _answer(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
+            return response(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
         method, path = understood[1].decode(), understood[2].decode().partition("?")[0]
         if method not in ("GET", "HEAD"):
-            return _answer(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
+            return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
         if self._local and not _asks_here(fields):
-            return self._cut(method, _answer(403, TEXT, b"ask for localhost or 127.0.0.1\n"))
+            return self._cut(method, response(403, TEXT, b"ask for localhost or 127.0.0.1\n"))
         if path not in self._pages:
             told = f"there are {', '.join(self._pages)}\n".encode()
-            return self._cut(method, _answer(404, TEXT, told))
+            return self._cut(method, response(404, TEXT, told))
         kind, page = self._pages[path]
-        return self._cut(method, _answer(200, kind, page()))
+        return self._cut(method, response(200, kind, page()))
 
     @staticmethod
     def _cut(method: str, answer: bytes) -> bytes:
-        """A question for the head alone gets the head alone."""
+        """Cut the response to a HEAD request to its head."""
         return answer if method == "GET" else answer[: answer.index(b"\r\n\r\n") + 4]
 
 
@@ -66,8 +53,3 @@ def _asks_here(fields: bytes) -> bool:
         return not named  # HTTP/1.0 need not name a host; no browser leaves it out
     host = re.sub(r":\d*$", "", named[0].decode("latin-1").strip())
     return is_loopback(host.strip("[]"))
-
-
-def _answer(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    head = f"HTTP/1.0 {code} {REASONS[code]}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
-    return f"{head}{more}{ALWAYS}\r\n".encode() + body

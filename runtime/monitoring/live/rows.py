@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from math import degrees
 from typing import Any, NamedTuple
 
-from runtime.execution.geometry import placement
 from runtime.table import PPM, Branch, Table, predicted_pose
+from runtime.traversal.geometry import placement
 
 
 class Row(NamedTuple):

@@ -17,12 +17,11 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from runtime.execution.results import PartResult, Step
-from runtime.execution.tally import Tally
-from runtime.monitoring.console import Console, Sighting
+from runtime.execution.events import Console, Sighting, Tally
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.status import Status
 from runtime.table import Table
+from runtime.traversal.results import PartResult, Step
 
 REFRESH_S = 0.125
 END_S = 1.0
@@ -34,7 +33,7 @@ AROUND = 5 + PARTS
 
 
 class View:
-    """A console whose parts and squeezes are a picture; entering shows it, leaving ends it.
+    """A console that draws parts and squeezes as a picture; shown within its context.
 
     Args:
         table: drawn as its lines.

@@ -23,6 +23,7 @@ include_patterns = [
     "tools/docs/*.rst",
     "tools/decisions/[0-9]*.md",
     "runtime/*.md",
+    "runtime/*/*.md",
     "drivers/**/*.md",
 ]
 exclude_patterns = ["out", ".*", "**/__pycache__", "build", "dist", "tests", "trees", "planner"]
@@ -57,6 +58,7 @@ CONTENTS = """
 
 Overview <self>
 tools/docs/how-it-works
+tools/docs/architecture
 tools/docs/tutorial
 tools/docs/performance
 ```
@@ -77,7 +79,7 @@ drivers/sim/FAULTS
 :caption: Reference
 
 tools/docs/commands
-runtime/TABLE
+runtime/table/TABLE
 tools/docs/decisions
 CHANGELOG
 ```

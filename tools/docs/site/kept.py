@@ -40,15 +40,8 @@ def interval(rate: float, bounds: list[float]) -> str:
 def compared(kept: dict) -> str:
     """Rows of tools/table1: Table I, or the zoo."""
     header = ["row", "part", "materials", "the paper's robot", "method", "success (95 % interval)"]
-    header += [
-        "pose within goal",
-        "wrong",
-        "rejected",
-        "unresolved",
-        "squeezes, mean / most",
-        "nodes",
-        "compiled in",
-    ]
+    header += ["pose within goal", "wrong", "rejected", "unresolved", "squeezes, mean / most", "nodes"]
+    header += ["compiled in"]
     rows = []
     for row in kept["rows"]:
         paper = "" if row["paper"] is None else percent(row["paper"], 1)
@@ -66,46 +59,34 @@ def compared(kept: dict) -> str:
     return markdown([header[k] for k in shown], [[row[k] for k in shown] for row in rows])
 
 
+def records(kept: list[dict], **columns: str) -> str:
+    """A table with a row a record; a column's name has `_` for spaces, its format names the fields."""
+    rows = [[form.format(**record) for form in columns.values()] for record in kept]
+    return markdown([name.replace("_", " ") for name in columns], rows)
+
+
 def squeeze_speed(kept: dict) -> str:
-    header = [
-        "part",
-        "corners",
-        "squeezes a second, one core",
-        "plain numpy",
-        "MuJoCo",
-        "MuJoCo's width within 1 mm",
-    ]
-    return markdown(
-        header,
-        [
-            [
-                row["part"], row["vertices"], f"{row['per_second']:.0f}", f"{row['twin_per_second']:.2g}",
-                f"{row['mujoco_per_second']:.2g}", row["mujoco_within_1_mm"],
-            ]
-            for row in kept["speed"]
-        ],
-    )  # fmt: skip
+    return records(
+        kept["speed"],
+        part="{part}",
+        corners="{vertices}",
+        squeezes_a_second_on_one_core="{per_second:.0f}",
+        plain_numpy="{twin_per_second:.2g}",
+        MuJoCo="{mujoco_per_second:.2g}",
+        width_of_MuJoCo_within_1_mm="{mujoco_within_1_mm}",
+    )
 
 
 def squeeze_convergence(kept: dict) -> str:
-    header = [
-        "part",
-        "disc",
-        "agrees with steps a twentieth as long",
-        "deepest overlap",
-        "given up",
-        "squeezes a second",
-    ]
-    return markdown(
-        header,
-        [
-            [
-                row["part"], f"{row['disc_mm']:g} mm", f"{row['close_percent']:.2f} %",
-                f"{row['deepest_mm']:.3f} mm", row["given_up"], f"{row['per_second']:.0f}",
-            ]
-            for row in kept["convergence"]
-        ],
-    )  # fmt: skip
+    return records(
+        kept["convergence"],
+        part="{part}",
+        disc="{disc_mm:g} mm",
+        agrees_with_steps_a_twentieth_as_long="{close_percent:.2f} %",
+        deepest_overlap="{deepest_mm:.3f} mm",
+        given_up="{given_up}",
+        squeezes_a_second="{per_second:.0f}",
+    )
 
 
 def squeeze_goldberg(kept: dict) -> str:
@@ -150,17 +131,18 @@ METHODS = ("model", "paper")
 
 
 def rollouts(kept: dict) -> str:
-    header = ["part", "poses", "rolled out", "seconds", "a second", "read back in"]
-    rows = [
-        [
-            row["part"], row["count"], row["rolled_out"], f"{row['first_s']:.1f}", f"{row['per_second']:.0f}",
-            f"{1e3 * row['second_s']:.0f} ms",
-        ]
-        for row in kept["generate"]
-    ]  # fmt: skip
+    table = records(
+        [{**row, "read_ms": 1e3 * row["second_s"]} for row in kept["generate"]],
+        part="{part}",
+        poses="{count}",
+        rolled_out="{rolled_out}",
+        seconds="{first_s:.1f}",
+        a_second="{per_second:.0f}",
+        read_back_in="{read_ms:.0f} ms",
+    )
     both = kept["cluster"]
     note = f"{both['count']} on a Dask cluster of {both['workers']} workers: {both['cluster_s']:.1f} s"
-    return f"{markdown(header, rows)}\n\n{note}, on threads {both['threads_s']:.1f} s, the same bytes."
+    return f"{table}\n\n{note}, on threads {both['threads_s']:.1f} s, the same bytes."
 
 
 def runtime(kept: dict) -> str:

@@ -12,13 +12,13 @@ import threading
 import can
 import canopen
 import pytest
+from can_node import CanNode
 
 from drivers import connect
 from drivers.clock import Pace, WallClock
 from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq import canopen as driver
 from drivers.robotiq.canopen import CanLink, CanMap, parse
-from drivers.sim.devices.can_node import CanNode
 from drivers.sim.devices.gripper import GripperModel
 
 CHANNEL = "unit"

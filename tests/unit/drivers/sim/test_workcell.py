@@ -6,7 +6,7 @@ import pytest
 from fake_scene import FakeWorld, setting
 
 from drivers.errors import ArmError, GripperFault, LinkError, PortError
-from drivers.sim.faults.schedule import Fault, Listed
+from drivers.sim.faults import Fault, Listed
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
 

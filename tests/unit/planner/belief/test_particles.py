@@ -10,12 +10,11 @@ from planner.belief.observation import encoder_of
 from planner.belief.particles import (
     ROUGH,
     SLIPPERY,
-    frictions,
+    Belief,
     initial,
     initial_with_friction,
     replenish,
     subsample,
-    without_friction,
 )
 from planner.belief.transition import Simulation
 from planner.job import model as job_file
@@ -32,7 +31,7 @@ def job():
 
 def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
     belief = initial_with_friction(job, 40_000, np.random.default_rng(1))
-    carried = belief[~np.isnan(belief[:, 3]), 3]
+    carried = belief.friction[~np.isnan(belief.friction)]
     assert abs(len(carried) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
     slippery, rough = carried[carried < LOW], carried[carried > HIGH]
     assert len(slippery) + len(rough) == len(carried)
@@ -43,23 +42,18 @@ def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_w
 
 def test_poses_are_those_of_a_belief_without_doubt(job):
     poses = initial(job, 100, np.random.default_rng(2))
-    assert np.array_equal(initial_with_friction(job, 100, np.random.default_rng(2))[:, :3], poses)
+    assert np.array_equal(initial_with_friction(job, 100, np.random.default_rng(2)).poses, poses)
     certain = job_with(job.canonical(), [("friction.doubt", "0")])
-    assert np.isnan(initial_with_friction(certain, 100, np.random.default_rng(2))[:, 3]).all()
+    assert np.isnan(initial_with_friction(certain, 100, np.random.default_rng(2)).friction).all()
 
 
 def test_thinned_and_repeated_particles_keep_their_friction(job):
     belief = initial_with_friction(job, 300, np.random.default_rng(3))
-    rows = {row.tobytes() for row in belief}
-    for other in (subsample(belief, 70), replenish(belief, 500)):
-        assert other.shape[1] == 4
-        assert {row.tobytes() for row in other} <= rows
-
-
-def test_particles_without_a_fourth_column_carry_nothing():
-    poses = np.zeros((3, 3))
-    carried = frictions([poses, np.full((2, 4), 0.7), without_friction(poses)])
-    assert np.array_equal(carried, [*[np.nan] * 3, 0.7, 0.7, *[np.nan] * 3], equal_nan=True)
+    carried = {pose.tobytes(): mu for pose, mu in zip(belief.poses, belief.friction, strict=True)}
+    for other, n in ((subsample(belief, 70), 70), (replenish(belief, 500), 500)):
+        assert len(other) == len(other.friction) == n
+        for pose, mu in zip(other.poses, other.friction, strict=True):
+            assert np.array_equal(carried[pose.tobytes()], mu, equal_nan=True)
 
 
 def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
@@ -68,13 +62,13 @@ def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
     model, rng = Simulation(simulator, encoder_of(job)), np.random.default_rng(4)
     poses = initial(job, 2000, rng)
     carried = np.where(np.arange(2000) % 2 == 0, 0.01, np.nan)
-    belief = np.concatenate([poses, carried[:, None]], axis=1)
+    belief = Belief(poses, carried)
     (outcomes,) = model.squeeze([(belief, np.zeros(3))], rng)
-    after = np.concatenate(outcomes.beliefs)
-    assert np.isnan(after[:, 3]).sum() == 1000
-    assert set(after[~np.isnan(after[:, 3]), 3].tolist()) == {0.01}
+    after = Belief.joined(outcomes.beliefs).friction
+    assert np.isnan(after).sum() == 1000
+    assert set(after[~np.isnan(after)].tolist()) == {0.01}
     width = np.repeat(encoder_of(job).width_mm(outcomes.clusters.mean), [len(b) for b in outcomes.beliefs])
     diagonal = (width > 33.0) & (width < 40.0)
-    slippery = ~np.isnan(after[:, 3])
+    slippery = ~np.isnan(after)
     assert np.mean(diagonal[~slippery]) > 0.02
     assert np.mean(diagonal[slippery]) < 0.2 * np.mean(diagonal[~slippery])

@@ -18,7 +18,7 @@ JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.tom
 def planned(silent):
     """A plan that tells nothing for some squeezes, and then which side the part lies on."""
     growth = Growth(look_ahead([TELLING]), Oracle(), handling_of(JOB), 9)
-    root = leaf = TreeNode(BELIEF, 1.0, growth.look_ahead.metric.mode(BELIEF))
+    root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     for _ in range(silent):
         squeeze_at(leaf, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
         (leaf,) = leaf.children

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner.belief.metric import Mode
+from planner.belief.particles import Belief
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.stress import (
@@ -75,7 +76,7 @@ def test_the_fewest_leaves_are_doubted_that_bring_the_rest_below_what_is_tolerat
 
 def tree():
     """A root with four leaves."""
-    belief = np.zeros((50, 4))
+    belief = Belief.of(np.zeros((50, 3)))
     root = TreeNode(belief, 1.0, Mode(np.zeros(3), 0.5))
     root.children = [TreeNode(belief, 0.25, Mode(np.zeros(3), 1.0), (k,)) for k in range(4)]
     return root
@@ -87,13 +88,13 @@ def test_a_doubted_belief_is_joined_by_the_parts_that_were_wrong_there_so_many_t
     (found,) = doubt(root, runs, metric)
     leaf = root.children[1]
     assert found.node is leaf
-    assert np.array_equal(leaf.belief[:50], found.belief)
+    assert np.array_equal(leaf.belief.poses[:50], found.belief.poses)
     wrong = np.concatenate([r.poses[(r.leaf == 1) & ~r.within] for r in runs])
     joined = leaf.belief[50:]
-    assert np.isnan(joined[:, 3]).all()
-    assert {tuple(pose) for pose in joined[:, :3]} == {tuple(pose) for pose in wrong}
+    assert np.isnan(joined.friction).all()
+    assert {tuple(pose) for pose in joined.poses} == {tuple(pose) for pose in wrong}
     assert AMPLIFIED <= len(joined) / len(leaf.belief) < 2.0 * AMPLIFIED + 0.1
-    assert leaf.mode.ratio == metric.mode(leaf.belief).ratio
+    assert leaf.mode.ratio == metric.mode(leaf.belief.poses).ratio
 
 
 def test_a_doubted_leaf_that_no_squeeze_improves_is_what_it_was(run, table):

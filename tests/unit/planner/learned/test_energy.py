@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from problems import random_poses
 
+from planner.belief.particles import Belief
 from planner.learned.energy import compare, energy_distance
 
 RHO = 10.57
@@ -61,8 +62,9 @@ class Shaken:
         self.shift, self.scatter = shift, scatter
 
     def squeeze(self, cases, rng):
-        moved = [b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b, _ in cases]
-        return [Squeezed([m[m[:, 0] < 0], m[m[:, 0] >= 0]]) for m in moved]
+        starts = [belief.poses for belief, _ in cases]
+        moved = [b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b in starts]
+        return [Squeezed([Belief.of(m[m[:, 0] < 0]), Belief.of(m[m[:, 0] >= 0])]) for m in moved]
 
 
 def test_a_model_is_judged_by_the_simulators_own_scatter():

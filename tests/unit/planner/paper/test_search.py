@@ -81,7 +81,7 @@ def test_beliefs_are_conserved(roots, method):
         if node.children:
             assert sum(child.share for child in node.children) == pytest.approx(node.share)
             assert sum(len(child.belief) for child in node.children) == len(node.belief)
-            assert node.clearance_mm >= 0.0
+            assert node.squeeze.clearance_mm >= 0.0
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
@@ -89,7 +89,7 @@ def test_beliefs_are_conserved(roots, method):
 def test_leaves_are_singletons(roots, method):
     for leaf in leaves_of(roots[method]):
         assert leaf.mode.ratio > SINGLETON_SHARE
-        spread = np.abs(leaf.belief[:, 0] - leaf.mode.pose[0])
+        spread = np.abs(leaf.belief.poses[:, 0] - leaf.mode.pose[0])
         assert np.mean(spread <= 2.5) > SINGLETON_SHARE
     inner = [node for node in breadth_first(roots[method]) if node.children]
     assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
@@ -97,19 +97,21 @@ def test_leaves_are_singletons(roots, method):
 
 def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
     for node in breadth_first(roots["paper"]):
-        for child, count in zip(node.children, node.clusters.mean if node.children else [], strict=True):
-            held = Widths().predict(child.belief - node.placement) > 20.0
+        for child, count in zip(
+            node.children, node.squeeze.clusters.mean if node.children else [], strict=True
+        ):
+            held = Widths().predict(child.belief.poses - node.squeeze.placement) > 20.0
             width = float(ENCODER.width_mm(count))
             assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
             assert held.all() or not held.any()
             if held.all():
-                assert np.all(child.belief[:, 1] == 0.0)
+                assert np.all(child.belief.poses[:, 1] == 0.0)
 
 
 def test_a_sequence_is_run_to_its_end_before_it_branches(roots):
     root = roots["paper-sequence"]
     assert len(root.children) == 1  # two squeezes gather more than one does
-    assert (root.clusters.low[0], root.clusters.high[0]) == (0, COUNTS - 1)
+    assert (root.squeeze.clusters.low[0], root.squeeze.clusters.high[0]) == (0, COUNTS - 1)
     assert any(len(node.children) > 1 for node in breadth_first(root))
 
 

@@ -82,12 +82,12 @@ def test_trail_has_equal_distances_and_both_ends() -> None:
 def test_one_panel_a_squeeze(tmp_path: Path, count: int) -> None:
     traces = [GRASP, MISS, GRASP, GRASP, MISS] * 3
     path = tmp_path / "squeezes.svg"
-    trajectory.figure(OUTLINE, JAWS, traces[:count], path)
+    canvas.save(path, lambda: trajectory.figure(OUTLINE, JAWS, traces[:count]))
     assert groups(path) == [f"squeeze-{k + 1}" for k in range(count)]
 
 
 def test_panels_hold_everything_at_one_scale() -> None:
-    figure = trajectory.panels(OUTLINE, JAWS, [GRASP, MISS])
+    figure = trajectory.figure(OUTLINE, JAWS, [GRASP, MISS])
     for axes, trace in zip(figure.axes, [GRASP, MISS], strict=True):
         assert axes.get_aspect() == 1.0
         x, y = axes.get_xlim()[1], axes.get_ylim()[1]
@@ -99,7 +99,7 @@ def test_panels_hold_everything_at_one_scale() -> None:
 
 def test_formats_follow_the_name(tmp_path: Path) -> None:
     for name in ("a.png", "a.svg", "a.pdf"):
-        trajectory.figure(OUTLINE, JAWS, [GRASP], tmp_path / name)
+        canvas.save(tmp_path / name, lambda: trajectory.figure(OUTLINE, JAWS, [GRASP]))
     width, height = png_size(tmp_path / "a.png")
     assert width > 300
     assert height > width
@@ -110,7 +110,7 @@ def test_formats_follow_the_name(tmp_path: Path) -> None:
 
 def test_same_picture_same_bytes(tmp_path: Path) -> None:
     for name in ("a.svg", "b.svg"):
-        trajectory.figure(OUTLINE, JAWS, [GRASP, MISS], tmp_path / name)
+        canvas.save(tmp_path / name, lambda: trajectory.figure(OUTLINE, JAWS, [GRASP, MISS]))
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 

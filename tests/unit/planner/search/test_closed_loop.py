@@ -1,12 +1,12 @@
 """The look-ahead, on squeezes whose outcome is known."""
 
-from dataclasses import replace
-
 import numpy as np
 from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 
+from planner.belief.particles import Belief
+
 LOPSIDED = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], [4950, 50], axis=0)
-LOPSIDED = LOPSIDED[np.random.default_rng(0).permutation(len(LOPSIDED))]
+LOPSIDED = Belief.of(LOPSIDED)[np.random.default_rng(0).permutation(len(LOPSIDED))]
 """One part in a hundred lies on the other side."""
 
 
@@ -40,14 +40,14 @@ def test_a_price_on_risk_decides_between_equals():
 
 def test_no_hand_is_set_down_on_the_part():
     spread = np.array([[0.0, y, 0.0] for y in np.linspace(-60.0, 60.0, 50)])
-    assert look_ahead([TELLING]).choose(spread, np.random.default_rng(0)) == []
+    assert look_ahead([TELLING]).choose(Belief.of(spread), np.random.default_rng(0)) == []
 
 
 def test_what_few_particles_promise_is_asked_of_more():
-    ahead = replace(look_ahead([SILENT, TELLING]), model=Promising(), confidence=0.995)
+    ahead = look_ahead([SILENT, TELLING], model=Promising(), confidence=0.995)
     (choice,) = ahead.choose(LOPSIDED, np.random.default_rng(0))
     assert choice.placement[2] == TELLING
-    silent = replace(look_ahead([SILENT]), model=Promising(), confidence=0.995)
+    silent = look_ahead([SILENT], model=Promising(), confidence=0.995)
     assert silent.choose(LOPSIDED, np.random.default_rng(0)) == []
 
 
@@ -55,8 +55,8 @@ def test_the_fewer_parts_come_to_a_belief_the_fewer_particles_it_is_judged_by():
     spent = []
     for share in (1.0, 0.05, 0.001):
         model = Promising()
-        ahead = replace(look_ahead([SILENT, TELLING], depth=1), model=model)
-        ahead.choose(np.tile(BELIEF, (5, 1)), np.random.default_rng(0), share=share)
+        ahead = look_ahead([SILENT, TELLING], depth=1, model=model)
+        ahead.choose(Belief.joined([BELIEF] * 5), np.random.default_rng(0), share=share)
         spent.append(max(model.sizes))
     assert spent == sorted(spent, reverse=True)
     assert len(set(spent)) == 3

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner.belief.observation import encoder_of, partition
+from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.job import model as job_file
 from planner.mechanics.clearance import least_clearance
@@ -25,13 +26,13 @@ def job():
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_count))
-    return Outcomes(partition(counts), [np.tile([*centre, 0.1], (50, 1))], 0.0, 21.0)
+    return Outcomes(partition(counts), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0)
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
 def test_the_least_opening_that_leaves_room_is_taken(job, y, expected):
     belief, placement = np.array([[0.0, y, 0.0]]), np.zeros(3)
-    opening, clearance = handling_of(job).opening(belief, placement)
+    opening, clearance = handling_of(job).opening(Belief.of(belief), placement)
     assert opening == expected
     jaws = np.array([opening, 27.5, 9.5])
     assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
@@ -52,12 +53,14 @@ def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)
-    np.testing.assert_allclose(belief[0], [5.0, 0.0, 0.1])
+    np.testing.assert_allclose(belief.poses[0], [5.0, 0.0, 0.1])
 
 
 def test_nothing_held_is_nothing_dragged(job):
-    outcomes = Outcomes(partition(np.full(50, 230)), [np.tile([145.0, 0.0, 0.0], (50, 1))], 0.0, 0.0)
+    outcomes = Outcomes(
+        partition(np.full(50, 230)), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
+    )
     handling = handling_of(job)
     assert handling.release(outcomes) is None
     moved = handling.released(np.array([140.0, 0.0, 0.0]), np.zeros(2), outcomes)
-    np.testing.assert_allclose(moved[0], outcomes.beliefs[0])
+    np.testing.assert_allclose(moved[0].poses, outcomes.beliefs[0].poses)

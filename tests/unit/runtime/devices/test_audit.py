@@ -8,7 +8,7 @@ import pytest
 
 from runtime.devices.audit import AuditProcess, answer_of
 from runtime.devices.clock import SystemClock
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 
 POSE = (1.0, 2.0, 0.5)
 ANSWERS = {
@@ -85,5 +85,5 @@ def test_a_deaf_one_is_killed(auditor: AuditProcess, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("command", ["/no/such/program", "", "'unclosed"])
 def test_a_program_that_cannot_be_started_is_usage(command: str) -> None:
-    with pytest.raises(UsageError, match="cannot be started"):
+    with pytest.raises(ArgumentsError, match="cannot be started"):
         AuditProcess(command, SystemClock())

@@ -11,7 +11,7 @@ from sample_tables import GRIPPER
 
 from runtime.commands import calibrate as calibrate_command
 from runtime.commands.calibrate import parser, report, run
-from runtime.errors import CalibrationError, GripperStateError, UsageError
+from runtime.errors import ArgumentsError, CalibrationError, GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.table import Calibration
@@ -220,7 +220,7 @@ def test_without_a_terminal_nobody_can_press_enter(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
-    with pytest.raises(UsageError, match="run it in a terminal"):
+    with pytest.raises(ArgumentsError, match="run it in a terminal"):
         run(arguments(tmp_path, "--activate"), lambda port: gripper)
     assert "press Enter" in capsys.readouterr().out
     assert not gripper.now.activated
@@ -247,7 +247,7 @@ def test_wrong_arguments_are_told_before_anything_is_opened(tmp_path: Path, wron
     def opened(port: str):
         raise AssertionError("the gripper was opened")
 
-    with pytest.raises(UsageError, match=wrong[0].partition("=")[0]):
+    with pytest.raises(ArgumentsError, match=wrong[0].partition("=")[0]):
         run(arguments(tmp_path, *wrong), opened)
     assert not list(tmp_path.iterdir())
 

@@ -8,8 +8,8 @@ from sample_tables import GRIPPER, random_table, small_table, with_node
 
 from runtime.errors import JournalError, TableError
 from runtime.execution.executor import Executor
-from runtime.execution.results import Outcome, PartResult, Step
 from runtime.table import Calibration, Table
+from runtime.traversal.results import Outcome, PartResult, Step
 
 CALIBRATION = Calibration.linear(GRIPPER)
 CONTACT, ARRIVED = 2, 3

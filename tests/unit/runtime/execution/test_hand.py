@@ -8,19 +8,19 @@ from sample_tables import LIMITS, small_table, with_node
 from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
-from runtime.execution.decision import Policy
-from runtime.execution.executor import Plan
+from runtime.execution.events import Phase
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
 
 
 def test_a_regulated_squeeze_meets_the_part_gently_and_only_then_raises_the_force() -> None:
     made = fake_cell([AT_21])
-    assert run(made, Plan(handling=Handling(regulated=True))).leaf == 0
+    assert run(made, RunOptions(handling=Handling(regulated=True))).leaf == 0
     near, touch, hold = jaw_moves(made)[1:4]
     node_force = force_counts(40_000)
     assert near[0] < AT_30[0]  # wider than any outcome
@@ -31,7 +31,7 @@ def test_a_regulated_squeeze_meets_the_part_gently_and_only_then_raises_the_forc
 
 def test_a_part_met_early_is_still_only_touched_first() -> None:
     made = meeting(AT_60[0])
-    result = run(made, Plan(handling=Handling(regulated=True)))
+    result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
     forces = [force for position, _, force in jaw_moves(made) if position > 0]
     assert forces == [GENTLE_FORCE, GENTLE_FORCE, force_counts(40_000)]
@@ -45,7 +45,7 @@ def test_the_motor_current_ends_the_raising() -> None:
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
         made = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
-        assert run(made, Plan(handling=handling), table).leaf == 0
+        assert run(made, RunOptions(handling=handling), table).leaf == 0
         closings = [force for position, _, force in jaw_moves(made) if position == 255]
         assert len(closings) == 1 + raises
 
@@ -64,21 +64,21 @@ def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> N
     squeeze = table.nodes[0].squeeze._replace(force_mn=200_000)  # four raises, of which the first loses it
     table = with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze))
     table = replace(table, limits=replace(table.limits, max_force_mn=235_000))
-    result = run(made, Plan(handling=Handling(regulated=True)), table)
+    result = run(made, RunOptions(handling=Handling(regulated=True)), table)
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
     assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, 64]
 
 
 def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
     made = fake_cell([EMPTY])
-    assert run(made, Plan(handling=Handling(regulated=True))).outcome is Outcome.REJECT
+    assert run(made, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
     assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
 
 
 def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
     made = fake_cell([AT_21])
     made.gripper.current_ma = 1500
-    result = run(made, Plan())
+    result = run(made, RunOptions())
     assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
 
 
@@ -90,13 +90,13 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
     table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
     made = fake_cell([AT_21])
     made.arm.at = (5.0, 5.0, 60.0, 0.1)
-    assert run(made, Plan(), table).leaf == 0
+    assert run(made, RunOptions(), table).leaf == 0
     motions = [call.arguments[:4] for call in made.log.calls if call.name == "move_linear"]
     assert motions[-2:] == [(12.0, -7.0, 10.0, 0.0), (12.0, -7.0, 60.0, 0.0)]
     names = [call.name for call in made.log.calls if call.name in ("move", "move_linear")]
     assert names[-3:] == ["move_linear", "move", "move_linear"]
     rejected = fake_cell([AT_36])
-    run(rejected, Plan(), table)
+    run(rejected, RunOptions(), table)
     assert (12.0, -7.0) not in {call.arguments[:2] for call in rejected.log.named("move_linear")}
 
 
@@ -111,7 +111,7 @@ def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
         return x, y, z - 0.01, angle
 
     made.arm.pose = rounded
-    assert run(made, Plan(), table).leaf == 0
+    assert run(made, RunOptions(), table).leaf == 0
 
 
 # -- policies -------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
 
 def test_policies_squeeze_again_and_start_over() -> None:
     made = fake_cell([AT_30, AT_30, AT_30, AT_21])
-    result = run(made, Plan(Policy.of("resqueeze,restart,next", "next")))
+    result = run(made, RunOptions(Policy.of("resqueeze,restart,next", "next")))
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
     assert [step.node for step in result.steps] == [0, 1, 1, 0]
     assert [step.number for step in result.steps] == [1, 2, 3, 4]
@@ -127,13 +127,13 @@ def test_policies_squeeze_again_and_start_over() -> None:
 
 def test_an_unresolved_part_may_be_started_over() -> None:
     made = fake_cell([AT_30, AT_36, AT_21])
-    result = run(made, Plan(Policy.of("next", "restart,stop")))
+    result = run(made, RunOptions(Policy.of("next", "restart,stop")))
     assert (result.outcome, [step.node for step in result.steps]) == (Outcome.LEAF, [0, 1, 0])
 
 
 def test_phases_go_by_in_their_order() -> None:
     phases: list = []
-    run(fake_cell([AT_21]), Plan(delivery=None), phases=phases)
+    run(fake_cell([AT_21]), RunOptions(delivery=None), phases=phases)
     assert phases == [
         (Phase.PLACE, 0),
         (Phase.SQUEEZE, 0),
@@ -141,7 +141,7 @@ def test_phases_go_by_in_their_order() -> None:
         (Phase.RELEASE, 0),
         (Phase.DONE, None),
     ]
-    run(fake_cell([AT_21], Log(3, ConnectionError("cable"))), Plan(), phases=phases)
+    run(fake_cell([AT_21], Log(3, ConnectionError("cable"))), RunOptions(), phases=phases)
     assert phases[-1] == (Phase.SAFE, None)
 
 

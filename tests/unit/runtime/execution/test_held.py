@@ -8,7 +8,7 @@ from written_journals import Quiet
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import dry_run, held, session
 from runtime.execution.delivery import Delivery
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
@@ -56,7 +56,7 @@ def heights(made: FakeCell) -> list[float]:
 
 def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> None:
     made = holding()
-    session.put_down(small_table(), made.cell, Quiet(), Plan())
+    session.put_down(small_table(), made.cell, Quiet(), RunOptions())
     assert [call.name for call in made.log.calls if call.name in ("move_linear", "move")] == [
         *("move_linear", "move", "move_linear")
     ]
@@ -69,7 +69,7 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
 
 def test_level_tips_come_down_as_high_as_the_jaws_are_open() -> None:
     made, arc = holding(), TipArc(level_mm=8.0)
-    session.put_down(small_table(), made.cell, Quiet(), Plan(handling=Handling(arc=arc)))
+    session.put_down(small_table(), made.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
     assert heights(made)[0] == pytest.approx(
         10.0 + arc.advance_mm(CALIBRATION.width_um(AT_30) / 1000), abs=0.01
     )
@@ -79,10 +79,10 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> 
     made = holding()
     made.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
-        session.put_down(small_table(), made.cell, Quiet(), Plan())
+        session.put_down(small_table(), made.cell, Quiet(), RunOptions())
     assert made.log.named("move") == []
     carried = Delivery((0.0, 0.0, 0.0), area_um=(-60_000, -60_000, 90_000, 60_000))
-    session.put_down(small_table(), made.cell, Quiet(), Plan(delivery=carried))
+    session.put_down(small_table(), made.cell, Quiet(), RunOptions(delivery=carried))
     assert made.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
@@ -91,18 +91,18 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() 
     for number in range(calls):
         made = holding(Log(number, GripperStateError("something")))
         with pytest.raises(GripperStateError, match="something"):
-            session.put_down(small_table(), made.cell, Quiet(), Plan())
+            session.put_down(small_table(), made.cell, Quiet(), RunOptions())
         assert made.log.named("stop")
         assert made.journal.kept[-1][1]["exit_code"] == 21
 
 
 def _calls_of_a_putting_down() -> list[object]:
     made = holding()
-    session.put_down(small_table(), made.cell, Quiet(), Plan())
+    session.put_down(small_table(), made.cell, Quiet(), RunOptions())
     return list(made.log.calls)
 
 
 def test_a_dry_run_tells_that_a_run_would_be_refused() -> None:
     made = holding()
-    told = dry_run.tell(small_table(), made.gripper, made.arm, Plan())
+    told = dry_run.tell(small_table(), made.gripper, made.arm, RunOptions())
     assert any("hold something" in sentence and "refused" in sentence for sentence in told)

@@ -20,12 +20,12 @@ from squeezes import (
 )
 
 from runtime.errors import TableError
-from runtime.execution.executor import Plan
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.results import Outcome
 from runtime.execution.strokes import GENTLE_FORCE, opening_counts
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
+from runtime.traversal.results import Outcome
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ from runtime.table import Calibration
 )
 def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, arc: TipArc, stop) -> None:
     made = meeting(stop[0])
-    result = run(made, Plan(handling=Handling(regulated=regulated, arc=arc)))
+    result = run(made, RunOptions(handling=Handling(regulated=regulated, arc=arc)))
     assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
     low_mm, width_mm, tips = 10.0, 0.0, []
     z_mm, down = 30.0, False
@@ -67,7 +67,7 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, ar
 
 def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part() -> None:
     made = meeting(AT_21[0])
-    assert run(made, Plan(handling=Handling(arc=ARC))).leaf == 0
+    assert run(made, RunOptions(handling=Handling(arc=ARC))).leaf == 0
     calls = [call for call in made.log.calls if call.name in ("move", "move_linear")]
     closed = max(k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255)
     clear, level, wide = calls[closed + 1 : closed + 4]
@@ -80,7 +80,11 @@ def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
     table = small_table()
     squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
     made = meeting(CALIBRATION.count(58_000))
-    run(made, Plan(handling=Handling(arc=ARC)), with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)))
+    run(
+        made,
+        RunOptions(handling=Handling(arc=ARC)),
+        with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)),
+    )
     opened = {position for position, _, _ in jaw_moves(made)} - {255}
     assert min(opened) == opening_counts(60_000, CALIBRATION)
 
@@ -142,7 +146,7 @@ def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> N
 
 def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     made = fake_cell([(AT_21[0], 1)])
-    result = run(made, Plan(handling=Handling(regulated=True)))
+    result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "contact while opening" in str(result.reason)
     assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
@@ -151,7 +155,7 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
 def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:
     """Taught at 80 mm, the tips stand 2 mm higher where the jaws open to 85."""
     made = meeting(AT_21[0])
-    assert run(made, Plan(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
+    assert run(made, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
     assert min(call.arguments[2] for call in made.log.named("move_linear")) == 10.0
 
 

@@ -15,8 +15,8 @@ from runtime.cli import main
 from runtime.errors import GripperStateError
 from runtime.execution import session
 from runtime.execution.delivery import Delivery
-from runtime.execution.executor import Plan
-from runtime.execution.tally import Tally
+from runtime.execution.events import Tally
+from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects, say
 from runtime.table import Calibration, dump
 
@@ -123,7 +123,7 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
     for console in (Lines(table), Objects(table, JOURNAL)):
         made = fake_cell([AT_21, AT_21])
         auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: {"verdict": "pass"})
-        plan = Plan(delivery=Delivery(drop=(10.0, 5.0, 0.0)))
+        plan = RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0)))
         list(
             session.run_parts(table, replace(made.cell, auditor=auditor), FakeScene(TRUTH), console, 1, plan)
         )

@@ -9,11 +9,11 @@ from written_journals import CALIBRATION, write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.execution.decision import Policy
+from runtime.execution.recovery import broken_run
 from runtime.journal.chain import Journal, records
-from runtime.journal.recovery import broken_run
 from runtime.journal.replay import Finding, Last, Replay
 from runtime.table import Calibration
+from runtime.traversal.decision import Policy
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_where_a_run_broke_off_is_told_by_its_last_records(journal: Path, tmp_pa
     assert cut is not None
     assert cut.part is not None
     assert (cut.parts, cut.part.part, cut.part.last, cut.part.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
-    assert (cut.part.course.node, [step.node for step in cut.part.steps]) == (1, [0])
+    assert (cut.part.traversal.node, [step.node for step in cut.part.steps]) == (1, [0])
     cut = broken_run(cut_after(journal, "placed", 2))
     assert cut is not None
     assert cut.part is not None

@@ -11,13 +11,13 @@ import pytest
 from sample_tables import small_table
 from written_journals import Quiet
 
-from runtime.errors import UsageError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
-from runtime.monitoring import watchdog
-from runtime.monitoring.monitor import Monitor, Views
-from runtime.monitoring.status import Status, StatusServer
+from runtime.errors import ArgumentsError
+from runtime.execution.events import Phase
+from runtime.monitoring.monitor import Monitor, Views, notify
+from runtime.monitoring.status import Status
+from runtime.monitoring.status_socket import StatusServer
 from runtime.table import dump, load
+from runtime.traversal.results import Outcome, PartResult, Step
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
 
@@ -102,11 +102,11 @@ def test_a_socket_left_behind_is_replaced_one_in_use_is_not(tmp_path: Path) -> N
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
     with StatusServer(path, fed()):
-        with pytest.raises(UsageError, match="name another path"):
+        with pytest.raises(ArgumentsError, match="name another path"):
             StatusServer(path, fed())
         assert json.loads(asked(path, b""))
     path.write_text("a file")
-    with pytest.raises(UsageError, match="Address already in use"):
+    with pytest.raises(ArgumentsError, match="Address already in use"):
         StatusServer(path, fed())
     assert path.read_text() == "a file"
 
@@ -141,6 +141,6 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
 
 
 def test_without_a_service_manager_nothing_is_told() -> None:
-    assert not watchdog.notify("READY=1", environment={})
-    assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
-    assert not watchdog.notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})
+    assert not notify("READY=1", environment={})
+    assert not notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
+    assert not notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from runtime.spc import distributions
-from runtime.spc.charts import CLIP, Cusum, Ewma, Frequencies, Share, chi_square, likelihood_ratio
+from runtime.spc.charts import (
+    CLIP,
+    BinomialWindowChart,
+    Cusum,
+    Ewma,
+    GTestChart,
+    chi_square,
+    likelihood_ratio,
+)
 from runtime.spc.history import Squeezed
 from runtime.spc.monitor import COORDINATES, MEANING, branch_counts, branch_shares, deviation, watch
 
@@ -117,14 +125,14 @@ def test_one_part_that_flew_away_is_no_drift():
 
 
 def test_share_alarms_at_what_chance_does_not_make():
-    rng, chart = np.random.default_rng(4), Share(0.01)
+    rng, chart = np.random.default_rng(4), BinomialWindowChart(0.01)
     assert not any(chart.add(bool(had)) for had in rng.random(20_000) < 0.01)
     alarms = [chart.add(bool(had)) for had in rng.random(50) < 0.4]
     assert True in alarms
 
 
 def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
-    rng, chart = np.random.default_rng(5), Frequencies([[0.5, 0.3, 0.2]])
+    rng, chart = np.random.default_rng(5), GTestChart([[0.5, 0.3, 0.2]])
     healthy = rng.choice(3, 5000, p=[0.5, 0.3, 0.2])
     assert not any(chart.add(((0, int(branch)),)) for branch in healthy)
     changed = rng.choice(3, 50, p=[0.15, 0.8, 0.05])

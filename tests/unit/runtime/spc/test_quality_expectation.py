@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from histories import LESS, drawn, expectation_document, history, table
 
-from runtime.errors import UsageError
+from runtime.errors import ArgumentsError
 from runtime.spc import expectation
-from runtime.spc.expectation import CLIP, COUNTS, Likelihood, bin_of, load
+from runtime.spc.expectation import CLIP, COUNTS, ShiryaevRoberts, bin_of, load
 from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import watch
 from runtime.table import Calibration
@@ -51,7 +51,7 @@ def test_mean_ratio_of_a_healthy_squeeze_is_one_at_most(expected):
 
 
 def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
-    parts, chart = drawn(TABLE, 40, np.random.default_rng(3)), Likelihood(expected)
+    parts, chart = drawn(TABLE, 40, np.random.default_rng(3)), ShiryaevRoberts(expected)
     gains = np.array([expected.gains(TABLE, part)[0] for part in parts])
     for part in parts:
         assert chart.add(TABLE, part) is None
@@ -60,7 +60,7 @@ def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
 
 def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expected, monkeypatch):
     monkeypatch.setattr(expectation, "LIMIT", 60.0)
-    chart = Likelihood(expected)
+    chart = ShiryaevRoberts(expected)
     alarms = sum(chart.add(TABLE, part) is not None for part in drawn(TABLE, 6000, np.random.default_rng(4)))
     assert 0 < alarms <= 6000 / 60.0
 
@@ -77,7 +77,7 @@ def test_one_strange_part_is_no_drift_but_a_few_are(expected):
     width = Calibration.linear(TABLE.gripper).width_um(clear)
     strange = Part(1, (Squeezed(0, None, width),) * 9)
     assert expected.gains(TABLE, strange)[0] == CLIP
-    chart = Likelihood(expected)
+    chart = ShiryaevRoberts(expected)
     for part in drawn(TABLE, 300, np.random.default_rng(8)):
         assert chart.add(TABLE, part) is None
     assert chart.add(TABLE, strange) is None
@@ -112,20 +112,20 @@ def test_widths_are_binned_as_a_linear_encoder_counts_them():
 def test_files_that_are_refused(change, says, told, tmp_path):
     found = tmp_path / "changed.json"
     found.write_text(json.dumps(told | change))
-    with pytest.raises(UsageError, match=says):
+    with pytest.raises(ArgumentsError, match=says):
         load(found)
 
 
 def test_file_that_is_none(tmp_path):
-    with pytest.raises(UsageError, match="make it with plan-expect"):
+    with pytest.raises(ArgumentsError, match="make it with plan-expect"):
         load(tmp_path / "none.json")
     (tmp_path / "text").write_text("{")
-    with pytest.raises(UsageError, match="is not JSON"):
+    with pytest.raises(ArgumentsError, match="is not JSON"):
         load(tmp_path / "text")
 
 
 def test_expectation_of_another_table_is_refused(expected):
     parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
     assert list(watch(History(TABLE, parts, DIGEST), expected)) == []
-    with pytest.raises(UsageError, match="another table"):
+    with pytest.raises(ArgumentsError, match="another table"):
         list(watch(History(TABLE, parts, "1" * 64), expected))

@@ -14,7 +14,7 @@ import pytest
 from histories import LESS, TREE, drawn, expectation_document, history, table
 
 from drivers.camera.commands import audit as main
-from runtime.errors import JournalError, UsageError
+from runtime.errors import ArgumentsError, JournalError
 from runtime.spc import export
 from runtime.spc import history as reading
 from runtime.spc.page import page
@@ -123,9 +123,9 @@ def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
 def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
     other = TABLE.__class__(**{name: getattr(TABLE, name) for name in TABLE.__slots__} | {"tool": "another"})
     paths = [write(tmp_path / "a.jsonl", parts_of(2)), write(tmp_path / "b.jsonl", parts_of(2), other)]
-    with pytest.raises(UsageError, match="of another table"):
+    with pytest.raises(ArgumentsError, match="of another table"):
         reading.read(paths)
-    with pytest.raises(UsageError, match="no part yet"):
+    with pytest.raises(ArgumentsError, match="no part yet"):
         reading.read([write(tmp_path / "c.jsonl", [])])
 
 
@@ -143,7 +143,7 @@ def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
         file.write(b'{"seq":99,"kind":"squ')
     assert reading.read([whole]).parts == told
     whole.write_bytes(b'{"seq":0,"kind":"hea')
-    with pytest.raises(UsageError, match="no part yet"):
+    with pytest.raises(ArgumentsError, match="no part yet"):
         reading.read([whole])
 
 
@@ -311,7 +311,7 @@ def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(export.importlib, "import_module", absent)
     found = reading.read([journal])
-    with pytest.raises(UsageError, match=r"install squeezetree\[parquet\]"):
+    with pytest.raises(ArgumentsError, match=r"install squeezetree\[parquet\]"):
         export.write(export.rows(found.parts, {}), tmp_path / "p.parquet")
 
 

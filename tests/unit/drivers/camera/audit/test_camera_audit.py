@@ -22,8 +22,7 @@ from cameras import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.camera.audit.auditor import Auditor, Subject
-from drivers.camera.audit.judge import COVERAGE, FAIL, PASS, UNKNOWN, judge
+from drivers.camera.audit.auditor import COVERAGE, FAIL, PASS, UNKNOWN, Auditor, Subject, judge
 from drivers.camera.audit.overlay import MEASURED, PREDICTED, Album
 from drivers.camera.errors import SourceError
 from drivers.sim.camera.cards import lying, tag_cells

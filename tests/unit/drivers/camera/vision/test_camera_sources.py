@@ -14,6 +14,7 @@ from drivers.camera.vision import sources
 from drivers.camera.vision.sources import Folder, Still, Stream, open_source
 from drivers.sim.camera.render import jpeg
 from drivers.sim.camera.server import CameraServer
+from drivers.sim.physics.tabletop import Look
 
 
 def soon(seconds=20.0):
@@ -131,7 +132,7 @@ def test_colours_become_grey_and_grey_stays():
 
 def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
     poses = iter([(0.0, 0.0, 0.0), (60.0, 0.0, 0.0), None])
-    take = rig(camera()).taker(lambda: next(poses), seed=1)
+    take = rig(camera()).watcher(lambda: Look(next(poses)), seed=1)
     with CameraServer(take) as running:
         source = open_source(running.url)
         first, moved, empty = (source.picture(soon()).astype(int) for _ in range(3))

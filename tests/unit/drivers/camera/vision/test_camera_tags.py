@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, true_calibration, true_view
 
+from drivers.camera.calibration import measure
 from drivers.camera.errors import TagError
-from drivers.camera.vision import edges, measure
+from drivers.camera.vision import edges
 from drivers.camera.vision.tags import SQUARES, Finder, Sighting
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render

@@ -10,16 +10,15 @@ import pytest
 from cameras import GOAL, NUMBER, camera, part_tag, rig, true_calibration
 from soaking import small_setting
 
-from drivers.camera.audit.auditor import Auditor, Subject
-from drivers.camera.audit.judge import PASS, UNKNOWN
+from drivers.camera.audit.auditor import PASS, UNKNOWN, Auditor, Subject
 from drivers.camera.calibration import command as calibrate_command
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import decoded
 from drivers.sim import cli
 from drivers.sim.camera import album
-from drivers.sim.faults.schedule import Channel, Desk, Fault, Listed
-from drivers.sim.physics.scene import CellError
+from drivers.sim.errors import SimulationError
+from drivers.sim.faults import Channel, Desk, Fault, Listed
 from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
 
 OPTICS = camera()
@@ -101,7 +100,7 @@ def test_what_the_camera_sees_is_what_the_faults_say():
 
 def test_rehearsal_has_no_part_to_see():
     assert TableTop(small_setting(), 1, Desk(Listed())).look().pose is None
-    with pytest.raises(CellError, match="lies nowhere"):
+    with pytest.raises(SimulationError, match="lies nowhere"):
         cli.camera(small_setting())
 
 

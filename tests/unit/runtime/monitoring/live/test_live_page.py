@@ -8,10 +8,10 @@ from grown_tables import grown_table
 from html_pages import Page
 from sample_tables import every_field_table, small_table, with_job
 
-from runtime.errors import UsageError
-from runtime.monitoring.live import address, page
-from runtime.monitoring.live.address import Address
+from runtime.errors import ArgumentsError
+from runtime.monitoring.live import page, server
 from runtime.monitoring.live.answers import Answers
+from runtime.monitoring.live.server import Address
 from runtime.monitoring.status import Status
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
@@ -21,7 +21,7 @@ OPEN = Answers(PAGES, local=False)
 
 def told(answers: Answers, asked: str) -> tuple[int, str, bytes]:
     """Code, head and body of an answer."""
-    head, _, body = answers.to(asked.encode("latin-1")).partition(b"\r\n\r\n")
+    head, _, body = answers(asked.encode("latin-1")).partition(b"\r\n\r\n")
     return int(head.split()[1]), head.decode(), body
 
 
@@ -36,8 +36,8 @@ def told(answers: Answers, asked: str) -> tuple[int, str, bytes]:
     ],
 )
 def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: int) -> None:
-    assert address.parse(text) == Address(host, port)
-    assert address.parse(str(address.parse(text))) == Address(host, port)
+    assert server.parse(text) == Address(host, port)
+    assert server.parse(str(server.parse(text))) == Address(host, port)
 
 
 @pytest.mark.parametrize(
@@ -58,14 +58,14 @@ def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: i
     ],
 )
 def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(UsageError, match="write PORT or HOST:PORT") as refused:
-        address.parse(text)
+    with pytest.raises(ArgumentsError, match="write PORT or HOST:PORT") as refused:
+        server.parse(text)
     assert refused.value.exit_code == 2
 
 
 def test_loopback_is_this_machine_only() -> None:
-    assert all(map(address.is_loopback, ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"]))
-    assert not any(map(address.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"]))
+    assert all(map(server.is_loopback, ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"]))
+    assert not any(map(server.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"]))
 
 
 def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:

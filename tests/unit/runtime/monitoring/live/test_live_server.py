@@ -12,11 +12,12 @@ from collections.abc import Iterator
 import pytest
 from sample_tables import small_table
 
-from runtime.errors import UsageError
-from runtime.monitoring.live import page, server
-from runtime.monitoring.live.address import Address
+from runtime.errors import ArgumentsError
+from runtime.monitoring import http_server
+from runtime.monitoring.http_server import MOST_CLIENTS
+from runtime.monitoring.live import page
 from runtime.monitoring.live.answers import Answers
-from runtime.monitoring.live.server import MOST_CLIENTS, PageServer
+from runtime.monitoring.live.server import Address, PageServer
 from runtime.monitoring.status import Status
 
 FREE = Address("127.0.0.1", 0)
@@ -77,7 +78,7 @@ def test_a_client_that_breaks_off_amid_the_answer_does_not_end_it(serving: PageS
 
 
 def test_who_says_or_takes_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch, serving: PageServer) -> None:
-    monkeypatch.setattr(server, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(http_server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps for who does not read
         assert silent.recv(1) == b""
@@ -114,7 +115,7 @@ def test_it_listens_on_ipv6_as_well() -> None:
 
 
 def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
-    with pytest.raises(UsageError, match="in use; name another port, or 0 for a free one") as refused:
+    with pytest.raises(ArgumentsError, match="in use; name another port, or 0 for a free one") as refused:
         PageServer(serving.address, Answers({}, local=True))
     assert str(serving.address) in str(refused.value)
     assert refused.value.exit_code == 2
@@ -125,11 +126,11 @@ def test_a_port_for_root_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
-    with pytest.raises(UsageError, match="ports below 1024 are for root; take one above"):
+    with pytest.raises(ArgumentsError, match="ports below 1024 are for root; take one above"):
         PageServer(Address("127.0.0.1", 80), Answers({}, local=True))
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "x" * 300, "no..name"])
 def test_an_address_of_another_machine_or_of_none_is_one_line(host: str) -> None:
-    with pytest.raises(UsageError, match="name an address of this machine, or the port alone"):
+    with pytest.raises(ArgumentsError, match="name an address of this machine, or the port alone"):
         PageServer(Address(host, 0), Answers({}, local=True))

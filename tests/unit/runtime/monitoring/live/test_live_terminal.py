@@ -12,15 +12,14 @@ from rich.console import Console as Terminal
 from sample_tables import random_table, small_table
 from written_journals import Quiet
 
-from runtime.commands import options
-from runtime.errors import UsageError
-from runtime.execution.phases import Phase
-from runtime.execution.results import Outcome, PartResult, Step
-from runtime.execution.tally import Tally
-from runtime.monitoring.console import Lines, Sighting
+from runtime.commands import arguments, options
+from runtime.errors import ArgumentsError
+from runtime.execution.events import Phase, Sighting, Tally
+from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
+from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = random_table(3, 40)
 OUTLINE = Outline(TABLE)
@@ -164,15 +163,15 @@ def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
     monkeypatch.setattr("sys.stdout", streams["out"])
     monkeypatch.setattr("sys.stderr", streams["err"])
     monkeypatch.setenv("TERM", term)
-    given = options.parser().parse_args(["--tree", "t", "--port", "sim", *words])
+    given = arguments.parser().parse_args(["--tree", "t", "--port", "sim", *words])
     assert options.views(given).terminal is (streams[drawn] if drawn else None)
 
 
 def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = options.parser().parse_args(["--tree", "t", "--port", "sim", "--watch"])
+    given = arguments.parser().parse_args(["--tree", "t", "--port", "sim", "--watch"])
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
     options.check_usage(given)  # in a pipe it is not needed
     monkeypatch.setattr("sys.stdout", Screen())
-    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[watch\]'"):
+    with pytest.raises(ArgumentsError, match=r"pip install 'squeezetree\[watch\]'"):
         options.check_usage(given)

@@ -1,0 +1,118 @@
+"""Where a part lies, from one picture, and how well that is known."""
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers.camera.calibration.file import CameraCalibration
+from drivers.camera.errors import TagError
+from drivers.camera.vision import explain
+from drivers.camera.vision.arrays import Array, Picture
+from drivers.camera.vision.plane import as_it_lies, compose, inverse, rigid_fit
+from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.tags import Sighting
+
+LEAST_CORNER_PX = 0.05  # no corner is better than this, whatever its sides say
+HEIGHT_SIGMA_MM = 0.1
+LARGEST_SCALE_ERROR = 0.02
+
+
+class Measured(NamedTuple):
+    """A part as the camera sees it.
+
+    Attributes:
+        pose: x, y, theta of the part: mm, mm, rad.
+        sigma_mm: standard deviation of its place.
+        sigma_rad: standard deviation of its angle.
+        tag: the sighting it rests on.
+    """
+
+    pose: Pose
+    sigma_mm: float
+    sigma_rad: float
+    tag: Sighting
+
+
+def measure(
+    picture: Picture,
+    seen: Sequence[Sighting],
+    calibration: CameraCalibration,
+    tag: PartTag,
+    near: Pose | None = None,
+) -> Measured:
+    """Measure the part that carries a tag.
+
+    Args:
+        picture: (h, w), for explaining why the tag is not seen.
+        seen: all tags found in it.
+        calibration: of the camera.
+        tag: the part's.
+        near: where the part is thought to lie, for the same purpose.
+
+    Raises:
+        TagError: the tag is not seen once, alone, and of the right size.
+    """
+    fixed = {reference.number for reference in calibration.references}
+    sighting = the_one(seen, tag.number, fixed)
+    if sighting is None:
+        expected = None if near is None else compose(near, tag.on_part)
+        raise TagError(explain.why_unseen(picture, calibration.view, tag, expected))
+    return of_sighting(sighting, calibration, tag)
+
+
+def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
+    """The part's pose from its tag's corners.
+
+    Raises:
+        TagError: the tag is not of the size it should have.
+    """
+    view = calibration.view
+    corners = view.on_plane(sighting.corners, tag.height_mm)
+    fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)
+    if not abs(fit.scale - 1.0) <= LARGEST_SCALE_ERROR:
+        raise TagError(
+            f"tag {tag.number} looks {fit.scale * tag.side_mm:.2f} mm large and should be {tag.side_mm:g}; "
+            "check its size and height, and calibrate the camera again if both are right"
+        )
+    pose = compose(fit.pose, inverse(tag.on_part))
+    sigma_mm, sigma_rad = _spread(sighting, corners, calibration, tag)
+    return Measured(pose, sigma_mm, sigma_rad, sighting)
+
+
+def print_corners(side_mm: float) -> Array:
+    """Corners of a tag as one reads it, x right and y down, in the order of `Sighting.corners`."""
+    return 0.5 * side_mm * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+
+
+def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
+    """The part's tag among all that are seen, the fixed ones aside.
+
+    Raises:
+        TagError: there are two, or only a wrong one.
+    """
+    loose = [tag for tag in seen if tag.number not in fixed]
+    ours = [tag for tag in loose if tag.number == number]
+    others = sorted({tag.number for tag in loose} - {number})
+    if len(loose) > 1:
+        named = f"{len(ours)} times tag {number}" if not others else ", ".join(str(t.number) for t in loose)
+        raise TagError(f"more than one tag lies in view ({named}); leave one part alone on the table")
+    if others:
+        raise TagError(f"tag {others[0]} is seen, but the part carries tag {number}; is it the right part?")
+    return ours[0] if ours else None
+
+
+def _spread(
+    sighting: Sighting, corners: Array, calibration: CameraCalibration, tag: PartTag
+) -> tuple[float, float]:
+    """The error budget: corners, calibration, the tag's height, and where it is glued on."""
+    side_px = float(np.mean(np.hypot(*(sighting.corners - np.roll(sighting.corners, 1, axis=0)).T)))
+    corner_mm = max(sighting.rms_px, LEAST_CORNER_PX) * tag.side_mm / side_px
+    middle = corners.mean(axis=0)
+    calibrated_mm = calibration.trust.at(float(middle[0]), float(middle[1]))
+    eye = calibration.view.eye
+    slant = float(np.hypot(*(middle - eye[:2]))) / max(abs(float(eye[2]) - tag.height_mm), 1.0)
+    turned = np.hypot(corner_mm / (np.sqrt(2.0) * tag.side_mm), tag.sigma_rad)
+    lever_mm = float(np.hypot(*tag.on_part[:2]))
+    terms = (0.5 * corner_mm, calibrated_mm, HEIGHT_SIGMA_MM * slant, tag.sigma_mm, turned * lever_mm)
+    return float(np.sqrt(np.sum(np.square(terms)))), float(turned)

@@ -1,0 +1,118 @@
+"""Gripper and arm controller that fail as a schedule has it, in front of the models of sound ones."""
+
+import math
+
+from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.faults import Channel, Desk, Fault
+
+STALE = "1 1 "  # the acknowledgement of a MoveL
+FLAG_BYTE, FLAG_SHIFT, FAULT_BYTE, COUNT_BYTE = 0, 6, 2, 4
+GOING, MOVING = 0x08, 0
+RELEASING = 0x0B
+LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only show
+
+
+class FaultyArm:
+    """Executes instructions, as `drivers.sim.devices.arm.Controller`.
+
+    Args:
+        model: the controller.
+        desk: says what holds when; each instruction is one event.
+    """
+
+    def __init__(self, model: ArmModel, desk: Desk) -> None:
+        self._model = model
+        self._desk = desk
+
+    def execute(self, text: str, now_s: float) -> Answer:
+        """One received string; nothing is executed while the program stands still."""
+        self._desk.next(Channel.ARM)
+        kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
+        if kinds & {"arm_silent", "arm_unreachable"}:
+            silent = "arm_silent" in kinds
+            self._model.halted = "program stopped" if silent else "50050 position outside reach"
+        if self._model.halted:
+            return Answer(None, math.inf)
+        if "arm_refuses" in kinds:
+            return Answer(f"{text.split(' ', 1)[0].lstrip('0') or '0'} 0 ", now_s)
+        answer = self._model.execute(text, now_s)
+        if "arm_disconnect" in kinds:
+            return answer._replace(broken=True)
+        return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
+
+
+class FaultyGripper:
+    """The register blocks of a model, as `drivers.sim.wire.modbus.Device`.
+
+    Args:
+        model: the gripper.
+        desk: says what holds when; each request the gripper hears is one event.
+    """
+
+    def __init__(self, model: GripperModel, desk: Desk) -> None:
+        self._model = model
+        self._desk = desk
+        self._shown = model.jaws.count_open  # the count as it was last read, which is what freezes
+
+    def read_input(self, now_s: float) -> bytes:
+        """The 16 input bytes, with whatever is wrong with them."""
+        faults = self._heard(now_s)
+        block = self._model.read_input(now_s)
+        if not faults:
+            self._shown = block[COUNT_BYTE]
+            return block
+        changed = bytearray(block)
+        for fault in faults:
+            self._distort(changed, fault)
+        if not any(fault.kind == "count_frozen" for fault in faults):
+            self._shown = block[COUNT_BYTE]
+        return bytes(changed)
+
+    def read_output(self) -> bytes:
+        """The 16 output bytes as last written."""
+        return self._model.read_output()
+
+    def write_output(self, offset: int, data: bytes, now_s: float) -> None:
+        """Write and obey."""
+        self._heard(now_s)
+        self._model.write_output(offset, data, now_s)
+
+    def _heard(self, now_s: float) -> list[Fault]:
+        """One more request: whatever befalls the gripper now, befalls it before it obeys."""
+        self._desk.next(Channel.GRIPPER)
+        for fault in self._desk.beginning(Channel.GRIPPER):
+            self._strike(fault, now_s)
+        faults = self._desk.holding(Channel.GRIPPER)
+        self._model.flag_delay_s = sum(fault.value for fault in faults if fault.kind == "flag_late")
+        return faults
+
+    def _strike(self, fault: Fault, now_s: float) -> None:
+        code = _code(fault)
+        if fault.kind == "power_cycle":
+            self._model.power_cycle(now_s)
+        elif fault.kind == "grip_lost":
+            self._model.lose_object(now_s)
+        elif code == RELEASING:
+            self._model.auto_release(now_s)
+        elif code >= LEAST_MAJOR:
+            self._model.fail(code, now_s)
+
+    def _distort(self, block: bytearray, fault: Fault) -> None:
+        value = int(fault.value)
+        moving = block[FLAG_BYTE] >> FLAG_SHIFT == MOVING and block[FLAG_BYTE] & GOING
+        if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
+            block[FLAG_BYTE] = block[FLAG_BYTE] & ~(3 << FLAG_SHIFT) | (value & 3) << FLAG_SHIFT
+        elif fault.kind == "count_frozen":
+            block[COUNT_BYTE] = self._shown
+        elif fault.kind == "count_spike":
+            block[COUNT_BYTE] = value & 0xFF
+        elif fault.kind == "encoder_offset":
+            block[COUNT_BYTE] = min(max(block[COUNT_BYTE] + value, 0), 255)
+        elif 0 < _code(fault) < LEAST_MAJOR:
+            block[FAULT_BYTE] = _code(fault)
+
+
+def _code(fault: Fault) -> int:
+    """The gFLT code that a fault is named after; 0: it is none of these."""
+    return int(fault.kind.removeprefix("gflt_"), 16) if fault.kind.startswith("gflt_") else 0

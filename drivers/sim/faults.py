@@ -1,0 +1,239 @@
+"""What can go wrong in a simulated cell: the classes, and schedules that say when; FAULTS.md tells the rest.
+
+A fault is counted in events of its own channel since the part was fed (requests on the gripper's line,
+instructions to the arm, closings of the jaws), so that a schedule means the same at any speed.
+"""
+
+import random
+import tomllib
+from collections.abc import Iterable
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from drivers.sim.errors import SimulationError, SimulationFileError
+
+
+class Channel(StrEnum):
+    """What a class of faults is counted in."""
+
+    LINE = "line"  # requests that reach the gripper's end of the line, and what answers them
+    GRIPPER = "gripper"  # the same requests; the registers or the device itself are wrong
+    ARM = "arm"  # instructions received by the arm's controller
+    SCENE = "scene"  # closings of the jaws
+
+
+class Kind(NamedTuple):
+    """A class of faults.
+
+    Attributes:
+        name: as schedules write it.
+        channel: what it is counted in.
+        low: least `value` that a random schedule draws.
+        high: largest.
+        lasts: the longest that one lasts in a random schedule, in events.
+        meaning: what it does; `value` is the number it depends on.
+    """
+
+    name: str
+    channel: Channel
+    low: float
+    high: float
+    lasts: int
+    meaning: str
+
+
+def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
+    return tuple(Kind(name, channel, low, high, lasts, meaning) for name, low, high, lasts, meaning in rows)
+
+
+LINE_KINDS = _kinds(
+    Channel.LINE,
+    ("request_lost", 0, 0, 4, "the gripper does not hear a request"),
+    ("reply_lost", 0, 0, 4, "its answer does not arrive; the request was obeyed"),
+    ("reply_late", 0.01, 1.6, 2, "the answer comes `value` seconds late"),
+    ("reply_twice", 0, 0, 4, "the answer comes twice"),
+    ("reply_truncated", 1, 7, 4, "only the first `value` bytes of the answer come"),
+    ("reply_corrupted", 0, 63, 4, "bit `value` of the answer is flipped"),
+    ("noise", 1, 20, 6, "`value` random bytes come before the answer"),
+    ("echo", 0, 0, 60, "the adapter returns the request before the answer"),
+    ("wrong_id", 1, 8, 4, "the answer carries slave id `value`"),
+    ("unplugged", 0, 0, 1, "the port is gone, for good"),
+    ("permission_lost", 0, 0, 1, "the port is gone and may not be opened again"),
+)
+GRIPPER_KINDS = _kinds(
+    Channel.GRIPPER,
+    ("flag_stuck", 0, 3, 60, "gOBJ reads `value`"),
+    ("flag_late", 0.05, 1.5, 40, "gOBJ follows `value` seconds late"),
+    ("flag_false", 1, 3, 4, "gOBJ reads `value` while the jaws still move"),
+    ("count_frozen", 0, 0, 60, "gPO stays as it was"),
+    ("count_spike", 1, 255, 1, "gPO reads `value` in a single answer"),
+    ("encoder_offset", -12, 12, 200, "gPO reads `value` counts too much"),
+    ("power_cycle", 0, 0, 1, "the supply fails for a moment: reset, no longer active"),
+    ("grip_lost", 0, 0, 1, "what the jaws hold slips out"),
+    *(
+        (f"gflt_{code:02x}", code, code, 8, f"the gripper reports fault 0x{code:02X}")
+        for code in (0x05, 0x07, 0x08, 0x09)
+    ),
+    *(
+        (f"gflt_{code:02x}", code, code, 1, f"major fault 0x{code:02X}: the jaws stop until reset")
+        for code in (0x0A, 0x0C, 0x0D, 0x0E)
+    ),
+    ("gflt_0b", 11, 11, 1, "automatic release 0x0B: the jaws open slowly"),
+    ("gflt_0f", 15, 15, 1, "automatic release completed 0x0F: until reset"),
+)
+ARM_KINDS = _kinds(
+    Channel.ARM,
+    ("arm_silent", 0, 0, 1, "the RAPID program stops: connection open, nobody answers"),
+    ("arm_unreachable", 0, 0, 1, "the controller cannot reach the target: it stops without a word"),
+    ("arm_disconnect", 0, 0, 1, "the connection breaks; the motion under way goes on to its end"),
+    ("arm_stale_ack", 0, 0, 1, "an acknowledgement of an earlier move comes first"),
+    ("arm_refuses", 0, 0, 1, "the instruction is answered as a bad message, nothing moves"),
+)
+SCENE_KINDS = _kinds(
+    Channel.SCENE,
+    ("part_missing", 0, 0, 9, "there is no part"),
+    ("wrong_part", -8, 12, 9, "another part: every width is `value` mm larger"),
+    ("two_parts", 5, 40, 9, "a second part between the jaws, `value` mm thick"),
+    ("part_bumped", 2, 30, 1, "the part is pushed `value` mm before the jaws close"),
+    ("part_slips", 0, 0, 9, "a part that is lifted slips out"),
+    ("camera_covered", 0, 0, 9, "the camera sees nothing"),
+    ("camera_moved", 1, 20, 9, "the camera stands `value` mm from its place"),
+)
+KINDS = {kind.name: kind for kind in (*LINE_KINDS, *GRIPPER_KINDS, *ARM_KINDS, *SCENE_KINDS)}
+
+# Where in a part's life a random schedule lets a fault begin: about three squeezes of it.
+BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCENE: 3}
+
+
+class Fault(NamedTuple):
+    """One fault: events `at` to `at + length - 1` of part `part` (None: of every part)."""
+
+    kind: str
+    part: int | None = None
+    at: int = 0
+    length: int = 1
+    value: float = 0.0
+
+    @property
+    def channel(self) -> Channel:
+        """What it is counted in."""
+        return KINDS[self.kind].channel
+
+    def covers(self, event: int) -> bool:
+        """Whether it holds at that event of its channel."""
+        return self.at <= event < self.at + self.length
+
+
+class Listed:
+    """A schedule written down."""
+
+    def __init__(self, faults: Iterable[Fault] = ()) -> None:
+        self._faults = tuple(faults)
+
+    def of_part(self, part: int) -> tuple[Fault, ...]:
+        """Those of one part."""
+        return tuple(fault for fault in self._faults if fault.part in (None, part))
+
+
+class Seeded(Listed):
+    """A random schedule: each part meets none, one or two faults; they depend on seed and number alone."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self._seed = seed
+
+    def of_part(self, part: int) -> tuple[Fault, ...]:
+        """Those of one part."""
+        draw = random.Random(f"{self._seed}/faults/{part}")
+        return tuple(_random_fault(draw, part) for _ in range(draw.choice((0, 0, 1, 1, 1, 2))))
+
+
+def _random_fault(draw: random.Random, part: int) -> Fault:
+    kind = KINDS[draw.choice(list(KINDS))]
+    at, length = draw.randrange(BEGINS[kind.channel]), draw.randint(1, kind.lasts)
+    value = draw.uniform(kind.low, kind.high)
+    return Fault(
+        kind.name, part, at, length, value if kind.name in {"reply_late", "flag_late"} else round(value)
+    )
+
+
+class Desk:
+    """Counts the events of a part and says which faults hold now.
+
+    Attributes:
+        met: names of the faults that have held so far, in order.
+    """
+
+    def __init__(self, schedule: Listed) -> None:
+        self.met: list[str] = []
+        self._schedule = schedule
+        self.begin(0)
+
+    def begin(self, part: int) -> None:
+        """The next part is fed."""
+        faults = self._schedule.of_part(part)
+        self._of = {channel: [fault for fault in faults if fault.channel is channel] for channel in Channel}
+        self._events = dict.fromkeys(Channel, -1)
+
+    def next(self, channel: Channel) -> None:
+        """One more event."""
+        self._events[channel] += 1
+        for fault in self._of[channel]:
+            if fault.at == self._events[channel]:
+                self.met.append(fault.kind)
+
+    def holding(self, channel: Channel) -> list[Fault]:
+        """The faults that hold at the last event of a channel."""
+        event = self._events[channel]
+        return [fault for fault in self._of[channel] if fault.covers(event)]
+
+    def beginning(self, channel: Channel) -> list[Fault]:
+        """The faults that begin at the last event of a channel."""
+        event = self._events[channel]
+        return [fault for fault in self._of[channel] if fault.at == event]
+
+    def holds(self, kind: str) -> Fault | None:
+        """The fault of that name, if it holds now."""
+        held = (fault for fault in self.holding(KINDS[kind].channel) if fault.kind == kind)
+        return next(held, None)
+
+
+def parse(text: str | None) -> Listed:
+    """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
+
+    Raises:
+        SimulationError: it is not understood.
+    """
+    if text is None:
+        return Listed()
+    if text.startswith("seed:"):
+        number = text.removeprefix("seed:")
+        if not number.isdecimal():
+            raise SimulationError(f"--faults {text}: write seed:N with a whole number, or name a file")
+        return Seeded(int(number))
+    path = Path(text)
+    try:
+        written = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise SimulationFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise SimulationError(f"{path}: not readable as a fault schedule ({error})") from error
+    if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
+        raise SimulationError(f"{path}: write one [[fault]] table a fault, nothing else")
+    return Listed(_written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1))
+
+
+def _written_fault(path: Path, number: int, row: object) -> Fault:
+    where = f"{path}, fault {number}"
+    if not isinstance(row, dict) or set(row) - set(Fault._fields):
+        raise SimulationError(f"{where}: the keys are {', '.join(Fault._fields)}")
+    if row.get("kind") not in KINDS:
+        raise SimulationError(f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}")
+    counts = [(row.get("part", 0), 0), (row.get("at", 0), 0), (row.get("length", 1), 1)]
+    whole = all(type(count) is int and count >= least for count, least in counts)
+    if not whole or type(row.get("value", 0.0)) not in (int, float):
+        raise SimulationError(
+            f"{where}: part, at and length are whole numbers, not negative, and value is a number"
+        )
+    return Fault(**row)

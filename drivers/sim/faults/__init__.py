@@ -1,1 +1,0 @@
-"""Faults of a simulated cell: schedules, and devices that have them."""

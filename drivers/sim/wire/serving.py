@@ -1,0 +1,78 @@
+"""Simulated time on the machine's clock, and servers on TCP ports of this machine."""
+
+import select
+import socket
+import threading
+import time
+
+
+class SimulatedTime:
+    """Simulated seconds: wall time since the start, times the scale.
+
+    Args:
+        scale: simulated seconds per wall second.
+        stopped: set when the cell stops; ends every pause early.
+    """
+
+    def __init__(self, scale: float, stopped: threading.Event) -> None:
+        self.stopped = stopped
+        self._scale = scale
+        self._start = time.monotonic()
+
+    def now(self) -> float:
+        """Simulated seconds since the cell came up."""
+        return (time.monotonic() - self._start) * self._scale
+
+    def sleep(self, seconds: float) -> None:
+        """Pause for so many simulated seconds, or until the cell stops."""
+        self.stopped.wait(seconds / self._scale)
+
+    def wall(self, seconds: float) -> float:
+        """Wall seconds of so many simulated ones."""
+        return seconds / self._scale
+
+
+class TcpServer:
+    """A thread that serves one client after another on a TCP port; subclasses say how.
+
+    Args:
+        name: of the thread.
+        stopped: ends it; set by `close`.
+    """
+
+    def __init__(self, name: str, stopped: threading.Event) -> None:
+        self._stopped = stopped
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.url = f"tcp://127.0.0.1:{self.port}"
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Serve until closed."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._stopped.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()
+        self._listener.close()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            if self._readable([self._listener]):
+                client, _ = self._listener.accept()
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                with client:
+                    self._serve(client)
+                self._left()
+
+    def _serve(self, client: socket.socket) -> None:
+        """Serve one client until it leaves or the server stops."""
+        raise NotImplementedError
+
+    def _left(self) -> None:
+        """The client was served, and its connection is closed."""
+
+    def _readable(self, sockets: list[socket.socket]) -> list[socket.socket]:
+        return select.select(sockets, [], [], 0.1)[0]

@@ -1,0 +1,102 @@
+"""What the search is to reach, and the numbers that trade planning time for the quality of the plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from planner.belief.metric import Metric
+from planner.belief.transition import Costs
+
+
+@dataclass(frozen=True, slots=True)
+class SearchParams:
+    """Settings of the search. "Share" is that of all parts where nothing else is said."""
+
+    least_clearance_mm: float = 0.5
+    """Open fingers are never planned nearer to a believed part than this."""
+
+    followed: tuple[int, ...] = (4, 4, 4)
+    """Actions followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
+    shortlist: int = 32
+    """Actions of a belief that all its particles judge; of more, those that rank best by few particles."""
+    shortlist_particles: int = 50
+    """Particles that rank an action first."""
+    refined: int = 2
+    """Best actions whose placements are varied."""
+    nearly_done: float = 0.5
+    """Squeezes left after the best action, below which no action of the belief is followed further."""
+    full_effort_share: float = 0.2
+    """Share from which a belief is searched with all the particles allowed; below, with fewer."""
+    least_effort: float = 0.25
+    """Fraction of those particles that the smallest share keeps."""
+    least_at_stake: float = 0.0003
+    """Share outside the mode, from which one squeeze more is looked ahead where nothing gains."""
+    outside_particles: int = 20
+    """Particles outside the mode needed to see whether a squeeze separates them from the rest."""
+    rescored: int = 6
+    """Last squeezes scored again with that many particles."""
+
+    least_gain: float = 0.001
+    """Gain in mode ratio below which no squeeze is planned."""
+    second_mode: float = 0.25
+    """Weight of a second pose that explains a belief, relative to the first, where actions are ranked."""
+    dead_end: float = 10.0
+    """Squeezes charged, times the mass outside, where no squeeze gains at the end of a look-ahead."""
+    shrinkage: float = 1.0
+    """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
+    tau: float = 0.02
+    """Mass outside the mode, roughly, from which a belief needs a squeeze more."""
+    selection_bias: float = 0.5
+    """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
+
+    alternatives: int = 3
+    """Placements kept for a node besides the chosen one."""
+    alike_mm: float = 8.0
+    alike_deg: float = 20.0
+    """Placements nearer than both are variants of one."""
+    alternative_excess: float = 0.5
+    """Squeezes that an alternative may seem to cost more than the best."""
+    most_without_gain: int = 3
+    """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
+    least_loss: float = 0.002
+    """Mode ratio that an exhausted leaf must have lost before squeezes are searched again."""
+    least_particles: int = 100
+    """A smaller belief is repeated before its next squeeze."""
+
+    improved_depths: tuple[int, ...] = (2, 1)
+    """Depths of the nodes whose alternatives are tried, the later first: an earlier node is then judged with
+    its subtrees improved. The root is left out: its belief prefers no placement."""
+    improved_share: float = 0.03
+    """Least share of a node whose alternatives are tried."""
+    improved_saving: float = 0.15
+    """Least squeezes a part beyond the one needed, likewise."""
+
+    goal_margin: float = 0.7
+    """Fraction of the goal's allowed errors at which a new leaf is accepted: the rest is reserve."""
+    reopen_margin: float = 0.75
+    """The same for a leaf that exists already: one more squeeze for all its parts must pay."""
+    ahead_step_mm: float = 0.8
+    """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
+    refinements: int = 3
+    """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
+    leaf_trials: int = 100
+    """Trials of a leaf from which its measured success rate itself is compared with the goal."""
+    least_short: float = 0.001
+    """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
+
+
+class Objective(NamedTuple):
+    """What a plan is to reach.
+
+    Attributes:
+        metric: the goal.
+        confidence: mode ratio at which a belief needs no further squeeze.
+        costs: c of a squeeze.
+        params: settings of the search.
+    """
+
+    metric: Metric
+    confidence: float
+    costs: Costs
+    params: SearchParams = SearchParams()

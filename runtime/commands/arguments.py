@@ -1,0 +1,183 @@
+"""The arguments of `grasp-runtime`."""
+
+import argparse
+from pathlib import Path
+
+from runtime.execution import safe_state
+from runtime.shell.command import Parser, positive, positive_int
+
+DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
+SIMULATED = "sim"
+SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
+
+EPILOG = f"""\
+examples:
+  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
+  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
+  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
+  grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
+
+exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
+   0  every part reached a leaf        24  journal cannot be written
+   1  internal error: a bug            25  the last run broke off and was given up
+   2  usage                            30  table invalid
+   3  table file missing or unreadable 31  simulated cell failed to start
+  10  a part was rejected              33  calibration refused, or unfit for the table
+  11  a part stayed unresolved         40  stopped by the operator
+  12  a part could not be delivered
+  20  gripper link fault               22  arm fault, or a motion refused
+  21  gripper fault, or not activated  23  a device's port cannot be opened, or is in use
+
+With --count above 1, rejected, unresolved and undelivered parts do not end the run unless the policy says
+stop; a fault or a stop does. The exit code is the highest that any part earned. A real cell feeds its parts
+by itself, a simulated one brings the next.
+
+Connecting moves nothing. Every fault, and every stop request (Ctrl-C, SIGTERM, SIGHUP, SIGQUIT), ends in the
+declared safe state; what came first gives the exit code:
+{safe_state.DECLARED}.
+"""
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = Parser(
+        prog="grasp-runtime",
+        description="Localise parts by executing a decision table on a cell.",
+        epilog=EPILOG,
+    )
+    add = built.add_argument
+    add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
+    add(
+        "--port",
+        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
+    )
+    add("--arm", help="the arm: tcp://host:port; with --port sim its own")
+    add("--count", type=positive_int, default=1, metavar="N", help="number of parts (default: 1)")
+    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    add(
+        "--journal",
+        type=Path,
+        default=DEFAULT_JOURNAL,
+        metavar="P",
+        help=f"append the run to this file, after verifying it (default: ./{DEFAULT_JOURNAL})",
+    )
+    built.add_common(
+        "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"
+    )
+    _add_instead(built.add_argument_group("instead of a run"))
+    _add_handling(built.add_argument_group("how parts are handled"))
+    _add_policy(built.add_argument_group("what follows"))
+    _add_views(built.add_argument_group("who watches"))
+    _add_simulated(built.add_argument_group("with --port sim"))
+    return built
+
+
+def _add_instead(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--check",
+        action="store_true",
+        help="prove the table against the gripper's calibration, read the gripper at --port, move nothing",
+    )
+    group.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="connect over links that cannot write, and tell what would be sent",
+    )
+    group.add_argument(
+        "--put-down",
+        action="store_true",
+        help="put down what the fingers still hold: straight down where the arm stands, open, retreat, end",
+    )
+
+
+def _add_handling(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--calibration", type=Path, metavar="F", help="of this gripper, as grasp-calibrate width wrote it")
+    add(
+        "--tips",
+        metavar="ARC",
+        help="how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a "
+        "2F-85, whose arm then moves with the jaws; straight in a simulated cell, whose tips do)",
+    )
+    add(
+        "--force",
+        choices=("regulated", "direct"),
+        default="regulated",
+        help="close gently until contact and then raise the force, or close with it (default: regulated)",
+    )
+    add(
+        "--grip-current",
+        type=positive_int,
+        metavar="MA",
+        help="raise the force no further once the motor draws this much (default: up to the table's force)",
+    )
+    add(
+        "--deliver",
+        default="job",
+        metavar="X,Y,ANGLE|FILE|no",
+        help="take a localised part and put it down there (default: as the job's section delivery says)",
+    )
+    add(
+        "--audit",
+        metavar="COMMAND",
+        help="ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} "
+        "is the address of the camera of --port sim",
+    )
+
+
+def _add_policy(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
+        "--jaws-empty",
+        action="store_true",
+        help="begin although the fingers may hold something: you see that they do not (what they hold falls)",
+    )
+    add(
+        "--on-reject",
+        default="next",
+        metavar="LIST",
+        help="in this order, each once a part: resqueeze, restart; and last next or stop (default: next)",
+    )
+    add(
+        "--on-unresolved",
+        default="next",
+        metavar="LIST",
+        help="restart; and last next or stop (default: next)",
+    )
+    add(
+        "--after-crash",
+        choices=("abort", "resume", "restart"),
+        default="abort",
+        help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
+        "part over (default: abort)",
+    )
+    add(
+        "--resume-within",
+        type=positive,
+        default=300.0,
+        metavar="S",
+        help="go on with a part only if its last record is at most so many seconds old (default: 300)",
+    )
+
+
+def _add_views(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
+        "--watch",
+        action="store_true",
+        help="show the tree and where the cell is, on a terminal (extra watch)",
+    )
+    add(
+        "--http",
+        metavar="[HOST:]PORT",
+        help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
+        "alone unless HOST names another address of it",
+    )
+    add("--status", type=Path, metavar="SOCKET", help="tell JSON and Prometheus text on this Unix socket")
+
+
+def _add_simulated(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--time-scale", type=positive, default=1.0, metavar="S", help="times as fast as life")
+    add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
+    add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")

@@ -1,0 +1,93 @@
+"""Opens the devices of a run; for `--port sim` it starts the simulated cell first."""
+
+import argparse
+from contextlib import ExitStack
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from drivers.ports import Arm, Gripper
+from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.devices.cell_process import CellProcess
+from runtime.devices.lock import PortLock
+from runtime.devices.ports import Drivers, Report, Scene
+from runtime.execution.events import Console
+from runtime.table import Table
+
+REHEARSAL = "runtime.devices.rehearsal:make"
+CONTACT_WORLD = "planner.world:make"
+PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
+
+
+class Devices(NamedTuple):
+    """What a run talks to; a scene and a camera's address only where the cell is simulated."""
+
+    gripper: Gripper
+    arm: Arm
+    scene: Scene | None
+    camera: str = ""
+
+
+def connect(
+    arguments: argparse.Namespace,
+    table: Table,
+    console: Console,
+    drivers: Drivers,
+    stack: ExitStack,
+    report: Report,
+) -> Devices:
+    """Connect to the devices, the simulated ones as to hardware; nothing moves.
+
+    Args:
+        arguments: of `grasp-runtime`.
+        table: for a simulated cell's part.
+        console: told which cell was started.
+        drivers: opens devices.
+        stack: closes what was opened.
+        report: told of retries and failures on the gripper's link.
+
+    Raises:
+        PortBusyError: another process works with one of the devices.
+        CellStartError: the simulated cell did not start.
+        Exception: a driver's own error; each carries its `exit_code`.
+    """
+    gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
+    if arguments.port == SIMULATED:
+        process = CellProcess(
+            arguments.tree,
+            world=arguments.world or _default_world(table, console),
+            seed=arguments.seed,
+            time_scale=arguments.time_scale,
+            camera=SIMULATED_CAMERA in (arguments.audit or ""),
+        )
+        cell = stack.enter_context(process).endpoints
+        gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
+        console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life")
+    for port in (gripper_port, arm_url):
+        stack.enter_context(PortLock(port))
+    only, scale = arguments.dry_run, arguments.time_scale
+    gripper = drivers.gripper(gripper_port, time_scale=scale, read_only=only, report=report)
+    stack.callback(gripper.close)
+    arm = drivers.arm(arm_url, time_scale=scale, read_only=only)
+    stack.callback(arm.close)
+    if scene_url is None:
+        return Devices(gripper, arm, None)
+    scene = drivers.scene(scene_url)
+    stack.callback(scene.close)
+    return Devices(gripper, arm, scene, camera)
+
+
+def _default_world(table: Table, console: Console) -> str:
+    """The contact world if it can run here, else the rehearsal, with a line that says so."""
+    missing = [name for name in PLANNER_NEEDS if not _is_installed(name)]
+    if table.job is not None and not missing:
+        return CONTACT_WORLD
+    reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
+    console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
+    return REHEARSAL
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False

@@ -1,0 +1,252 @@
+"""The command `grasp-runtime`: runs parts by a table, or checks it, or puts down what the fingers hold."""
+
+import argparse
+import json
+import os
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.commands import cell as devices_of
+from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.commands.cell import Devices
+from runtime.commands.options import check_usage, run_options, views
+from runtime.devices.audit import AuditProcess
+from runtime.devices.clock import SystemClock
+from runtime.devices.ports import Drivers, Report
+from runtime.errors import BrokenRunError, CalibrationError
+from runtime.execution import carry, crash, dry_run, held, session
+from runtime.execution.events import Console
+from runtime.execution.executor import Cell, RunOptions
+from runtime.execution.hand import check_arc
+from runtime.execution.held import Held
+from runtime.execution.recovery import BrokenRun
+from runtime.execution.safe_state import DECLARED
+from runtime.execution.safety import check_table, ready_gripper
+from runtime.journal.chain import Incidents, Journal
+from runtime.monitoring.console import Lines, Objects
+from runtime.monitoring.monitor import Monitor
+from runtime.shell import interrupts
+from runtime.shell.command import say
+from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
+
+
+def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
+    """Execute a table as the parsed arguments say.
+
+    Args:
+        arguments: of `arguments.parser`.
+        drivers: opens the devices.
+
+    Returns:
+        The exit code of the parts.
+
+    Raises:
+        Exception: any error of ours or of a device; each carries its `exit_code`.
+    """
+    check_usage(arguments)
+    loaded = load(arguments.tree)
+    table = loaded.table
+    check_table(table)
+    options = run_options(arguments, table)
+    console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
+    console.note(_headline(arguments.tree, table))
+    _check_fit(table, options)
+    carry.check(options.delivery, table)
+    with ExitStack() as stack:
+        asked = _Asked(arguments, loaded, options, console, drivers, stack)
+        if arguments.check:
+            return asked.check()
+        return asked.dry_run() if arguments.dry_run else asked.execute()
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What one call of the command asks for; `stack` closes what it opens."""
+
+    arguments: argparse.Namespace
+    loaded: TableFile
+    options: RunOptions
+    console: Console
+    drivers: Drivers
+    stack: ExitStack
+
+    def execute(self) -> int:
+        """Look for a broken run, connect, refuse what must be; then begin the journal and run the parts."""
+        arguments, table = self.arguments, self.loaded.table
+        clock = SystemClock(arguments.time_scale)
+        header, policy = _header(arguments, self.options), arguments.after_crash
+        # First of all, since it may be refused; what runs below closes before it, and is watched until then.
+        monitor = self.stack.enter_context(
+            Monitor(self.console, self.loaded, arguments.tree, views(arguments))
+        )
+        journal, begun = self._look_back(clock, header)
+        incidents = Incidents()
+        devices = self._connect(incidents.record)
+        carry.check(self.options.delivery, table, devices.arm)
+        # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
+        activate = arguments.activate or arguments.port == SIMULATED
+        # What would be refused later is refused now: a run that never was leaves no record, and no file.
+        if begun is None or begun.part is None:
+            holds = self._holds(devices, activate=activate)
+            if arguments.put_down and holds is None:
+                return self._say_put_down(None)
+        auditor = self._auditor(devices)
+        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
+        monitor.ready()
+        self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
+        crash.begin(journal, begun, self.loaded.data, header, policy)
+        incidents.hand_over(journal)
+        if arguments.put_down:
+            return self._say_put_down(session.put_down(table, cell, monitor, self.options))
+        tally = session.run_journalled(
+            table,
+            cell,
+            devices.scene,
+            monitor,
+            count=arguments.count,
+            activate=activate,
+            options=self.options,
+            watch=monitor.phase,
+            broken=begun,
+        )
+        monitor.summary(tally, arguments.journal)
+        return tally.exit_code
+
+    def check(self) -> int:
+        """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
+        arguments, table, console = self.arguments, self.loaded.table, self.console
+        told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
+        origin = arguments.calibration or "the linear map"
+        console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+        if self.options.delivery is not None:
+            console.note(
+                "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
+            )
+        if arguments.port is not None:
+            gripper = self.drivers.gripper(arguments.port, read_only=True)
+            self.stack.callback(gripper.close)
+            count = gripper.state().position_counts
+            width_mm = _calibration(self.options, table).width_um(count) / 1000
+            console.note(f"the gripper stands at count {count}, which is {width_mm:.2f} mm")
+            told["gripper"] = {"position_counts": count, "width_mm": width_mm}
+        if arguments.json:
+            say(json.dumps(told))
+        return 0
+
+    def dry_run(self) -> int:
+        """Tell what would be sent to the devices, over links that cannot write."""
+        devices = self._connect(Incidents().record)
+        told = dry_run.tell(self.loaded.table, devices.gripper, devices.arm, self.options)
+        if self.arguments.json:
+            say(json.dumps({"told": told}))
+        else:
+            for sentence in told:
+                self.console.note(sentence)
+        self.console.note("dry run: nothing was written to the gripper, and nothing but questions to the arm")
+        return 0
+
+    def _connect(self, report: Report) -> Devices:
+        return devices_of.connect(
+            self.arguments, self.loaded.table, self.console, self.drivers, self.stack, report
+        )
+
+    def _look_back(
+        self, clock: SystemClock, header: Mapping[str, object]
+    ) -> tuple[Journal | None, BrokenRun | None]:
+        """Open a journal that exists, and look for a run in it that broke off."""
+        arguments = self.arguments
+        if not os.path.lexists(arguments.journal):
+            return None, None
+        journal = self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        within = {"now": clock.stamp(), "most_s": arguments.resume_within}
+        try:
+            policy, data = arguments.after_crash, self.loaded.data
+            return journal, crash.look(journal, data, header, policy, self.console, **within)
+        except BrokenRunError as error:
+            if not arguments.put_down:
+                raise
+            self.console.note(str(error))
+            return journal, None
+
+    def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
+        """What the fingers may hold before a run begins, if they may be moved regardless.
+
+        Raises:
+            GripperStateError: they may not: the gripper is not ready, or holds something.
+        """
+        arguments = self.arguments
+        state = devices.gripper.state()
+        holds = held.look(state, _calibration(self.options, self.loaded.table))
+        if arguments.put_down and holds is None:
+            return None
+        if state.activated or arguments.put_down or not activate:
+            ready_gripper(devices.gripper)
+        if holds is not None and not (arguments.put_down or arguments.jaws_empty):
+            raise holds.refusal(devices.arm.pose()[2], arguments.journal)
+        return holds
+
+    def _auditor(self, devices: Devices) -> AuditProcess | None:
+        """Start the auditor, and ask it whether it can judge."""
+        if self.arguments.audit is None:
+            return None
+        command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
+        auditor = self.stack.enter_context(AuditProcess(command, SystemClock()))
+        auditor.check()
+        return auditor
+
+    def _say_put_down(self, told: Mapping[str, object] | None) -> int:
+        if self.arguments.json:
+            say(json.dumps({"put_down": told}))
+        elif told is None:
+            self.console.note("the fingers hold nothing; nothing was moved")
+        else:
+            self.console.note(
+                f"put down at ({told['x_mm']:.2f}, {told['y_mm']:.2f}) mm, {told['width_mm']:.2f} mm between "
+                "the fingers; the run ends here: look where it lies, then start again"
+            )
+        return 0
+
+
+def _check_fit(table: Table, options: RunOptions) -> None:
+    calibration = _calibration(options, table)
+    problems = misfits(table, calibration)
+    if problems:
+        raise CalibrationError(problems[0])
+    check_arc(options.handling.arc, table.limits, calibration)
+
+
+def _calibration(options: RunOptions, table: Table) -> Calibration:
+    return options.handling.calibration or Calibration.linear(table.gripper)
+
+
+def _headline(path: Path, table: Table) -> str:
+    told = f"table {path}: {len(table.nodes)} nodes, {len(table.leaves)} leaves"
+    predicted = table.predicted
+    if predicted.trials:
+        told += f", predicted success {predicted.success_ppm / PPM:.4f}"
+        told += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
+    return told
+
+
+def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, object]:
+    on_reject, on_unresolved = options.policy.texts()
+    measured = options.handling.calibration
+    return {
+        "table": str(arguments.tree),
+        "port": arguments.port,
+        "arm": arguments.arm,
+        "count": arguments.count,
+        "time_scale": arguments.time_scale,
+        "seed": arguments.seed if arguments.port == SIMULATED else None,
+        "on_reject": on_reject,
+        "on_unresolved": on_unresolved,
+        "after_crash": arguments.after_crash,
+        "force": arguments.force,
+        "tips": None if options.handling.arc is None else str(options.handling.arc),
+        "calibration": None if arguments.calibration is None else str(arguments.calibration),
+        "widths_um": None if measured is None else list(measured.widths_um),
+        "declared_safe_state": DECLARED,
+    }

@@ -1,0 +1,57 @@
+"""Worlds by name, `module:factory`: `factory(subject, seed)` returns something that squeezes parts."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+DEFAULT_WORLD = "planner.world:make"
+Factory = Callable[[Any, int], Any]
+
+
+class WorldError(Exception):
+    """There is no such world; the sentence says what is wrong with its name."""
+
+
+def find_factory(name: str) -> Factory:
+    """The factory of that name; modules in the current folder are found too.
+
+    Raises:
+        WorldError: the name is not understood, or there is no such module or factory.
+    """
+    module_name, _, attribute = name.partition(":")
+    if not (module_name and attribute.isidentifier()):
+        raise WorldError(f"write it as module:factory, such as {DEFAULT_WORLD}")
+    try:
+        if find_spec(module_name.partition(".")[0]) is None:  # what is installed goes before a local folder
+            sys.path.append(str(Path.cwd()))
+        factory = getattr(import_module(module_name), attribute, None)
+    except Exception as error:  # importing runs what somebody else wrote
+        raise WorldError(f"module {module_name} cannot be imported: {error}") from error
+    if not callable(factory):
+        raise WorldError(f"module {module_name} has no function {attribute}")
+    made: Factory = factory
+    return made
+
+
+def make_world(factory: Factory, subject: object, seed: int) -> Any:
+    """What a factory returns.
+
+    Args:
+        factory: of the world.
+        subject: handed to it: the job, or the table for a rehearsal.
+        seed: handed to it.
+
+    Raises:
+        WorldError: it fails, or what it returns cannot squeeze.
+    """
+    try:
+        world = factory(subject, seed)
+    except Exception as error:
+        kind = type(error).__name__
+        raise WorldError(f"the factory called with job and seed: {kind}: {error}") from error
+    if not callable(getattr(world, "squeeze", None)):
+        raise WorldError("what the factory returns has no method squeeze(pose_hand)")
+    return world

@@ -1,0 +1,196 @@
+"""What a reading means, and what follows from it: the same for a run, its replay and its resumption.
+
+`decide` turns one settled reading into a branch of a node. `advance` turns that branch into the next squeeze
+or the part's outcome, by the table and the declared policy. Neither knows devices, files or time.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, Self
+
+from runtime.errors import ArgumentsError, GripperStateError
+from runtime.table import HELD_UM, REJECT, Node, Table
+from runtime.table import decide as look_up
+from runtime.traversal.results import Outcome
+
+MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
+
+
+class Decision(NamedTuple):
+    """What a reading means at a node.
+
+    Attributes:
+        branch: the branch taken, or `REJECT`.
+        refused: for `REJECT`, the node none of whose branches fits.
+        empty: for `REJECT`, whether the gripper says that it met nothing.
+    """
+
+    branch: int
+    refused: Node | None = None
+    empty: bool = False
+
+    @property
+    def reason(self) -> str | None:
+        """Why it is `REJECT`, None where it is not; put into words when asked, not while deciding."""
+        if self.refused is None:
+            return None
+        if self.empty:
+            return "the fingers closed on nothing"
+        widths = [
+            f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
+            for branch in self.refused.branches
+            if branch.expected_um >= HELD_UM  # an object was felt
+        ]
+        planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
+        return f"no outcome of this squeeze has this width (planned: {planned})"
+
+
+def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -> Decision:
+    """What a settled reading means at a node; nothing is inferred.
+
+    Args:
+        node: the node.
+        decided: its `decision_map`.
+        count: settled encoder count, 0..255.
+        object_flag: settled object flag, 2 or 3.
+
+    Returns:
+        The branch, or `REJECT` with its reason: nothing between the fingers, or a width nobody planned for.
+
+    Raises:
+        GripperStateError: the flag contradicts a closing motion.
+    """
+    if object_flag not in (CLOSING_CONTACT, ARRIVED):
+        raise GripperStateError(
+            f"object flag {object_flag} after a closing motion; the reading is not believed"
+        )
+    branch = look_up(decided, count, object_flag == CLOSING_CONTACT)
+    return Decision(branch) if branch != REJECT else Decision(REJECT, node, object_flag == ARRIVED)
+
+
+def release_point(node: Node, branch: int) -> tuple[int, int] | None:
+    """Where a node wants the part let go, x and y in um; None for where the hand stands.
+
+    Args:
+        node: the node squeezed.
+        branch: the branch taken, or `REJECT`: what nobody can name is not dragged anywhere.
+    """
+    if branch == REJECT or node.branches[branch].expected_um < HELD_UM:
+        return None
+    return node.release
+
+
+class RecoveryAction(Enum):
+    """What follows a reject or an unresolved leaf; the value is its name on the command line."""
+
+    RESQUEEZE = "resqueeze"  # the same squeeze once more
+    RESTART = "restart"  # the part from the root
+    NEXT = "next"  # the part is given up, the run goes on
+    STOP = "stop"  # the part is given up and the run ends
+
+
+ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """The recovery actions in order: each is tried once a part, the last one is an end.
+
+    Attributes:
+        on_reject: after a squeeze that no branch explains.
+        on_unresolved: after a leaf that is not resolved.
+    """
+
+    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
+    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
+
+    @classmethod
+    def of(cls, on_reject: str, on_unresolved: str) -> Self:
+        """The policy of two lists of names, as the command line and the journal hold them.
+
+        Raises:
+            ArgumentsError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
+                has no end.
+        """
+        rejected, unresolved = (
+            _actions("--on-reject", on_reject),
+            _actions("--on-unresolved", on_unresolved),
+        )
+        if RecoveryAction.RESQUEEZE in unresolved:
+            raise ArgumentsError(
+                "--on-unresolved: a leaf has no squeeze to repeat; use restart, next or stop"
+            )
+        return cls(rejected, unresolved)
+
+    def texts(self) -> tuple[str, str]:
+        """The two lists of names that `of` reads."""
+        return (
+            ",".join(action.value for action in self.on_reject),
+            ",".join(action.value for action in self.on_unresolved),
+        )
+
+    def ends_run(self, outcome: Outcome) -> bool:
+        """Whether no further part follows one that ended so."""
+        if outcome is Outcome.REJECT:
+            return self.on_reject[-1] is RecoveryAction.STOP
+        if outcome is Outcome.UNRESOLVED:
+            return self.on_unresolved[-1] is RecoveryAction.STOP
+        return outcome is not Outcome.LEAF
+
+
+class TraversalState(NamedTuple):
+    """Where a part stands: the node to squeeze next, or its outcome.
+
+    Attributes:
+        node: index of the next node; meaningless once there is an outcome.
+        outcome: LEAF, REJECT or UNRESOLVED, None while the part is under way.
+        leaf: index of the leaf reached, or None.
+        rejects: rejected squeezes so far.
+        unresolved: unresolved leaves so far.
+    """
+
+    node: int = 0
+    outcome: Outcome | None = None
+    leaf: int | None = None
+    rejects: int = 0
+    unresolved: int = 0
+
+
+def advance(traversal: TraversalState, target: int | None, table: Table, policy: Policy) -> TraversalState:
+    """What follows a squeeze at `traversal.node`.
+
+    Args:
+        traversal: where the part stood.
+        target: where the squeeze led: >= 0 a node, < 0 leaf ~target, None for REJECT.
+        table: the table.
+        policy: what follows a reject and an unresolved leaf.
+    """
+    if target is None:
+        action = policy.on_reject[traversal.rejects]  # the last is an end: there is no further one
+        traversal = traversal._replace(rejects=traversal.rejects + 1)
+        if action in ENDS:
+            return traversal._replace(outcome=Outcome.REJECT)
+        return traversal if action is RecoveryAction.RESQUEEZE else traversal._replace(node=0)
+    if target >= 0:
+        return TraversalState(target, None, None, traversal.rejects, traversal.unresolved)
+    if table.leaves[~target].resolved:
+        return traversal._replace(outcome=Outcome.LEAF, leaf=~target)
+    action = policy.on_unresolved[traversal.unresolved]
+    traversal = traversal._replace(unresolved=traversal.unresolved + 1)
+    if action in ENDS:
+        return traversal._replace(outcome=Outcome.UNRESOLVED, leaf=~target)
+    return traversal._replace(node=0)
+
+
+def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:
+    names = [name.strip() for name in text.split(",")]
+    known = ", ".join(action.value for action in RecoveryAction)
+    try:
+        actions = tuple(RecoveryAction(name) for name in names)
+    except ValueError:
+        raise ArgumentsError(f"{option} {text!r}: name {known}, separated by commas") from None
+    if actions[-1] not in ENDS:
+        actions = (*actions, RecoveryAction.NEXT)
+    if len(set(actions)) != len(actions) or any(action in ENDS for action in actions[:-1]):
+        raise ArgumentsError(f"{option} {text!r}: each of {known} at most once, and next or stop last")
+    return actions

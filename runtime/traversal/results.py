@@ -1,0 +1,155 @@
+"""Results of the executor: one `Step` a squeeze, one `PartResult` a part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple, Self
+
+from runtime.errors import (
+    BrokenRunError,
+    PartNotDeliveredError,
+    PartRejectedError,
+    PartUnresolvedError,
+    StoppedError,
+)
+from runtime.table import Squeeze
+
+
+class Outcome(Enum):
+    """How a part ends. The value is its name in the journal and in `--json`."""
+
+    LEAF = "leaf"
+    REJECT = "reject"
+    UNRESOLVED = "unresolved"
+    FAULT = "fault"
+    STOPPED = "stopped"
+    ABORTED = "aborted"
+
+
+# Exit codes of the outcomes that are not faults; a fault brings its own.
+EXIT_CODES = {
+    Outcome.LEAF: 0,
+    Outcome.REJECT: PartRejectedError.exit_code,
+    Outcome.UNRESOLVED: PartUnresolvedError.exit_code,
+    Outcome.STOPPED: StoppedError.exit_code,
+    Outcome.ABORTED: BrokenRunError.exit_code,
+}
+
+
+class Step(NamedTuple):
+    """One squeeze and its reading.
+
+    Attributes:
+        number: from 1, within the part.
+        node: index of the node.
+        squeeze: what was commanded.
+        position_counts: settled encoder count.
+        width_um: the width it means, um.
+        target: >= 0 the next node, < 0 leaf ~target, None for REJECT.
+        reason: why it was rejected, or None.
+    """
+
+    number: int
+    node: int
+    squeeze: Squeeze
+    position_counts: int
+    width_um: int
+    target: int | None
+    reason: str | None
+
+    def fields(self) -> dict[str, object]:
+        """The step as a journal record holds it."""
+        return {
+            "number": self.number,
+            "node": self.node,
+            "x_um": self.squeeze.x_um,
+            "y_um": self.squeeze.y_um,
+            "angle_urad": self.squeeze.angle_urad,
+            "opening_um": self.squeeze.opening_um,
+            "position_counts": self.position_counts,
+            "width_um": self.width_um,
+            "target": self.target,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PartResult:
+    """How one part ended.
+
+    Attributes:
+        part: its number.
+        outcome: the outcome.
+        steps: its squeezes, in order.
+        leaf: index of the leaf reached, also where its delivery came to a fault; or None.
+        reason: why it is no resolved leaf, or None.
+        exit_code: what a run of this one part exits with.
+        safe_state: what the safe sequence reached, one sentence a step; empty without a fault.
+        audit: the auditor's verdict, "pass", "fail" or "unknown"; None without one.
+        delivery: "done" or "missed", None where no delivery was asked for.
+    """
+
+    part: int
+    outcome: Outcome
+    steps: tuple[Step, ...]
+    leaf: int | None
+    reason: str | None
+    exit_code: int
+    safe_state: tuple[str, ...] = ()
+    audit: str | None = None
+    delivery: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        part: int,
+        outcome: Outcome,
+        steps: Sequence[Step],
+        reason: str | None,
+        *,
+        exit_code: int | None = None,
+        safe_state: tuple[str, ...] = (),
+    ) -> Self:
+        """The result of a part's steps; LEAF and UNRESOLVED name the leaf.
+
+        Args:
+            part: its number.
+            outcome: how it ended.
+            steps: its squeezes.
+            reason: why it is no resolved leaf, or None.
+            exit_code: a fault's; the other outcomes have their own.
+            safe_state: what the safe sequence reached.
+        """
+        leaf = None
+        if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
+            leaf = ~steps[-1].target
+        code = EXIT_CODES[outcome] if exit_code is None else exit_code
+        return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
+
+    def audited(self, verdict: str) -> Self:
+        """The same result with the auditor's verdict."""
+        return replace(self, audit=verdict)
+
+    def delivered(self, missed: str | None) -> Self:
+        """The same result after the delivery; `missed` tells why the part still lies where it was found."""
+        if missed is None:
+            return replace(self, delivery="done")
+        return replace(self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code)
+
+    def noting(self, sentence: str) -> Self:
+        """The same result with one more sentence about its safe state."""
+        return replace(self, safe_state=(*self.safe_state, sentence))
+
+    def fields(self) -> dict[str, object]:
+        """The result as a journal record holds it."""
+        return {
+            "part": self.part,
+            "outcome": self.outcome.value,
+            "leaf": self.leaf,
+            "path": [step.node for step in self.steps],
+            "reason": self.reason,
+            "exit_code": self.exit_code,
+            "safe_state": list(self.safe_state),
+            "audit": self.audit,
+            "delivery": self.delivery,
+        }

@@ -1,0 +1,19 @@
+"""What tests ask of limit surfaces."""
+
+import numpy as np
+
+from planner.part.quartic_form import PAIRS, quadratics
+
+
+def mean_twist_error(predicted, twists):
+    """Mean angle between predicted unit twists (K, 3) and others of any length [rad]."""
+    cosine = (predicted * twists).sum(axis=1) / np.linalg.norm(twists, axis=1)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())
+
+
+def hessian(surface, F):
+    """hess H (..., 3, 3) of a quartic at wrenches F (..., 3)."""
+    entries = quadratics(F) @ surface.hessian_table().T
+    result = np.empty((*entries.shape[:-1], 3, 3))
+    result[..., PAIRS[:, 0], PAIRS[:, 1]] = result[..., PAIRS[:, 1], PAIRS[:, 0]] = entries
+    return result

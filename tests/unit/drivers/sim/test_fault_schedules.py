@@ -1,0 +1,156 @@
+"""Fault schedules: what may be written, what is refused, when a fault holds; what a line does with it."""
+
+import random
+
+import pytest
+
+from drivers.sim.errors import SimulationError, SimulationFileError
+from drivers.sim.faults import KINDS, Channel, Desk, Fault, Listed, parse
+from drivers.sim.wire.line import CleanLine, FaultyLine, Outbox, Piece, UnpluggedError
+from drivers.sim.wire.modbus import crc16
+
+REQUEST = bytes.fromhex("090307D00003040E")
+BODY = bytes.fromhex("090306B90000FFBD00")
+REPLY = BODY + crc16(BODY)
+
+
+def line(*faults, checked=True):
+    desk = Desk(Listed(faults))
+    desk.begin(1)
+    return FaultyLine(desk, random.Random(1), checked=checked)
+
+
+def through(made, reply=REPLY):
+    return made.carries(REQUEST, reply) if made.hears(REQUEST) else None
+
+
+def test_a_file_says_what_happens_when(tmp_path):
+    path = tmp_path / "faults.toml"
+    path.write_text('[[fault]]\nkind = "reply_lost"\npart = 3\nat = 40\nlength = 2\n[[fault]]\nkind="echo"\n')
+    schedule = parse(str(path))
+    assert schedule.of_part(3) == (Fault("reply_lost", 3, 40, 2), Fault("echo"))
+    assert schedule.of_part(1) == (Fault("echo"),)
+
+
+def test_no_schedule_is_no_faults():
+    assert parse(None).of_part(1) == ()
+
+
+@pytest.mark.parametrize("text", ["seed:", "seed:x", "seed:-1", "seed:1.5"])
+def test_seeds_are_whole_numbers(text):
+    with pytest.raises(SimulationError, match="seed:N"):
+        parse(text)
+
+
+def test_a_missing_file():
+    with pytest.raises(SimulationFileError, match="no such file"):
+        parse("no/such/faults.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[fault", "not readable"),
+        ("x = 1", r"one \[\[fault\]\]"),
+        ("fault = 3", r"one \[\[fault\]\]"),
+        ("fault = [3]", "the keys are"),
+        ('[[fault]]\nkind = "gremlins"', "is unknown; there are"),
+        ("[[fault]]\nat = 1", "is unknown"),
+        ('[[fault]]\nkind = "echo"\nwhen = 1', "the keys are"),
+        ('[[fault]]\nkind = "echo"\nat = -1', "whole numbers"),
+        ('[[fault]]\nkind = "echo"\nlength = 0', "whole numbers"),
+        ('[[fault]]\nkind = "echo"\nlength = "long"', "whole numbers"),
+        ('[[fault]]\nkind = "echo"\npart = 1.5', "whole numbers"),
+        ('[[fault]]\nkind = "noise"\nvalue = "much"', "value is a number"),
+    ],
+)
+def test_what_a_file_may_not_say(tmp_path, text, says):
+    path = tmp_path / "faults.toml"
+    path.write_text(text)
+    with pytest.raises(SimulationError, match=says) as raised:
+        parse(str(path))
+    assert "\n" not in str(raised.value)
+
+
+def test_a_directory_is_no_schedule(tmp_path):
+    with pytest.raises(SimulationError, match="not readable"):
+        parse(str(tmp_path))
+
+
+def test_a_fault_holds_from_its_event_for_its_length():
+    desk = Desk(Listed([Fault("echo", 2, at=1, length=2), Fault("noise", None, at=2)]))
+    held = []
+    for part in (1, 2):
+        desk.begin(part)
+        for _ in range(4):
+            desk.next(Channel.LINE)
+            held.append([fault.kind for fault in desk.holding(Channel.LINE)])
+    assert held == [[], [], ["noise"], [], [], ["echo"], ["echo", "noise"], []]
+    assert desk.met == ["noise", "echo", "noise"]
+    assert desk.holding(Channel.ARM) == []
+
+
+def test_every_class_belongs_to_a_channel_and_says_what_it_means():
+    assert {kind.channel for kind in KINDS.values()} == set(Channel)
+    assert all(kind.low <= kind.high and kind.lasts >= 1 and kind.meaning for kind in KINDS.values())
+
+
+@pytest.mark.parametrize(
+    ("fault", "pieces"),
+    [
+        (Fault("reply_lost"), []),
+        (Fault("reply_late", value=0.7), [Piece(REPLY, 0.7)]),
+        (Fault("reply_twice"), [Piece(REPLY), Piece(REPLY)]),
+        (Fault("reply_truncated", value=4), [Piece(REPLY[:4])]),
+        (Fault("reply_truncated", value=400), [Piece(REPLY[:-1])]),
+        (Fault("reply_corrupted", value=9), [Piece(REPLY[:1] + bytes((REPLY[1] ^ 2,)) + REPLY[2:])]),
+        (Fault("echo"), [Piece(REQUEST), Piece(REPLY)]),
+        (Fault("wrong_id", value=5), [Piece(b"\x05" + BODY[1:] + crc16(b"\x05" + BODY[1:]))]),
+    ],
+)
+def test_what_a_line_does_to_an_answer(fault, pieces):
+    assert through(line(fault)) == pieces
+
+
+def test_noise_comes_before_the_answer():
+    noise, reply = through(line(Fault("noise", value=7)))
+    assert (len(noise.data), reply) == (7, Piece(REPLY))
+
+
+def test_a_lost_request_is_not_heard():
+    made = line(Fault("request_lost", at=1))
+    assert through(made) == [Piece(REPLY)]
+    assert through(made) is None
+    assert through(made) == [Piece(REPLY)]
+
+
+def test_silence_stays_silence():
+    assert through(CleanLine(), None) == []
+    assert through(line(), None) == []
+    assert through(line(Fault("reply_twice")), None) == []
+    assert through(line(Fault("echo")), None) == [Piece(REQUEST)]
+
+
+@pytest.mark.parametrize(("kind", "forbidden"), [("unplugged", False), ("permission_lost", True)])
+def test_a_port_that_is_gone(kind, forbidden):
+    with pytest.raises(UnpluggedError) as raised:
+        through(line(Fault(kind)))
+    assert raised.value.forbidden == forbidden
+
+
+def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
+    frame = bytes.fromhex("000100000009") + b"\x02" + BODY[1:]
+    made = line(Fault("wrong_id", value=5), checked=False)
+    made.hears(b"")
+    assert made.carries(b"", frame)[0].data == frame[:6] + b"\x05" + frame[7:]
+
+
+def test_an_outbox_keeps_the_order_of_arrival():
+    box = Outbox()
+    box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0, 0.1)
+    assert box.next_s == pytest.approx(10.2)
+    assert box.due(10.1) == b""
+    assert box.due(10.3) == b"ab"
+    assert box.due(10.5) == b"cd"
+    assert box.due(20.0) == b"late"
+    assert box.next_s is None

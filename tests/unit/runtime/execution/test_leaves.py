@@ -1,0 +1,193 @@
+"""What the executor does at a leaf: it asks the auditor, takes the part and puts it down."""
+
+from dataclasses import replace
+from math import degrees, inf, radians
+
+import pytest
+from fake_cell import FakeCell, fake_cell
+from sample_tables import small_table, with_job
+from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
+
+from runtime.execution.delivery import Delivery, from_text
+from runtime.execution.executor import Executor, RunOptions
+from runtime.table import Table
+from runtime.traversal.results import Outcome
+
+# -- audit ----------------------------------------------------------------------------------------
+
+
+class Judge:
+    def __init__(self, word: object) -> None:
+        self.word, self.asked = word, []
+
+    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> dict[str, object]:
+        self.asked.append((part, x_mm, y_mm, theta_rad))
+        if isinstance(self.word, Exception):
+            raise self.word
+        return {"verdict": self.word, "residual_x_mm": 0.25, "part": 99, "odd": [1], "endless": float("inf")}
+
+
+@pytest.mark.parametrize(
+    ("word", "verdict"),
+    [("pass", "pass"), ("fail", "fail"), ("unknown", "unknown"), ("maybe", "unknown"), (None, "unknown")],
+)
+def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) -> None:
+    judge, made = Judge(word), fake_cell([AT_21])
+    cell = replace(made.cell, auditor=judge)
+    result = Executor(small_table(), cell, lambda part, step: None).run_part(7)
+    assert (result.outcome, result.audit) == (Outcome.LEAF, verdict)
+    assert judge.asked == [(7, 0.0, 0.5, 0.0)]
+    assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in made.journal.kept
+
+
+def test_a_broken_auditor_knows_nothing_and_a_reject_is_not_audited() -> None:
+    made = fake_cell([AT_21, AT_36])
+    judge = Judge(ValueError("no camera"))
+    executor = Executor(small_table(), replace(made.cell, auditor=judge), lambda part, step: None)
+    assert executor.run_part(1).audit == "unknown"
+    assert executor.run_part(2).audit is None
+    assert len(judge.asked) == 1
+
+
+# -- delivery -------------------------------------------------------------------------------------
+
+DELIVERY = from_text("40,-20,90")
+
+
+def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
+    made = fake_cell([AT_21, AT_21])
+    result = run(made, RunOptions(delivery=DELIVERY))
+    assert (result.outcome, result.delivery, result.exit_code) == (Outcome.LEAF, "done", 0)
+    heights = [call.arguments[2] for call in made.log.named("move_linear")]
+    places = [call.arguments[:2] for call in made.log.named("move_linear")]
+    assert heights[-6:] == [60.0, 10.0, 60.0, 60.0, 10.0, 60.0]
+    assert places[-6:] == [(0.0, 0.5)] * 3 + [(40.0, -20.0)] * 3
+    assert jaw_moves(made)[-1][0] == 0
+    assert made.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
+
+
+def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
+    delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
+    made = fake_cell([AT_21, AT_21])
+    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
+    taken, put = (
+        call.arguments[:4] for call in (made.log.named("move_linear")[-6], made.log.named("move_linear")[-1])
+    )
+    assert taken == pytest.approx((3.0, 1.5, 60.0, 0.25))
+    assert put == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
+
+
+@pytest.mark.parametrize("reading", [EMPTY, AT_36])
+def test_a_part_that_is_not_there_is_left_and_told(reading) -> None:
+    made = fake_cell([AT_21, reading])
+    delivery = replace(DELIVERY, width_mm=(20.0, 22.0))
+    result = run(made, RunOptions(delivery=delivery))
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "expected was 20..22 mm" in str(result.reason)
+    assert made.arm.at[:3] == (0.0, 0.5, 60.0)
+
+
+@pytest.mark.parametrize("change", [{"object_flag": ARRIVED}, {"position_counts": 180}])
+def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
+    made = fake_cell([AT_21, AT_21])
+    lift = made.arm.move_linear
+
+    def slip(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        if z_mm == 60.0 and made.gripper.gripping:
+            made.gripper.now = made.gripper.now._replace(**change)
+        lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+
+    made.arm.move_linear = slip
+    result = run(made, RunOptions(delivery=DELIVERY))
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
+    assert "slipped out" in str(result.reason)
+    begun = next(fields for kind, fields in made.journal.kept if kind == "delivery")
+    assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
+
+
+def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
+    far = from_text("100,0,0")
+    made = fake_cell([AT_21, AT_21])
+    result = run(made, RunOptions(delivery=far))
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "outside the work area" in str(result.reason)
+    assert not made.gripper.gripping
+    made = fake_cell([AT_21, AT_21])
+    delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
+    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
+
+
+def taken_and_put(made: FakeCell, text: str, table: Table) -> tuple[float, float]:
+    """The hand's angles, deg, where it took the part and where it put it down."""
+    assert run(made, RunOptions(delivery=from_text(text)), table).delivery == "done"
+    angles = [round(degrees(call.arguments[3]), 3) for call in made.log.named("move_linear")]
+    return angles[-5], angles[-1]
+
+
+def table_of(symmetry: int, share: float | None) -> Table:
+    job = "{}" if share is None else f'{{"gripper": {{"upper_finger_share": {share}}}}}'
+    table = with_job(small_table(), job)
+    return replace(table, goal=replace(table.goal, symmetry=symmetry))
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "share", "angles"),
+    [
+        (1, None, (0, 170)),
+        (2, None, (0, -10)),
+        (4, None, (0, -10)),
+        (1, 0.5, (0, 170)),  # taken with the hand half a turn round, it would turn as far
+        (1, 0.4, (0, 170)),
+    ],
+)
+def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, angles) -> None:
+    assert taken_and_put(fake_cell([AT_21, AT_21]), "40,-20,170", table_of(symmetry, share)) == angles
+
+
+def test_a_wrist_that_cannot_turn_on_is_turned_back() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-200), radians(100))
+    assert taken_and_put(made, "40,-20,170", table_of(1, 0.3)) == (0, -190)
+
+
+def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-185), radians(100))
+    assert taken_and_put(made, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-185), radians(100))
+    assert run(made, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery == "missed"
+
+
+def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.turns = (radians(-10), radians(10))
+    result = run(made, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert "wrist" in str(result.reason)
+    assert not made.gripper.gripping
+
+
+def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
+    made = fake_cell([AT_21, AT_21])
+    made.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
+    result = run(made, RunOptions(delivery=DELIVERY))
+    assert (result.outcome, result.delivery) == (Outcome.LEAF, "missed")
+    assert "carrying it away: the way is out of reach" in str(result.reason)
+    assert not made.gripper.gripping
+
+
+@pytest.mark.parametrize(
+    ("most", "angles"),
+    [
+        (inf, [344, 360]),
+        (6.2, [344, 229, 115, 0]),  # back, in motions so small that no controller takes the short way
+    ],
+)
+def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:
+    made = fake_cell([AT_21])
+    made.arm.at, made.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
+    run(made, RunOptions())
+    turned = [round(degrees(call.arguments[3])) for call in made.log.named("move_linear")]
+    assert turned[: len(angles)] == angles
+    assert turned[-1] == angles[-1]

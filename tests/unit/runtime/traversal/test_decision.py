@@ -1,0 +1,197 @@
+"""What follows a squeeze: the table's branch, then the declared policy, each recovery once, always an end."""
+
+import itertools
+from dataclasses import FrozenInstanceError
+from random import Random
+
+import pytest
+from sample_tables import GRIPPER, random_table, small_table
+
+from runtime.errors import ArgumentsError, GripperStateError
+from runtime.table import REJECT, Calibration, decision_map
+from runtime.traversal import decision
+from runtime.traversal.decision import (
+    Decision,
+    Policy,
+    RecoveryAction,
+    TraversalState,
+    advance,
+    decide,
+    release_point,
+)
+from runtime.traversal.results import Outcome
+
+CALIBRATION = Calibration.linear(GRIPPER)
+CONTACT, ARRIVED = 2, 3
+TABLE = small_table()  # leaf 2 is not resolved
+UNRESOLVED = ~2
+
+
+def walk(targets: list[int | None], policy: Policy) -> list[TraversalState]:
+    traversals = [TraversalState()]
+    for target in targets:
+        assert traversals[-1].outcome is None, "a part that came to its end is not squeezed again"
+        traversals.append(advance(traversals[-1], target, TABLE, policy))
+    return traversals
+
+
+@pytest.mark.parametrize(
+    ("on_reject", "on_unresolved", "targets", "nodes", "outcome", "leaf"),
+    [
+        ("next", "next", [~0], [], Outcome.LEAF, 0),
+        ("next", "next", [1, ~1], [1], Outcome.LEAF, 1),
+        ("next", "next", [None], [], Outcome.REJECT, None),
+        ("stop", "next", [1, None], [1], Outcome.REJECT, None),
+        ("next", "next", [1, UNRESOLVED], [1], Outcome.UNRESOLVED, 2),
+        ("resqueeze,next", "next", [1, None, None], [1, 1], Outcome.REJECT, None),
+        ("resqueeze,next", "next", [1, None, ~1], [1, 1], Outcome.LEAF, 1),
+        ("restart,next", "next", [1, None, ~0], [1, 0], Outcome.LEAF, 0),
+        ("resqueeze,restart,stop", "next", [1, None, None, None], [1, 1, 0], Outcome.REJECT, None),
+        ("next", "restart,stop", [1, UNRESOLVED, 1, UNRESOLVED], [1, 0, 1], Outcome.UNRESOLVED, 2),
+        ("restart", "restart", [None, 1, UNRESOLVED, ~0], [0, 1, 0], Outcome.LEAF, 0),
+    ],
+)
+def test_the_policy_is_gone_through_once_a_part(
+    on_reject, on_unresolved, targets, nodes, outcome, leaf
+) -> None:
+    traversals = walk(targets, Policy.of(on_reject, on_unresolved))
+    assert [traversal.node for traversal in traversals[1:-1]] == nodes
+    assert (traversals[-1].outcome, traversals[-1].leaf) == (outcome, leaf)
+    assert traversals[-1].rejects == targets.count(None)
+    assert traversals[-1].unresolved == targets.count(UNRESOLVED)
+
+
+RECOVERIES = [
+    "next",
+    "stop",
+    "resqueeze,next",
+    "restart,stop",
+    "resqueeze,restart,next",
+    "restart,resqueeze,stop",
+]
+
+
+@pytest.mark.parametrize("on_reject", RECOVERIES)
+@pytest.mark.parametrize("on_unresolved", ["next", "restart,next", "restart,stop"])
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
+    on_reject, on_unresolved, seed
+) -> None:
+    table, random = random_table(seed, 20), Random(seed)
+    policy = Policy.of(on_reject, on_unresolved)
+    most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
+    for _ in range(100):
+        traversal, steps = TraversalState(), 0
+        while traversal.outcome is None:
+            branches = table.nodes[traversal.node].branches
+            target = random.choice([None, *(branch.target for branch in branches)])
+            traversal = advance(traversal, target, table, policy)
+            steps += 1
+            assert steps <= most
+        assert (traversal.leaf is None) == (traversal.outcome is Outcome.REJECT)
+
+
+@pytest.mark.parametrize(
+    ("policy", "ends"), [("next", set()), ("stop", {Outcome.REJECT, Outcome.UNRESOLVED})]
+)
+def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
+    always = {Outcome.FAULT, Outcome.STOPPED, Outcome.ABORTED}
+    made = Policy.of(policy, policy)
+    assert {outcome for outcome in Outcome if made.ends_run(outcome)} == ends | always
+    assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
+    assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
+    assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
+    # Only the last of a list tells: what came before it has been tried by then.
+    long = Policy.of("resqueeze,restart,stop", "restart,stop")
+    assert long.ends_run(Outcome.REJECT)
+    assert long.ends_run(Outcome.UNRESOLVED)
+    assert not Policy.of("resqueeze,restart,next", "restart,next").ends_run(Outcome.REJECT)
+
+
+def test_the_flags_are_those_of_the_register() -> None:
+    """gOBJ of the 2F-85's status byte; a decision takes no others."""
+    flags = (decision.MOVING, decision.OPENING_CONTACT, decision.CLOSING_CONTACT, decision.ARRIVED)
+    assert flags == (0, 1, 2, 3)
+
+
+def test_records_are_frozen() -> None:
+    with pytest.raises(FrozenInstanceError):
+        Policy().on_reject = (RecoveryAction.STOP,)
+    assert not hasattr(Policy(), "__dict__")
+
+
+def test_a_policy_survives_being_written_down() -> None:
+    for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
+        policy = Policy.of(on_reject, on_unresolved)
+        assert Policy.of(*policy.texts()) == policy
+    assert Policy.of(" resqueeze , restart ", "restart") == Policy(
+        (RecoveryAction.RESQUEEZE, RecoveryAction.RESTART, RecoveryAction.NEXT),
+        (RecoveryAction.RESTART, RecoveryAction.NEXT),
+    )
+    assert Policy() == Policy.of("next", "next")
+
+
+@pytest.mark.parametrize(
+    ("on_reject", "on_unresolved", "told"),
+    [
+        ("again", "next", "--on-reject 'again': name resqueeze, restart, next, stop"),
+        ("", "next", "name resqueeze"),
+        ("next,stop", "next", "next or stop last"),
+        ("restart,restart,next", "next", "at most once"),
+        ("next", "resqueeze,next", "no squeeze to repeat"),
+        ("next", "never", "--on-unresolved 'never'"),
+    ],
+)
+def test_a_policy_that_makes_no_sense_is_refused(on_reject: str, on_unresolved: str, told: str) -> None:
+    with pytest.raises(ArgumentsError, match=told) as refused:
+        Policy.of(on_reject, on_unresolved)
+    assert refused.value.exit_code == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
+    for node in random_table(seed, 20).nodes:
+        outcomes = decision_map(node, CALIBRATION)
+        for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
+            made = decide(node, outcomes, count, flag)
+            assert made.branch == outcomes[count + 256 * (flag == CONTACT)]
+            assert (made.reason is None) == (made.branch != REJECT)
+            if made.reason is not None:
+                assert ("closed on nothing" in made.reason) == (flag == ARRIVED)
+                assert ("planned:" in made.reason) == (flag == CONTACT)
+        for flag in (0, 1, 4):
+            with pytest.raises(GripperStateError, match=f"flag {flag} after a closing motion"):
+                decide(node, outcomes, 100, flag)
+
+
+def test_a_reject_names_the_widths_that_were_planned() -> None:
+    node = TABLE.nodes[0]
+    node = node._replace(
+        branches=(node.branches[0]._replace(low_um=20_250, high_um=21_750), *node.branches[1:])
+    )
+    refused = decide(node, decision_map(node, CALIBRATION), 100, CONTACT)
+    assert (
+        refused.reason == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
+    )
+    assert refused == decide(node, decision_map(node, CALIBRATION), 101, CONTACT)
+    assert not Decision(REJECT, node).empty
+
+
+def test_only_what_is_held_and_known_is_dragged() -> None:
+    node = TABLE.nodes[0]._replace(release=(3_000, 4_000))
+    thin = node._replace(
+        branches=(node.branches[0]._replace(low_um=0, expected_um=1_999), *node.branches[1:])
+    )
+    just = node._replace(
+        branches=(node.branches[0]._replace(low_um=0, expected_um=2_000), *node.branches[1:])
+    )
+    assert release_point(node, 0) == release_point(node, 1) == release_point(just, 0) == (3_000, 4_000)
+    assert release_point(node, REJECT) is None
+    assert release_point(thin, 0) is None
+    assert release_point(TABLE.nodes[0], 0) is None
+
+
+def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
+    """Targets are told apart by their sign: ~0 is -1. (No proved table leads back to its root.)"""
+    assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
+    assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)

@@ -1,0 +1,24 @@
+"""What the tools share: the checkout, its environment, and the shape of a command line."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TREES = ROOT / "trees"
+RESULTS = ROOT / "tests" / "bench" / "results"
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+
+
+def parser(doc: str | None) -> argparse.ArgumentParser:
+    """A parser named after the tool, with the tool's docstring as its help."""
+    shape = argparse.RawDescriptionHelpFormatter
+    return argparse.ArgumentParser(f"tools/{Path(sys.argv[0]).name}", description=doc, formatter_class=shape)
+
+
+def enter() -> None:
+    """Run on in the environment that tools/demo or tools/check made, if there is one."""
+    python = ROOT / ".venv" / "bin" / "python"
+    if python.exists() and Path(sys.prefix) != python.parents[1]:
+        os.execv(python, [str(python), *sys.argv])
