@@ -2,6 +2,14 @@
 
 import signal
 
+import pytest
+
 # A shell without job control ignores Ctrl-C in what it starts with `&`, and processes hand that down; the
 # tests send Ctrl-C to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options of these tests."""
+    told = "crash at every moment of a run, not at a sample of them"
+    parser.addoption("--every-moment", action="store_true", help=told)

@@ -9,6 +9,8 @@ import pytest
 
 from planner.cli import simulate
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[4]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
 

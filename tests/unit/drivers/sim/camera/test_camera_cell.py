@@ -22,6 +22,8 @@ from drivers.sim.faults.schedule import Channel, Desk, Fault, Listed
 from drivers.sim.physics.scene import CellError
 from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
 
+pytestmark = pytest.mark.slow
+
 OPTICS = camera()
 RIG = rig(OPTICS)
 POSE = (12.0, -8.0, 0.7)
