@@ -31,7 +31,7 @@ def start(command, *arguments):
 
 def run(command, *arguments):
     process = start(command, *arguments)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=280)  # the first may compile the kernels
     return process.returncode, out, err
 
 
