@@ -7,6 +7,7 @@ import pytest
 # A shell without job control ignores Ctrl-C in what it starts with `&`, and processes hand that down; the
 # tests send Ctrl-C to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
