@@ -219,7 +219,7 @@ def _k_means(weight: IntArray, values: IntArray, spread: float, within: float, f
     k = 1
     while k < most and reach[m] > enough:
         k += 1
-        last[:] = reach
+        last, reach = reach, last  # what is left of the round before last is never read
         for j in range(k, m + 1):
             best = np.inf
             for i in range(k - 1, j):

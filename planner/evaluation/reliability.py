@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import betabinom
 
 from planner.evaluation.outcome import Evaluation
 from runtime.table import PPM, Table
@@ -90,6 +89,8 @@ def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_
         evaluation: trials it was not made from.
         least_visits: leaves with fewer are left out.
     """
+    from scipy.stats import betabinom  # takes a second
+
     rows = []
     for index in range(len(table.leaves)):
         here = evaluation.leaf == index

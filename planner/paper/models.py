@@ -8,10 +8,9 @@ final poses seen in them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from sklearn.tree import DecisionTreeClassifier
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder
@@ -22,6 +21,9 @@ from planner.paper.projection import Projection
 from planner.paper.search import Models
 from planner.paper.sensor import SensorModel, features
 from planner.paper.subspaces import Subspaces, subspaces_of
+
+if TYPE_CHECKING:
+    from sklearn.tree import DecisionTreeClassifier
 
 
 def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
@@ -72,6 +74,8 @@ class CollisionTree:
     @classmethod
     def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
         """Learns from initial poses (n, 3) where an open finger stands on the part (n,)."""
+        from sklearn.tree import DecisionTreeClassifier  # takes two seconds; most plans learn nothing
+
         tree = DecisionTreeClassifier(random_state=0)
         return cls(tree.fit(features(initial, order), stands), order)
 

@@ -8,13 +8,15 @@ that nobody can tell apart are one place, without a seam.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.tree import DecisionTreeRegressor
 
 from planner.arrays import Array
+
+if TYPE_CHECKING:
+    from sklearn.tree import DecisionTreeRegressor
 
 HELD_OUT = 10
 """Every tenth roll-out tells the error."""
@@ -64,6 +66,8 @@ class SensorModel:
         Raises:
             ValueError: there are fewer than `HELD_OUT` roll-outs.
         """
+        from sklearn.tree import DecisionTreeRegressor  # takes two seconds; most plans learn nothing
+
         if len(final) < HELD_OUT:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
         X, testing = features(final, order), np.arange(len(final)) % HELD_OUT == 0

@@ -1,7 +1,11 @@
-"""SIGKILL before, in and after every journal write and device frame: the same leaf, or a declared end."""
+"""SIGKILL before, in and after journal writes and device frames: the same leaf, or a declared end.
+
+At a sample of the moments; `pytest --every-moment tests/integration/test_resume.py` takes each.
+"""
 
 import itertools
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,6 +59,13 @@ def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
+@pytest.fixture
+def some(request: pytest.FixtureRequest) -> Callable[..., range]:
+    """Makes a range of moments: of its steps, or of ones if every moment is asked for."""
+    every = request.config.getoption("--every-moment")
+    return lambda first, moments, step: range(first, moments, 1 if every else step)
+
+
 def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     world = World(table, PATH)
     tally, moments = process(world, path, Silent(), plan)
@@ -93,11 +104,11 @@ def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...],
     ids=["plain", "regulated, level tips", "dragging", "dragging, regulated, level tips"],
 )
 def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
-    table: Table, plan: RunOptions, tmp_path: Path
+    table: Table, plan: RunOptions, tmp_path: Path, some: Callable[..., range]
 ) -> None:
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
-    for last in range(moments):
+    for last in some(0, moments, 5):
         ended = survive(table, plan, tmp_path / f"{last}.jsonl", (last,), "resume")
         assert ended == ("leaf", 1), f"killed at moment {last} of {moments}"
 
@@ -105,21 +116,23 @@ def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
 @pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
 def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None:
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for first, second in itertools.product(range(3, moments, 17), range(2, moments, 23)):
+    for first, second in itertools.product(range(3, moments, 31), range(2, moments, 43)):
         path = tmp_path / f"{first}-{second}.jsonl"
         assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (first, second)
 
 
-def test_a_part_that_is_started_over_reaches_the_same_leaf(tmp_path: Path) -> None:
+def test_a_part_that_is_started_over_reaches_the_same_leaf(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
-    for last in range(0, moments, 3):
+    for last in some(0, moments, 7):
         path = tmp_path / f"{last}.jsonl"
         assert survive(small_table(), PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
 
-def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path) -> None:
+def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path, some: Callable[..., range]) -> None:
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
-    for last in range(0, moments, 5):
+    for last in some(0, moments, 5):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Silent(), PLAIN, last=last)
@@ -148,10 +161,12 @@ def _whole_records(path: Path) -> list[dict]:
 
 
 @pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
-def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table: Table, tmp_path: Path) -> None:
+def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
+    table: Table, tmp_path: Path, some: Callable[..., range]
+) -> None:
     """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last, height_mm in itertools.product(range(0, moments, 2), (10.0, 60.0)):
+    for last, height_mm in itertools.product(some(0, moments, 7), (10.0, 60.0)):
         world, path = World(table, PATH), tmp_path / f"{last}-{height_mm:g}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Silent(), PLAIN, last=last)
@@ -165,11 +180,13 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table: Table, tmp_pat
         assert tally.exit_code in ({25} if touched else {0, 10})
 
 
-def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(tmp_path: Path) -> None:
+def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
     """The fingers closed on as the part went: count and journal differ."""
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
     refused = 0
-    for last in range(moments):
+    for last in some(0, moments, 3):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Silent(), PLAIN, last=last)
@@ -185,10 +202,12 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
     assert refused
 
 
-def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(tmp_path: Path) -> None:
+def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
     codes = set()
-    for last in range(0, moments, 4):
+    for last in some(0, moments, 9):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Silent(), PLAIN, last=last)

@@ -11,6 +11,8 @@ import fuzz_tables
 import hostile_inputs
 import pytest
 
+pytestmark = pytest.mark.slow
+
 TOOL = Path(__file__).parents[2] / "tools" / "hostile"
 
 

@@ -16,6 +16,8 @@ from runtime.spc.history import History
 from runtime.spc.monitor import watch
 from runtime.table import load
 
+pytestmark = pytest.mark.slow
+
 TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 LOADED = load(TREE)
 TABLE = LOADED.table

@@ -20,6 +20,8 @@ from planner.job.presets import FINGERS, GRIPPERS
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import Options, read_outline
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[4]
 BRACKET = [(0, 0), (32, 0), (32, 12), (12, 12), (12, 24), (0, 24)]
 

@@ -14,6 +14,8 @@ from planner.job.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
 
+pytestmark = pytest.mark.slow
+
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
 

@@ -16,6 +16,8 @@ from planner.part import quartic_form
 from planner.part.pressure import Pressure, support
 from planner.report import identification
 
+pytestmark = pytest.mark.slow
+
 RHO = 10.0
 RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])

@@ -16,6 +16,8 @@ from planner.learned.kcde import Kcde
 from planner.learned.neighbours import grid_of, keep_least, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
 
+pytestmark = pytest.mark.slow
+
 RHO = 10.57
 
 

@@ -22,6 +22,8 @@ from planner.mechanics.lcp import RAY, SOLVED, residual, solve
 from planner.mechanics.step import solve as solve_step
 from planner.mechanics.step import workspace
 
+pytestmark = pytest.mark.slow
+
 
 def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
     """Status, motion (3,) and forces (m, 2) of the one or two contacts, all of them pressed."""

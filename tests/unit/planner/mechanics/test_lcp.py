@@ -14,6 +14,8 @@ from scipy.optimize import linprog
 
 from planner.mechanics.lcp import RAY, SOLVED, residual, solve
 
+pytestmark = pytest.mark.slow
+
 
 def assert_solved(M: np.ndarray, q: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
     """The three conditions themselves, relative to the size of the answer."""

@@ -10,6 +10,8 @@ from planner.mechanics.clearance import clearance
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.part.outline import simplified
 
+pytestmark = pytest.mark.slow
+
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
 RECTANGLE = np.array([[-15.0, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 A = np.diag([1.05, 1.06, 0.58])

@@ -28,6 +28,8 @@ from planner.paper.sensorless import SqueezeFunction, chain, plan
 from planner.paper.width import width_function
 from planner.part.outline import convex_hull
 
+pytestmark = pytest.mark.slow
+
 
 def outlines():
     rng = np.random.default_rng(1)

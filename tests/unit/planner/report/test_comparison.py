@@ -7,6 +7,8 @@ import pytest
 from planner.job.overrides import job_with
 from planner.report.comparison import METHODS, Row, markdown, pairs, run, table_rows, zoo_rows
 
+pytestmark = pytest.mark.slow
+
 TREES = Path(__file__).parents[4] / "trees"
 FIGURES = {
     "row": "3",

@@ -20,6 +20,8 @@ from planner.report.comparison import table_rows
 from planner.report.replay import replay
 from runtime.table import load
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[4]
 TREES = ROOT / "trees"
 RESULTS = ROOT / "tests" / "bench" / "results"

@@ -9,6 +9,8 @@ import pytest
 
 from planner.cli import simulate
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[4]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
 
@@ -84,10 +86,10 @@ def test_no_poses_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert run(poses) == 0
 
 
-def test_commands_load_matplotlib_only_to_draw() -> None:
+def test_commands_load_what_takes_seconds_only_to_use_it() -> None:
     script = (
         "import sys, planner.cli.simulate, planner.cli.compile, planner.cli.evaluate; "
-        "sys.exit('matplotlib' in sys.modules)"
+        "sys.exit(not {'matplotlib', 'sklearn', 'scipy.stats'}.isdisjoint(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
 

@@ -14,6 +14,8 @@ from planner.arrays import Array
 from planner.report import animation, canvas, trajectory
 from planner.report.trajectory import Squeezed
 
+pytestmark = pytest.mark.slow
+
 OUTLINE = np.array([[-15.0, -10.5], [15.0, -10.5], [15.0, 10.5], [-15.0, 10.5]])
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
 GRASP = Squeezed(
@@ -131,7 +133,8 @@ def test_timeline_begins_open_and_ends_final(trace: Squeezed) -> None:
     assert np.all(np.diff(frames[:, 3]) <= 0)
 
 
-def test_gif_moves(tmp_path: Path) -> None:
+def test_gif_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(animation, "CONTACT_FRAMES", 6)
     path = tmp_path / "squeeze.gif"
     animation.gif(OUTLINE, JAWS, GRASP, path)
     with Image.open(path) as image:

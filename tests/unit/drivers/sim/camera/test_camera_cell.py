@@ -21,6 +21,8 @@ from drivers.sim.errors import SimulationError
 from drivers.sim.faults import Channel, Desk, Fault, Listed
 from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
 
+pytestmark = pytest.mark.slow
+
 OPTICS = camera()
 RIG = rig(OPTICS)
 POSE = (12.0, -8.0, 0.7)
