@@ -146,7 +146,7 @@ def test_process_that_grew_starts_anew_and_goes_on_answering(files):
 
 
 def test_memory_is_bounded():
-    script = "from drivers.camera import service; service.limit_memory(1); bytearray(3 << 30)"
+    script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
     ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False)
     assert b"MemoryError" in ended.stderr
 
