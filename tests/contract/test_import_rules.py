@@ -112,21 +112,6 @@ def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Pa
             assert name.startswith("runtime.shell") or name.partition(".")[0] in sys.stdlib_module_names
 
 
-@pytest.mark.parametrize("contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"])
-def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
-    package = contract["layers"][0].partition(".")[0]
-    layers: list[set[str]] = []
-    for layer in contract["layers"]:  # a room's own layers are one row
-        rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
-        layers += [rooms] if rooms else []
-    picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()
-    drawn = re.split(r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2])[0]
-    rows: dict[str, set[str]] = {}
-    for height, name in re.findall(r' y="([\d.]+)" font-size="22"[^>]*>(\w+)<', drawn):
-        rows.setdefault(height, set()).add(name)
-    assert list(rows.values()) == layers
-
-
 def test_allowed_imports_keep_the_rules(tmp_path: Path) -> None:
     plant(tmp_path, CLEAN)
     result = lint(tmp_path)
@@ -140,3 +125,18 @@ def test_forbidden_import_is_found(tmp_path: Path, module: str, line: str, contr
     assert result.returncode == 1, result.stdout + result.stderr
     broken = [text for text in result.stdout.splitlines() if " BROKEN" in text]
     assert any(text.startswith(contract) for text in broken), result.stdout
+
+
+@pytest.mark.parametrize("contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"])
+def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
+    package = contract["layers"][0].partition(".")[0]
+    layers: list[set[str]] = []
+    for layer in contract["layers"]:  # a room's own layers are one row
+        rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
+        layers += [rooms] if rooms else []
+    picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()
+    drawn = re.split(r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2])[0]
+    rows: dict[str, set[str]] = {}
+    for height, name in re.findall(r' y="([\d.]+)" font-size="22"[^>]*>(\w+)<', drawn):
+        rows.setdefault(height, set()).add(name)
+    assert list(rows.values()) == layers
