@@ -19,7 +19,7 @@ from planner.compile import Plan, compile_job
 from planner.errors import PlannerError, UsageError
 from planner.job import documents
 from planner.job import model as job_file
-from planner.job.overrides import job_with, split
+from planner.job.overrides import changes_of, split
 from planner.learned.store import Store
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
@@ -171,7 +171,8 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
 
 def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Order:
     try:
-        return Order(overrides, job_with(text, [*common, *overrides], where).canonical())
+        changes = changes_of(f"{name}={value}" for name, value in (*common, *overrides))
+        return Order(overrides, job_file.parse(text, where, changes).canonical())
     except PlannerError as error:
         return Order(overrides, "", (str(error), error.exit_code))
 

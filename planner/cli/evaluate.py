@@ -11,15 +11,15 @@ from typing import Any
 from planner.cli import shell
 from planner.errors import InputFileError, UsageError
 from planner.evaluation import text
+from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.evaluate import Line, evaluate, sweep
 from planner.evaluation.mistakes import confusions, worst
 from planner.evaluation.reliability import reliability
-from planner.evaluation.sweep import Line, standard_cases, sweep
 from planner.evaluation.worlds import DEFAULT_WORLD, supply
 from planner.job import model as job_file
 from planner.job.model import Job
-from planner.job.overrides import job_with
+from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.table import Table, load
@@ -107,7 +107,7 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """One world, looked at closely."""
-    real = job_with(job.canonical(), map(_override, arguments.world_set), "the job with --world-set")
+    real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
     with shell.progress(arguments.json) as report:
         evaluation = evaluate(
@@ -153,7 +153,7 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
 
 
 def _figures(line: Line) -> dict[str, Any]:
-    return {"world": line.case.name, "set": dict(line.case.overrides), **line.evaluation.summary()}
+    return {"world": line.case.name, "set": line.case.stated(), **line.evaluation.summary()}
 
 
 def _refuse_changes(arguments: argparse.Namespace) -> None:
@@ -171,13 +171,6 @@ def _disturbance(arguments: argparse.Namespace) -> Disturbance:
         bias_mm=tuple(arguments.placement_bias_mm),
         bias_deg=arguments.placement_bias_deg,
     )
-
-
-def _override(statement: str) -> tuple[str, str]:
-    name, equals, value = statement.partition("=")
-    if not equals:
-        raise UsageError(f"--world-set {statement}: write it as section.key=value")
-    return name.strip(), value.strip()
 
 
 def _name_of_world(arguments: argparse.Namespace) -> str:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from planner.evaluation.evaluate import Line
 from planner.evaluation.mistakes import NO_LEAF, Confusion, Mistake
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.reliability import LEAST_VISITS, Reliability
-from planner.evaluation.sweep import Line
 from runtime.table import Table
 
 MOST_ROWS = 8

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.job import checks as job_checks
 from planner.job import documents, surface_file
-from planner.job.schema import read_document
+from planner.job.schema import changed, read_document
 from planner.part import symmetry
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
@@ -266,6 +267,21 @@ class Job:
         """Return the SHA-256 of the canonical text, 32 bytes."""
         return hashlib.sha256(self.canonical().encode()).digest()
 
+    def replaced(self, where: str = "the changed job", /, **changes: Any) -> Job:
+        """Return a copy with other values, checked as in a file: `job.replaced(goal={"modes": 2}, seed=4)`.
+
+        Args:
+            where: what an error names as the place.
+            changes: for each section, keys and values as a job file states them; for `seed` its value.
+                Another `pressure.kind` drops the keys that only the old one takes.
+
+        Raises:
+            JobError: as `parse`.
+        """
+        document = changed(_plain(asdict(self)), _plain(changes), where)
+        drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get("pressure", ())
+        return of_document(document, where, drawn)
+
     def __eq__(self, other: object) -> bool:
         return self.canonical() == other.canonical() if isinstance(other, Job) else NotImplemented
 
@@ -273,17 +289,18 @@ class Job:
         return hash(self.canonical())
 
 
-def load(path: str | Path) -> Job:
+def load(path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
     """Read a job file.
 
     Args:
         path: a TOML file in UTF-8.
+        changes: as `parse`.
 
     Raises:
         InputFileError: the file is missing, unreadable, a directory or not UTF-8.
         JobError: as `parse`.
     """
-    return parse(documents.read(path), str(path))
+    return parse(documents.read(path), str(path), changes)
 
 
 def files(path: str | Path) -> list[Path]:
@@ -298,12 +315,13 @@ def files(path: str | Path) -> list[Path]:
     return [Path(path), *([Path(path).parent / named] if isinstance(named, str) else [])]
 
 
-def parse(text: str, where: str = "job") -> Job:
+def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = None) -> Job:
     """Parse a job from TOML text.
 
     Args:
         text: the file's content.
         where: the file's name, for errors.
+        changes: values that take the place of the file's, as `Job.replaced` takes them.
 
     Raises:
         TomlError: not valid TOML; line and column are attributes.
@@ -312,7 +330,7 @@ def parse(text: str, where: str = "job") -> Job:
         OutlineError: the outline is not a simple polygon.
         FitError: the part does not pass between the open fingers in any orientation.
     """
-    return of_document(documents.from_toml(text, where), where, drawn=True)
+    return of_document(changed(documents.from_toml(text, where), changes or {}, where), where, drawn=True)
 
 
 def from_canonical(text: str, where: str = "job text") -> Job:
@@ -363,6 +381,6 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 def _plain(value: Any) -> Any:
     """Return a value as JSON types; keys that are None are not written."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     return value.tolist() if isinstance(value, np.ndarray) else value

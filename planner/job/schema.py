@@ -6,7 +6,7 @@ import math
 from collections.abc import Container, Mapping
 from typing import Any
 
-from planner.errors import KeyNameError, ValueRangeError
+from planner.errors import KeyNameError, UsageError, ValueRangeError
 from planner.job.fields import (
     Either,
     Field,
@@ -21,6 +21,7 @@ from planner.job.fields import (
 )
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
+MOST_FRICTION = 2.0
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
@@ -46,8 +47,8 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         "wishart_dof": Integer(3, 1_000_000, default=100),
     },
     "friction": {
-        "finger_part_min": Number(0, 2),
-        "finger_part_max": Number(0, 2),
+        "finger_part_min": Number(0, MOST_FRICTION),
+        "finger_part_max": Number(0, MOST_FRICTION),
         "doubt": Number(0, 1, default=0.3),
     },
     "gripper": {
@@ -145,6 +146,12 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 }
 """Further keys of [pressure], by its kind."""
 
+INSTEAD = {
+    "orientation": "orientation_halfwidth_deg",
+    "orientation_halfwidth_deg": "orientation",
+}
+"""Keys that state the same thing in two ways: to set one drops the other."""
+
 OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)
 """Optional sections that say nothing where they are left out: no defaults take their place."""
@@ -183,6 +190,44 @@ def read_document(document: Mapping[str, Any], where: str) -> dict[str, Any]:
         values[name] = read_section(table, section_fields, where, name)
     _fill_orientation(values["uncertainty"], where)
     return values
+
+
+def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a document with values replaced; types and ranges are checked with the job as a whole.
+
+    Args:
+        document: sections and keys, as parsed; not modified.
+        changes: values of the top level, and for each section its new values, applied in this order.
+        where: what errors name as the place.
+
+    Raises:
+        UsageError: a key of the top level is taken for a section.
+        KeyNameError: there is no such section, or no such key on the top level.
+    """
+    result = dict(document)
+    for name, values in changes.items():
+        if not isinstance(values, Mapping):
+            check_names([name], TOP_LEVEL, where, "")
+            result[name] = values
+            continue
+        check_names([name], (*FIELDS, *TOP_LEVEL), where, "")
+        table = result.get(name, {})
+        if not isinstance(table, dict):
+            raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")
+        result[name] = _with_values(table, name, values)
+    return result
+
+
+def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """A section with values replaced; what the new ones exclude goes."""
+    table = dict(table)
+    for key, value in values.items():
+        if (section, key) == ("pressure", "kind"):
+            kept = {*FIELDS["pressure"], *PRESSURE_FIELDS.get(str(value), {})}
+            table = {k: v for k, v in table.items() if k in kept}
+        table.pop(INSTEAD.get(key, ""), None)
+        table[key] = value
+    return table
 
 
 def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:

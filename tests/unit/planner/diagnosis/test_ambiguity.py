@@ -11,7 +11,7 @@ from problems import l_shape
 from planner.diagnosis.ambiguity import ambiguities
 from planner.evaluation.evaluate import evaluate
 from planner.frames import to_hand, wrap
-from planner.job.overrides import job_with
+from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.world import ContactWorlds
 from runtime.table import load
@@ -22,7 +22,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 @pytest.fixture(scope="module")
 def marked():
     """The rectangle with a mark that no jaw feels: its half-turns count, and nothing tells them apart."""
-    return job_with(TREES / "job.toml", [("part.symmetry", "1")])
+    return job_file.load(TREES / "job.toml", {"part": {"symmetry": 1}})
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_leaves_that_know_the_pose_are_not_listed(marked, evaluation):
 
 
 def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
-    job = job_with(marked.canonical(), [("part.outline_mm", str(l_shape().tolist()))])
+    job = marked.replaced(part={"outline_mm": l_shape()})
     rng = np.random.default_rng(3)
     n = len(evaluation.leaf)
     turn = np.where(rng.random(n) < 0.6, 0.0, math.pi)
@@ -84,7 +84,7 @@ def scattered(n, rng, mm):
 
 
 def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evaluation):
-    job = job_with(marked.canonical(), [("part.outline_mm", str(l_shape().tolist()))])
+    job = marked.replaced(part={"outline_mm": l_shape()})
     n = len(evaluation.leaf)
     poses = scattered(n, np.random.default_rng(4), 0.2)
     poses[: n // 50, 2] += math.pi
