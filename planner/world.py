@@ -6,21 +6,27 @@ of the plan: it squeezes one part and says where the part and the fingers ended.
 
 from __future__ import annotations
 
+import importlib
 import math
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol, Self
 
 import numpy as np
 
 from planner.arrays import Array
+from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
 
 Pose = tuple[float, float, float]
+DEFAULT_WORLD = "planner.world:make"
 SEED_WORLD = 0x57524C44
+SEED_COPY = 0x434F5059
 
 
 class World(Protocol):
@@ -122,3 +128,78 @@ def make(job: Job, seed: int) -> ContactWorld:
         seed: of all the world's randomness.
     """
     return ContactWorld(job, seed)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedWorlds(Worlds):
+    """Copies of a world by name: the factory is called for every chunk, each time with another seed.
+
+    Attributes:
+        name: "module:factory".
+        job: handed to the factory.
+        seed: the chunks' seeds are drawn from it.
+    """
+
+    name: str
+    job: Job
+    seed: int
+
+    def world(self, chunk: int) -> World:
+        """The world of a chunk."""
+        words = np.random.SeedSequence([self.seed, chunk, SEED_COPY]).generate_state(1)
+        return load_world(self.name, self.job, int(words[0]))
+
+
+def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worlds:
+    """What an evaluation squeezes in.
+
+    The contact world comes in copies, one for each chunk of trials: it is cheap to make. A world from
+    elsewhere is made once and runs all trials one after another, since nobody knows what it costs to make and
+    whether two of them may run side by side; `copies` says that they may.
+
+    Args:
+        name: "module:factory".
+        job: what the parts and the gripper in this world are like.
+        seed: of the world.
+        copies: whether a world from elsewhere may be made for every chunk.
+
+    Raises:
+        UsageError: as `load_world`.
+    """
+    if name == DEFAULT_WORLD:
+        return ContactWorlds.of_job(job, seed)
+    return NamedWorlds(name, job, seed) if copies else load_world(name, job, seed)
+
+
+def load_world(name: str, job: Job, seed: int) -> World:
+    """Makes the world of that name; modules in the current folder are found too.
+
+    Args:
+        name: "module:factory".
+        job: handed to the factory.
+        seed: handed to the factory.
+
+    Raises:
+        UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.
+    """
+    module_name, _, factory_name = name.partition(":")
+    if not module_name or not factory_name:
+        raise UsageError(f"--world {name}: write it as module:factory, such as {DEFAULT_WORLD}")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        module = importlib.import_module(module_name)
+    except Exception as error:  # importing runs what somebody else wrote
+        raise UsageError(f"--world {name}: module {module_name} cannot be imported: {error}") from error
+    factory = getattr(module, factory_name, None)
+    if not callable(factory):
+        raise UsageError(f"--world {name}: module {module_name} has no factory {factory_name}")
+    try:
+        world = factory(job, seed)
+    except Exception as error:
+        kind = type(error).__name__
+        raise UsageError(f"--world {name}: the factory called with job and seed: {kind}: {error}") from error
+    if not callable(getattr(world, "squeeze", None)):
+        raise UsageError(f"--world {name}: what the factory returns has no method squeeze(pose_hand)")
+    return world  # type: ignore[no-any-return]

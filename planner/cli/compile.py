@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from planner.cli import models_report, shell, sweep
+from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
@@ -17,7 +18,6 @@ from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
-from planner.sweep import Settings, figures_of, orders_of
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import Parser, natural, positive_int

@@ -16,11 +16,11 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Line, evaluate, sweep
 from planner.evaluation.mistakes import confusions, worst
 from planner.evaluation.reliability import reliability
-from planner.evaluation.worlds import DEFAULT_WORLD, supply
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
+from planner.world import DEFAULT_WORLD, supply
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.table import Table, load
 

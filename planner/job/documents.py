@@ -21,8 +21,12 @@ INSTEAD = {
 """Keys that state the same thing in two ways: to set one drops the other."""
 
 
-def read(path: str | Path) -> str:
-    """Read a job file's text.
+def read(path: str | Path, advice: str = "check the path") -> str:
+    """Read the text of a job, or of another file that a person wrote.
+
+    Args:
+        path: the file, in UTF-8.
+        advice: what to do where there is none.
 
     Raises:
         InputFileError: the file is missing, unreadable, a directory or not UTF-8.
@@ -35,7 +39,7 @@ def read(path: str | Path) -> str:
         raise InputFileError(problem, where=where) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; check the path", where=where) from error
+        raise InputFileError(f"cannot be read: {reason}; {advice}", where=where) from error
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:

@@ -16,12 +16,11 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
 from planner.evaluation.outcome import NOWHERE, Evaluation
 from planner.evaluation.trials import Program
-from planner.evaluation.worlds import NamedWorlds
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds
+from planner.world import ContactWorlds, NamedWorlds
 from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
