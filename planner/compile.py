@@ -18,9 +18,8 @@ from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation.evaluate import Evaluation, evaluate
-from planner.evaluation.measured import predicting, with_figures
+from planner.evaluation.measured import predicting, tried, with_figures, without_untried
 from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
-from planner.evaluation.untried import tried, without_untried
 from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store

@@ -14,8 +14,7 @@ from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Line, evaluate, sweep
-from planner.evaluation.mistakes import confusions, worst
-from planner.evaluation.reliability import reliability
+from planner.evaluation.leaves import confusions, reliability, worst
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.job.overrides import changes_of
