@@ -14,9 +14,8 @@ import numpy as np
 
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
-from planner.evaluation.judge import metric_of_table
-from planner.evaluation.outcome import REJECTED, Evaluation
-from planner.evaluation.trials import Program, placement_of, run
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import Program, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -138,6 +137,3 @@ def sweep(
         report("worlds", number, len(cases))
         real = case.job(job)
         yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
-
-
-__all__ = ["REJECTED", "Evaluation", "Line", "evaluate", "metric_of_table", "placement_of", "sweep"]

@@ -13,8 +13,8 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
-from planner.evaluation.evaluate import Evaluation
 from planner.evaluation.judge import main_poses, metric_of_table
+from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from planner.search.expand import TreeNode, breadth_first

@@ -47,7 +47,7 @@ class Friction:
         finger_part_min: lower bound; friction is uniform between the two.
         finger_part_max: upper bound.
         doubt: share of the plan's particles whose friction lies outside the bounds, so that a part which does
-            not keep to them ends in an honest leaf.
+            not keep to them ends in an unresolved leaf.
     """
 
     finger_part_min: Annotated[float, Number(0, MOST_FRICTION)]

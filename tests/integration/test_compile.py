@@ -9,7 +9,8 @@ import pytest
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.cases import stress_cases
-from planner.evaluation.evaluate import REJECTED, evaluate, sweep
+from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.outcome import REJECTED
 from planner.evaluation.statistics import wilson_interval
 from planner.frames import wrap
 from planner.job import model as job_file

@@ -18,8 +18,9 @@ from planner.belief.observation import Partition
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
-from planner.evaluation.evaluate import REJECTED, evaluate
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import tried, without_untried
+from planner.evaluation.outcome import REJECTED
 from planner.job import model as job_file
 from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines

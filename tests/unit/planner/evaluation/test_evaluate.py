@@ -13,9 +13,9 @@ from sample_tables import random_table
 from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
-from planner.evaluation.outcome import NOWHERE, Evaluation
-from planner.evaluation.trials import Program
+from planner.evaluation.evaluate import Chunk, ChunkRun, evaluate
+from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.evaluation.trials import Program, placement_of
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
