@@ -51,9 +51,6 @@ def parser() -> Parser:
     )  # fmt: skip
     built.add_argument("--seed", type=natural, help="instead of the job's seed")
     built.add_argument(
-        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
-    )
-    built.add_argument(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip

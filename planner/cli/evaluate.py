@@ -5,23 +5,21 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from planner.cli import shell
-from planner.errors import InputFileError, UsageError
+from planner.errors import UsageError
 from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Line, evaluate, sweep
 from planner.evaluation.leaves import confusions, reliability, worst
-from planner.job import model as job_file
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import DEFAULT_WORLD, supply
 from runtime.shell.command import Parser, natural, number, positive_int
-from runtime.table import Table, load
+from runtime.table import Table
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
@@ -31,8 +29,7 @@ def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
-        table = load(arguments.tree).table
-        job = job_of(table, arguments.tree, arguments.job)
+        (table, _, _), job = shell.loaded(arguments)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
             if arguments.sweep:
                 _sweep(table, job, scheduler, arguments)
@@ -51,8 +48,7 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
         f"{NAME} trees/rectangle/rectangle.msgpack --sweep",
     )
-    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    shell.add_table(built)
     built.add_argument(
         "--trials", type=positive_int, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
     )
@@ -61,9 +57,6 @@ def parser() -> Parser:
         "--worst", type=natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
-        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
-    )
     shell.add_scheduler(built)
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
     return built
@@ -176,20 +169,6 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
     disturbance = asdict(_disturbance(arguments))
     errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
     return ", ".join([arguments.world, *arguments.world_set, *errors])
-
-
-def job_of(table: Table, path: Path, job_path: Path | None) -> Job:
-    """The job a table was compiled from: its own copy, or a file with the same digest."""
-    if job_path is None:
-        if table.job is None:
-            raise InputFileError("holds no job (--strip); name its job file with --job", where=str(path))
-        return job_file.from_canonical(table.job, f"{path} (embedded job)")
-    job = job_file.load(job_path)
-    if job.digest() != table.job_digest:
-        raise InputFileError(
-            f"is not the job that {path} was compiled from; compile it again", where=str(job_path)
-        )
-    return job
 
 
 def _spread(value: str) -> float:
