@@ -2,44 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from runtime.shell.command import entry
 
 
-def _run(command: str) -> int:
-    """Runs `planner.cli.<command>`."""
-    return entry(f"plan-{command}", f"planner.cli.{command}", "planner")
+def _command(name: str) -> Callable[[], int]:
+    """The entry point that runs `main` of `planner.cli.<name>`; returns the exit code."""
+    return partial(entry, f"plan-{name}", f"planner.cli.{name}", "planner")
 
 
-def compile_job() -> int:
-    """plan-compile."""
-    return _run("compile")
-
-
-def simulate() -> int:
-    """plan-simulate."""
-    return _run("simulate")
-
-
-def evaluate() -> int:
-    """plan-evaluate."""
-    return _run("evaluate")
-
-
-def expect() -> int:
-    """plan-expect."""
-    return _run("expect")
-
-
-def identify() -> int:
-    """plan-identify."""
-    return _run("identify")
-
-
-def report() -> int:
-    """plan-report."""
-    return _run("report")
-
-
-def init() -> int:
-    """plan-init."""
-    return _run("init")
+compile_job = _command("compile")
+simulate = _command("simulate")
+evaluate = _command("evaluate")
+expect = _command("expect")
+identify = _command("identify")
+report = _command("report")
+init = _command("init")

@@ -17,10 +17,10 @@ from planner.belief.particles import initial_with_friction
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
-from planner.evaluation.evaluate import Evaluation, evaluate
-from planner.evaluation.measured import predicting, with_figures
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.measured import predicting, tried, with_figures, without_untried
+from planner.evaluation.outcome import Evaluation
 from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
-from planner.evaluation.untried import tried, without_untried
 from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from planner.cli import models_report, shell, sweep
+from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
@@ -17,7 +18,6 @@ from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
-from planner.sweep import Settings, figures_of, orders_of
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import Parser, natural, positive_int
@@ -50,9 +50,6 @@ def parser() -> Parser:
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
     built.add_argument("--seed", type=natural, help="instead of the job's seed")
-    built.add_argument(
-        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
-    )
     built.add_argument(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",

@@ -5,25 +5,22 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from planner.cli import shell
-from planner.errors import InputFileError, UsageError
+from planner.errors import UsageError
 from planner.evaluation import text
+from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate
-from planner.evaluation.mistakes import confusions, worst
-from planner.evaluation.reliability import reliability
-from planner.evaluation.sweep import Line, standard_cases, sweep
-from planner.evaluation.worlds import supply
-from planner.job import model as job_file
+from planner.evaluation.evaluate import Line, evaluate, sweep
+from planner.evaluation.leaves import confusions, reliability, worst
 from planner.job.model import Job
-from planner.job.overrides import job_with
+from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
+from planner.world import supply
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.shell.worlds import DEFAULT_WORLD
-from runtime.table import Table, load
+from runtime.table import Table
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
@@ -33,8 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
-        table = load(arguments.tree).table
-        job = job_of(table, arguments.tree, arguments.job)
+        (table, _, _), job = shell.loaded(arguments)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
             if arguments.sweep:
                 _sweep(table, job, scheduler, arguments)
@@ -53,8 +49,7 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
         f"{NAME} trees/rectangle/rectangle.msgpack --sweep",
     )
-    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    shell.add_table(built)
     built.add_argument(
         "--trials", type=positive_int, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
     )
@@ -63,9 +58,6 @@ def parser() -> Parser:
         "--worst", type=natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
-        "--workers", type=positive_int, help="threads; the result is the same (default: cores)"
-    )
     shell.add_scheduler(built)
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
     return built
@@ -108,7 +100,7 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """One world, looked at closely."""
-    real = job_with(job.canonical(), map(_override, arguments.world_set), "the job with --world-set")
+    real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
     with shell.progress(arguments.json) as report:
         evaluation = evaluate(
@@ -154,7 +146,7 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
 
 
 def _figures(line: Line) -> dict[str, Any]:
-    return {"world": line.case.name, "set": dict(line.case.overrides), **line.evaluation.summary()}
+    return {"world": line.case.name, "set": line.case.stated(), **line.evaluation.summary()}
 
 
 def _refuse_changes(arguments: argparse.Namespace) -> None:
@@ -174,31 +166,10 @@ def _disturbance(arguments: argparse.Namespace) -> Disturbance:
     )
 
 
-def _override(statement: str) -> tuple[str, str]:
-    name, equals, value = statement.partition("=")
-    if not equals:
-        raise UsageError(f"--world-set {statement}: write it as section.key=value")
-    return name.strip(), value.strip()
-
-
 def _name_of_world(arguments: argparse.Namespace) -> str:
     disturbance = asdict(_disturbance(arguments))
     errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
     return ", ".join([arguments.world, *arguments.world_set, *errors])
-
-
-def job_of(table: Table, path: Path, job_path: Path | None) -> Job:
-    """The job a table was compiled from: its own copy, or a file with the same digest."""
-    if job_path is None:
-        if table.job is None:
-            raise InputFileError("holds no job (--strip); name its job file with --job", where=str(path))
-        return job_file.from_canonical(table.job, f"{path} (embedded job)")
-    job = job_file.load(job_path)
-    if job.digest() != table.job_digest:
-        raise InputFileError(
-            f"is not the job that {path} was compiled from; compile it again", where=str(job_path)
-        )
-    return job
 
 
 def _spread(value: str) -> float:

@@ -8,13 +8,11 @@ import sys
 from pathlib import Path
 
 from planner.cli import shell
-from planner.cli.evaluate import job_of
 from planner.evaluation.expectation import document, expected
 from planner.job import model as job_file
 from planner.work.scheduler import scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
-from runtime.table import load
 
 NAME = "plan-expect"
 DEFAULT_TRIALS = 100_000
@@ -26,8 +24,7 @@ def main(argv: list[str] | None = None) -> int:
     def body(arguments: argparse.Namespace) -> int:
         read = () if arguments.job is None else job_file.files(arguments.job)
         usable(arguments.output, arguments.tree, *read)
-        table, _, digest = load(arguments.tree)
-        job = job_of(table, arguments.tree, arguments.job)
+        (table, _, digest), job = shell.loaded(arguments)
         with (
             scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
             shell.progress(arguments.json) as report,
@@ -54,8 +51,7 @@ def parser() -> Parser:
         "grasp-audit report --expected compares journals with it, and tells a change of friction early.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
     )
-    made.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
-    made.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+    shell.add_table(made)
     made.add_argument(
         "-o", "--output", type=Path, required=True, metavar="EXPECTED.json", help="the file to write"
     )
@@ -63,7 +59,6 @@ def parser() -> Parser:
         "--trials", type=positive_int, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
     )
     made.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
-    made.add_argument("--workers", type=positive_int, help="threads; the result is the same (default: cores)")
     shell.add_scheduler(made)
     return made
 

@@ -77,7 +77,7 @@ def parser() -> Parser:
     built.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     built.add_argument(
         "--kind", choices=tuple(KINDS), default="both",
-        help="with both, the one that foretells better is written (default: %(default)s)",
+        help="with both, the one that predicts better is written (default: %(default)s)",
     )  # fmt: skip
     built.add_argument(
         "--rho-mm",

@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 
 from planner.cli import shell
-from planner.cli.evaluate import job_of
 from planner.errors import UsageError
 from planner.job import model as job_file
 from planner.report import dossier, models, run_log
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, writing
-from runtime.table import load
 
 NAME = "plan-report"
 MAX_TRIALS = 1_000_000
@@ -27,8 +25,7 @@ def main(argv: list[str] | None = None) -> int:
         output = usable(arguments.output, arguments.tree, arguments.journal, arguments.models, *read)
         if arguments.trials > MAX_TRIALS:
             raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
-        table, data, digest = load(arguments.tree)
-        job = job_of(table, arguments.tree, arguments.job)
+        (table, data, digest), job = shell.loaded(arguments)
         log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
         source = dossier.Source(arguments.tree.name, data, log, judged)
@@ -57,9 +54,8 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
         f"{NAME} tree.msgpack -o report.html --models tree.models.json",
     )
-    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    shell.add_table(built)
     built.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
-    built.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
     )

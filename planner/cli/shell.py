@@ -22,12 +22,16 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from planner.errors import InputFileError
+from planner.job import model as job_file
+from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
 from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
+from runtime.table import TableFile, load
 
 WIDTH = 98
 """Columns of what --help says."""
@@ -82,8 +86,37 @@ def store_of(arguments: argparse.Namespace) -> Store | None:
     return Store(base / ROLL_OUTS)
 
 
+def add_table(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a table and, if need be, its job; `loaded` reads both."""
+    parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
+
+
+def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
+    """The table of `add_table`, and the job it was compiled from: its own copy, or a file with its digest.
+
+    Raises:
+        TableError: the table cannot be used.
+        JobError: there is no job, or it is another one, or it cannot be read.
+    """
+    found = load(arguments.tree)
+    if arguments.job is None:
+        if found.table.job is None:
+            problem = "holds no job (--strip); name its job file with --job"
+            raise InputFileError(problem, where=str(arguments.tree))
+        return found, job_file.from_canonical(found.table.job, f"{arguments.tree} (embedded job)")
+    job = job_file.load(arguments.job)
+    if job.digest() != found.table.job_digest:
+        problem = f"is not the job that {arguments.tree} was compiled from; compile it again"
+        raise InputFileError(problem, where=str(arguments.job))
+    return found, job
+
+
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """The option that moves the work to a cluster; `planner.work.scheduler.scheduler_of` takes its value."""
+    """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
+    parser.add_argument(
+        "--workers", type=command.positive_int, help="threads; the result is the same (default: cores)"
+    )
     parser.add_argument(
         "--scheduler", metavar="tcp://HOST:PORT",
         help="work on the Dask cluster of this scheduler (default: threads of this machine)",

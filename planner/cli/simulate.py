@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import math
 import sys
 from contextlib import redirect_stdout
@@ -15,6 +16,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.cli import shell
 from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
+from planner.job import documents
 from planner.job import model as job_file
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
 from runtime.shell.command import Parser, natural, positive_int
@@ -166,23 +168,15 @@ def read_poses(path: Path) -> Array:
     """
     where = str(path)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            header = [name.strip() for name in reader.fieldnames or []]
-            reader.fieldnames = header
-            missing = [name for name in INPUTS if name not in header]
-            if missing:
-                raise KeyNameError(
-                    f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}",
-                    where=where,
-                )
-            rows = [[_number(row[name], name, where, reader.line_num) for name in INPUTS] for row in reader]
-    except UnicodeDecodeError as error:
-        raise InputFileError("not UTF-8 text", where=where) from error
+        reader = csv.DictReader(io.StringIO(documents.read(path), newline=""))
+        header = [name.strip() for name in reader.fieldnames or []]
+        reader.fieldnames = header
+        if missing := [name for name in INPUTS if name not in header]:
+            problem = f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}"
+            raise KeyNameError(problem, where=where)
+        rows = [[_number(row[name], name, where, reader.line_num) for name in INPUTS] for row in reader]
     except csv.Error as error:
         raise InputFileError(f"not a CSV file: {error}", where=where) from error
-    except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 

@@ -45,25 +45,49 @@ class Separator(NamedTuple):
     widths_mm: tuple[float, float]
 
 
+class Whereabouts(NamedTuple):
+    """Where the parts of a leaf or a node lie.
+
+    Attributes:
+        poses: (m, 3) their main poses, the likeliest first [mm, mm, rad].
+        shares: (m,) how many of them lie within the goal of each.
+        scatter: distance within which nearly all of them lie about a single pose, in units of the goal; 0 if
+            there are several poses.
+    """
+
+    poses: Array
+    shares: tuple[float, ...]
+    scatter: float = 0.0
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "poses": np.round(self.poses, 5).tolist(),
+            "shares": [round(share, 4) for share in self.shares],
+            "scatter": round(self.scatter, 3),
+        }
+
+    def text(self, decimals: int) -> str:
+        """For people: the poses and their shares, in percent with so many decimals."""
+        pairs = zip(self.shares, self.poses, strict=True)
+        return " or ".join(f"{pose_text(pose)} ({share:.{decimals}%})" for share, pose in pairs)
+
+
 class Ambiguity(NamedTuple):
     """A leaf in which a part may lie in several poses.
 
     Attributes:
         leaf: its index.
         share: of all parts that end there.
-        poses: (m, 3) the poses, the likeliest first.
-        shares: how many of the leaf's parts lie within the goal of each.
-        separator: for the first two; None if no squeeze that was tried tells them apart, or where one is all.
-        scatter: distance within which nearly all of the leaf's parts lie about a single pose, in units of the
-            goal; 0 if there are several.
+        where: the poses of its parts.
+        separator: for the first two poses; None if no squeeze that was tried tells them apart, or where one
+            is all.
     """
 
     leaf: int
     share: float
-    poses: Array
-    shares: tuple[float, ...]
+    where: Whereabouts
     separator: Separator | None
-    scatter: float = 0.0
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -71,9 +95,7 @@ class Ambiguity(NamedTuple):
         return {
             "leaf": self.leaf,
             "share": self.share,
-            "poses": np.round(self.poses, 5).tolist(),
-            "shares": [round(share, 4) for share in self.shares],
-            "scatter": round(self.scatter, 3),
+            **self.where.figures(),
             "separator": found
             and {
                 "placement": np.round(found.placement, 5).tolist(),
@@ -83,10 +105,8 @@ class Ambiguity(NamedTuple):
 
     def line(self) -> str:
         """For people."""
-        pairs = zip(self.shares, self.poses, strict=True)
-        poses = " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
-        text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {poses}; "
-        if len(self.poses) == 1:
+        text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text(1)}; "
+        if len(self.where.poses) == 1:
             return text + self._nearby()
         if self.separator is None:
             return text + "no squeeze that was tried gives the first two different widths"
@@ -98,9 +118,10 @@ class Ambiguity(NamedTuple):
 
     def _nearby(self) -> str:
         """Why one pose is not enough."""
-        if self.scatter < 1.0:
+        scatter = self.where.scatter
+        if scatter < 1.0:
             return "the plan was less sure of it than its trials: more particles of [search] may be"
-        return f"nearly all others lie about it, within {self.scatter:.1f} times the goal: ask for less"
+        return f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
@@ -119,15 +140,15 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     found = []
     for leaf in order[:most]:
         here = evaluation.poses[evaluation.leaf == leaf]
-        poses, shares, scatter = whereabouts(here, metric)
+        where = whereabouts(here, metric)
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
-        separator = _separator(poses[:2], job, simulator, rng) if len(poses) > 1 else None
+        separator = _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
         share = float(visits[leaf] / len(evaluation.leaf))
-        found.append(Ambiguity(leaf, share, poses, shares, separator, scatter))
+        found.append(Ambiguity(leaf, share, where, separator))
     return found
 
 
-def whereabouts(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], float]:
+def whereabouts(here: Array, metric: Metric) -> Whereabouts:
     """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
 
     A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
@@ -136,10 +157,6 @@ def whereabouts(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], 
     Args:
         here: (n, 3) true poses, n >= 1.
         metric: of the goal.
-
-    Returns:
-        (m, 3) poses, m shares, and for a single pose the distance from it of the furthest of those about it,
-        in units of the goal; else 0.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -147,10 +164,10 @@ def whereabouts(here: Array, metric: Metric) -> tuple[Array, tuple[float, ...], 
         far = distance > APART
         outside = np.sum(distance >= 1.0)
         if 2 * np.sum(far) <= outside:
-            return modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far]))
+            return Whereabouts(modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far])))
         other = metric.main_modes(here[far], 1)[0]
         modes.append(other._replace(ratio=other.ratio * float(np.mean(far))))
-    return np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes), 0.0
+    return Whereabouts(np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes))
 
 
 def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator) -> Separator | None:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from planner.arrays import Array
 from planner.belief.metric import metric_of
-from planner.diagnosis.ambiguity import pose_text, whereabouts
+from planner.diagnosis.ambiguity import Whereabouts, whereabouts
 from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
@@ -26,36 +23,24 @@ class Delay(NamedTuple):
         node: its index in the table.
         made: squeezes before it.
         share: of all parts that come to it.
-        poses: (m, 3) where they lie, the likeliest first.
-        shares: how many of them lie within the goal of each.
-        scatter: as of `planner.diagnosis.ambiguity.Ambiguity`.
+        where: the poses of these parts.
     """
 
     node: int
     made: int
     share: float
-    poses: Array
-    shares: tuple[float, ...]
-    scatter: float
+    where: Whereabouts
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "node": self.node,
-            "made": self.made,
-            "share": self.share,
-            "poses": np.round(self.poses, 5).tolist(),
-            "shares": [round(share, 4) for share in self.shares],
-            "scatter": round(self.scatter, 3),
-        }
+        return {"node": self.node, "made": self.made, "share": self.share, **self.where.figures()}
 
     def line(self) -> str:
         """For people."""
-        pairs = list(zip(self.shares, self.poses, strict=True))[:MOST_POSES]
-        poses = " or ".join(f"{pose_text(pose)} ({share:.0%})" for share, pose in pairs)
-        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {poses}"
-        about = f", nearly all others within {self.scatter:.1f} times the goal"
-        return text + about if self.scatter else text
+        poses, shares, scatter = self.where
+        named = Whereabouts(poses[:MOST_POSES], shares[:MOST_POSES]).text(0)
+        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {named}"
+        return text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
 
 
 def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
@@ -71,6 +56,6 @@ def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_SHARE]
     found = []
     for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
-        poses, shares, scatter = whereabouts(inner[k].belief.poses, metric)
-        found.append(Delay(k, inner[k].depth, inner[k].share, poses, shares, scatter))
+        where = whereabouts(inner[k].belief.poses, metric)
+        found.append(Delay(k, inner[k].depth, inner[k].share, where))
     return found

@@ -6,16 +6,16 @@ interval. Nothing of the planner's belief enters.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
-from planner.evaluation.judge import metric_of_table
-from planner.evaluation.outcome import REJECTED, Evaluation
-from planner.evaluation.trials import Program, placement_of, run
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import Program, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -104,4 +104,36 @@ def evaluate(
     return Evaluation.joined(done)
 
 
-__all__ = ["REJECTED", "Evaluation", "evaluate", "metric_of_table", "placement_of"]
+class Line(NamedTuple):
+    """What came of one case."""
+
+    case: Case
+    evaluation: Evaluation
+
+
+def sweep(
+    table: Table,
+    job: Job,
+    cases: Sequence[Case],
+    worlds: Callable[[Job], World | Worlds],
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> Iterator[Line]:
+    """Evaluates a table in one case after another, with the same initial poses in all of them.
+
+    Args:
+        table: the table.
+        job: the job it was compiled from.
+        cases: what the world is like instead.
+        worlds: makes worlds for a job.
+        trials: number of parts for each case.
+        seed: of the trials.
+        scheduler: who runs them.
+        report: told about progress.
+    """
+    for number, case in enumerate(cases):
+        report("worlds", number, len(cases))
+        real = case.job(job)
+        yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))

@@ -12,23 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import IntArray
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.cases import friction_cases
+from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.sweep import Case, friction
-from planner.evaluation.worlds import supply
 from planner.job.model import Job
-from planner.job.overrides import job_with
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from runtime.shell.worlds import DEFAULT_WORLD
+from planner.world import ContactWorlds
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 1
-PLANNED = "as planned"
-# Of the friction between finger and part. Each world takes its share of the false alarms, so that one more
-# makes the others slower; the outermost tell soon enough of a friction that lies farther away.
-FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
-BEYOND = {min(FACTORS): " or less", max(FACTORS): " or more"}
 
 
 class World(NamedTuple):
@@ -41,13 +34,6 @@ class World(NamedTuple):
 
     name: str
     readings: IntArray
-
-
-def cases(job: Job) -> list[Case]:
-    """The worlds: as planned, then with less and with more friction, the planned interval times a factor."""
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    others = ((factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS)
-    return [Case(PLANNED), *(case._replace(name=case.name + BEYOND.get(f, "")) for f, case in others)]
 
 
 def expected(
@@ -63,11 +49,12 @@ def expected(
         scheduler: does the work.
         report: told of the progress.
     """
-    for case in cases(job):
-        real = job_with(job.canonical(), case.overrides, case.name)
-        world = supply(DEFAULT_WORLD, real, seed)
-        found = evaluate(table, real, world, trials, seed, scheduler, report=report)
-        yield World(case.name, readings(found, len(table.nodes)))
+
+    def worlds(real: Job) -> ContactWorlds:
+        return ContactWorlds.of_job(real, seed)
+
+    for line in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
+        yield World(line.case.name, readings(line.evaluation, len(table.nodes)))
 
 
 def readings(found: Evaluation, nodes: int) -> IntArray:

@@ -17,20 +17,15 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import ROUGH, SLIPPERY, Belief
-from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.cases import stress_cases
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.sweep import Case, friction, on_three_feet, sweep, uneven
 from planner.job.model import Job
 from planner.search.expand import TreeNode, breadth_first
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-OFFSET_COUNTS = 2.0
-"""An encoder's zero may be off by so much."""
-UNEVEN = 0.1
-"""A finger may make so much more or less of the closing motion than planned."""
 TOLERATED = 0.002
 """Share of confident wrong answers that each such world may have."""
 AMPLIFIED = 0.1
@@ -44,20 +39,6 @@ class Doubt(NamedTuple):
     node: TreeNode
     belief: Belief
     mode: Mode
-
-
-def stress_cases(job: Job) -> list[Case]:
-    """Encoder short or long, friction less or more, a finger that lags or leads, a part on three feet."""
-    gripper = job.gripper
-    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    shares = (gripper.upper_finger_share - UNEVEN, gripper.upper_finger_share + UNEVEN)
-    return [
-        *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
-        *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < b),
-        *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
-        on_three_feet(job),
-    ]
 
 
 def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list[Evaluation]:

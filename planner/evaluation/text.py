@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from planner.evaluation.mistakes import NO_LEAF, Confusion, Mistake
+from planner.evaluation.evaluate import Line
+from planner.evaluation.leaves import LEAST_VISITS, NO_LEAF, Confusion, Mistake, Reliability
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.reliability import LEAST_VISITS, Reliability
-from planner.evaluation.sweep import Line
 from runtime.table import Table
 
 MOST_ROWS = 8

@@ -74,13 +74,13 @@ class Fit(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
-    """An identified limit surface and how well its kind foretells pushes that it was not fitted to.
+    """An identified limit surface and how well its kind predicts pushes that it was not fitted to.
 
     Attributes:
         kind: "ellipsoid" or "quartic".
         fit: to all pairs.
-        errors_rad: (splits,) mean angle between measured and foretold twist over the held-out half.
-        held_out: (K, 3) mean foretold unit twist of each pair while held out; nan if it never was.
+        errors_rad: (splits,) mean angle between measured and predicted twist over the held-out half.
+        held_out: (K, 3) mean predicted unit twist of each pair while held out; nan if it never was.
         fit_error_rad: the same of the final fit on its own pairs.
     """
 
@@ -135,18 +135,18 @@ def identify(
         )
         raise ValueRangeError(problem, key="train_share", value=train_share)
     errors = {kind: np.empty(splits) for kind in kinds}
-    foretold = {kind: np.zeros((count, 3)) for kind in kinds}
+    predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):
         report("splitting", split, splits)
         order = np.random.default_rng(seeds).permutation(count)
         known, unseen = data.take(order[:train]), data.take(order[train:])
         for kind in kinds:
             fitted = fit(known, rho_mm, kind, np.random.default_rng(seeds.spawn(1)[0]), friction_n)
-            twists = foretell(fitted.surface, unseen.F)
+            twists = predict(fitted.surface, unseen.F)
             errors[kind][split] = np.average(angles(twists, unseen.V), weights=unseen.weights)
-            foretold[kind][order[train:]] += twists
+            predicted[kind][order[train:]] += twists
     report("fitting all pairs", splits, splits)
-    return [_final(data, rho_mm, kind, seed, friction_n, errors[kind], foretold[kind]) for kind in kinds]
+    return [_final(data, rho_mm, kind, seed, friction_n, errors[kind], predicted[kind]) for kind in kinds]
 
 
 def fit(
@@ -197,7 +197,7 @@ def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> f
     return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= mean[best] + tolerance)
 
 
-def foretell(surface: Surface, F: Array) -> Array:
+def predict(surface: Surface, F: Array) -> Array:
     """Return the unit twists (K, 3) that answer wrenches F (K, 3), at any scale."""
     if isinstance(surface, LimitSurface):
         return limit_surface.twist(surface.A, F)
@@ -220,10 +220,10 @@ def _final(
     seed: int,
     friction_n: float | None,
     errors: Array,
-    foretold: Array,
+    predicted: Array,
 ) -> Identified:
     fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
-    own = np.average(angles(foretell(fitted.surface, data.F), data.V), weights=data.weights)
-    length = np.linalg.norm(foretold, axis=1, keepdims=True)
-    mean = np.divide(foretold, length, out=np.full_like(foretold, np.nan), where=length > 0.0)
+    own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
+    length = np.linalg.norm(predicted, axis=1, keepdims=True)
+    mean = np.divide(predicted, length, out=np.full_like(predicted, np.nan), where=length > 0.0)
     return Identified(kind, fitted, errors, mean, float(own))

@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import InputFileError, ValueRangeError
+from planner.errors import ValueRangeError
 from planner.identification import push_log
 from planner.identification.push_log import finite
+from planner.job import documents
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
 WEIGHT = "weight"
@@ -44,13 +45,7 @@ def load(path: str | Path) -> Pairs:
         ValueRangeError: the content is not as described above; names the line.
     """
     where = str(path)
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputFileError(f"not text (byte {error.start + 1}); name a push log", where=where) from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; check the path", where=where) from error
+    text = documents.read(path)
     if where.lower().endswith(".csv"):
         return parse_table(text, where)
     wrenches, twists = push_log.pairs(push_log.parse(text, where), where)

@@ -1,18 +1,32 @@
-"""The text of a job as nested tables, nothing checked: TOML as people write it, JSON as tables carry it."""
+"""The text of a job as nested tables: TOML as people write it, JSON as tables carry it."""
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.errors import InputFileError, TomlError
+from planner.errors import InputFileError, KeyNameError, TomlError, UsageError, ValueRangeError
+from planner.job.fields import Field, check_names, missing_names, read_section, shown
+from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, TOP_LEVEL
 from runtime.shell import strict_json
 
+INSTEAD = {
+    "orientation": "orientation_halfwidth_deg",
+    "orientation_halfwidth_deg": "orientation",
+}
+"""Keys that state the same thing in two ways: to set one drops the other."""
 
-def read(path: str | Path) -> str:
-    """Read a job file's text.
+
+def read(path: str | Path, advice: str = "check the path") -> str:
+    """Read the text of a job, or of another file that a person wrote.
+
+    Args:
+        path: the file, in UTF-8.
+        advice: what to do where there is none.
 
     Raises:
         InputFileError: the file is missing, unreadable, a directory or not UTF-8.
@@ -25,7 +39,7 @@ def read(path: str | Path) -> str:
         raise InputFileError(problem, where=where) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; check the path", where=where) from error
+        raise InputFileError(f"cannot be read: {reason}; {advice}", where=where) from error
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
@@ -66,3 +80,118 @@ def _toml_error(error: Exception, text: str, where: str) -> TomlError:
     result = TomlError(f"not valid TOML at line {line}, column {column}: {reason}", where=where)
     result.line, result.column = line, column
     return result
+
+
+def checked(document: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Check a parsed job file, key by key; conflicts between keys are the job's business.
+
+    Args:
+        document: the file as nested tables.
+        where: the file, for errors.
+
+    Returns:
+        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
+        one of `ABSENT_SECTIONS` that is not there.
+
+    Raises:
+        KeyNameError: an unknown or missing key or section.
+        ValueRangeError: a value of the wrong type or out of its range.
+    """
+    _check_strays(document, (*FIELDS, *TOP_LEVEL), where, "")
+    check_names(document, (*FIELDS, *TOP_LEVEL), where, "")
+    missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
+    if missing:
+        raise missing_names(missing, where, "")
+    top = {key: value for key, value in document.items() if key in TOP_LEVEL}
+    values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, where, "")}
+    for name, section_fields in FIELDS.items():
+        if name in ABSENT_SECTIONS and name not in document:
+            values[name] = None
+            continue
+        table = document.get(name, {})
+        if name == "pressure":
+            section_fields = _pressure_fields(table, where)
+        _check_strays(table, section_fields, where, name)
+        values[name] = read_section(table, section_fields, where, name)
+    _fill_orientation(values["uncertainty"], where)
+    return values
+
+
+def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a document with values replaced; types and ranges are checked with the job as a whole.
+
+    Args:
+        document: sections and keys, as parsed; not modified.
+        changes: values of the top level, and for each section its new values, applied in this order.
+        where: what errors name as the place.
+
+    Raises:
+        UsageError: a key of the top level is taken for a section.
+        KeyNameError: there is no such section, or no such key on the top level.
+    """
+    result = dict(document)
+    for name, values in changes.items():
+        if not isinstance(values, Mapping):
+            check_names([name], TOP_LEVEL, where, "")
+            result[name] = values
+            continue
+        check_names([name], (*FIELDS, *TOP_LEVEL), where, "")
+        table = result.get(name, {})
+        if not isinstance(table, dict):
+            raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")
+        result[name] = _with_values(table, name, values)
+    return result
+
+
+def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """A section with values replaced; what the new ones exclude goes."""
+    table = dict(table)
+    for key, value in values.items():
+        if (section, key) == ("pressure", "kind"):
+            kept = {*FIELDS["pressure"], *PRESSURE_FIELDS.get(str(value), {})}
+            table = {k: v for k, v in table.items() if k in kept}
+        table.pop(INSTEAD.get(key, ""), None)
+        table[key] = value
+    return table
+
+
+def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:
+    """Return the keys that the stated kind of pressure takes."""
+    common = FIELDS["pressure"]
+    kind_only = {"kind": table["kind"]} if isinstance(table, dict) and "kind" in table else {}
+    kind = read_section(kind_only, common, where, "pressure")["kind"]
+    return {**common, **PRESSURE_FIELDS.get(kind, {})}
+
+
+def _check_strays(table: Any, valid: Container[str], where: str, section: str) -> None:
+    """Refuse a key that is valid elsewhere, and say where."""
+    if not isinstance(table, dict):
+        return
+    homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
+    for kind, home in PRESSURE_FIELDS.items():
+        homes |= dict.fromkeys(
+            home, f'goes with kind = "{kind}" in [pressure]; change the kind or drop the key'
+        )
+    homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section; move it there")
+    for key in table:
+        if key in homes and key not in valid:
+            error = KeyNameError(f"key {shown(key)} {homes[key]}", where=where, section=section, value=key)
+            error.names = (key,)
+            raise error
+
+
+def _fill_orientation(uncertainty: dict[str, Any], where: str) -> None:
+    """Turn the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
+    unknown = uncertainty.pop("orientation") is not None
+    stated = uncertainty["orientation_halfwidth_deg"] is not None
+    choice = 'orientation = "unknown" or orientation_halfwidth_deg'
+    if not unknown and not stated:
+        error = KeyNameError(f"missing key orientation; state {choice}", where=where, section="uncertainty")
+        error.names = ("orientation",)
+        raise error
+    if unknown and stated:
+        raise ValueRangeError(
+            f"state {choice}, not both", where=where, section="uncertainty", key="orientation"
+        )
+    if unknown:
+        uncertainty["orientation_halfwidth_deg"] = math.degrees(math.pi)

@@ -1,89 +1,40 @@
-"""Single values of a job replaced from the command line: `uncertainty.radius_mm=15`.
-
-The text of a job is changed before it is checked, so that an override is refused for the same reasons, and in
-the same words, as the value in the file would be.
-"""
+"""Values of a job stated on the command line: `uncertainty.radius_mm=15`."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from collections.abc import Iterable
-from copy import deepcopy
-from pathlib import Path
 from typing import Any
 
 from planner.errors import UsageError
-from planner.job import documents, schema
-from planner.job import model as job_file
-from planner.job.fields import check_names, shown
-from planner.job.model import Job
-
-INSTEAD = {
-    ("uncertainty", "orientation"): "orientation_halfwidth_deg",
-    ("uncertainty", "orientation_halfwidth_deg"): "orientation",
-}
-"""Keys that state the same thing in two ways: to set one drops the other."""
-DRAWN = {"part.outline_mm", "pressure.surface_file"}
-"""Overrides that make a canonical job one as people write it: a part anywhere, a reference to a file."""
+from planner.job.fields import shown
 
 _WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
-def job_with(source: str | Path, overrides: Iterable[tuple[str, str]] = (), where: str | None = None) -> Job:
-    """Read a job with some values replaced.
+def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
+    """Return overrides as `Job.replaced` takes them; of two for one key the last holds.
 
     Args:
-        source: a path to a job file, TOML text, or the canonical text that a table carries.
-        overrides: pairs of a name, "section.key" or "seed", and a value's text, applied in this order.
-        where: what errors name as the place; the path, or "job text", if None.
+        overrides: texts "section.key=value" or "seed=value".
 
     Raises:
-        UsageError: a name or a value's text that cannot be read.
-        JobError: the job with these values is refused, as by `planner.job.model.load`.
+        UsageError: a text that cannot be read.
     """
-    if isinstance(source, Path):
-        where, text = where or str(source), documents.read(source)
-    else:
-        where, text = where or "job text", source
-    canonical = text.startswith("{")  # no TOML does
-    document = (documents.from_json if canonical else documents.from_toml)(text, where)
-    drawn = not canonical
-    for name, value_text in overrides:
-        document = apply(document, name, value_text, where)
-        drawn = drawn or name in DRAWN
-    return job_file.of_document(document, where, drawn)
-
-
-def apply(document: dict[str, Any], name: str, value_text: str, where: str = "job text") -> dict[str, Any]:
-    """Return a document with one value replaced; types and ranges are checked with the job as a whole.
-
-    A new `pressure.kind` drops the keys that only the old one takes.
-
-    Args:
-        document: sections and keys, as parsed; not modified.
-        name: "section.key", or a key of the top level.
-        value_text: as in a job file, but for the quotes, which a single word does without.
-        where: what errors name as the place.
-
-    Raises:
-        UsageError: the name or the value's text cannot be read.
-        KeyNameError: there is no such section, or no such key on the top level.
-    """
-    value = value_of(name, value_text)
-    result = deepcopy(document)
-    section, _, key = name.rpartition(".")
-    check_names([section or key], (*schema.FIELDS, *schema.TOP_LEVEL) if section else schema.TOP_LEVEL,
-                where, "")  # fmt: skip
-    table = result.setdefault(section, {}) if section else result
-    if not isinstance(table, dict):
-        raise UsageError(f"{name}: {section} is no section of {where}; write it as section.key=value")
-    if (section, key) == ("pressure", "kind"):
-        kept = {*schema.FIELDS["pressure"], *schema.PRESSURE_FIELDS.get(str(value), {})}
-        table = result["pressure"] = {k: v for k, v in table.items() if k in kept}
-    table.pop(INSTEAD.get((section, key), ""), None)
-    table[key] = value
-    return result
+    changes: dict[str, Any] = {}
+    for override in overrides:
+        name, equals, text = (part.strip() for part in override.partition("="))
+        if not equals:
+            raise UsageError(f"{shown(override)} states no value; write it as section.key=value")
+        value = value_of(name, text)
+        section, _, key = name.rpartition(".")
+        table = changes.setdefault(section, {}) if section else changes
+        if not isinstance(table, dict):
+            raise UsageError(f"{name}: {section} is no section; write it as section.key=value")
+        table.pop(key, None)  # a dict keeps the place of a key's first value
+        table[key] = value
+    return changes
 
 
 def value_of(name: str, text: str) -> Any:

@@ -1,26 +1,18 @@
-"""What a job file may hold: every section and key with its type, range and default, as data."""
+"""The sections of a job: what each key means, and its type, range and default, in one place."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Container, Mapping
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, get_type_hints
 
-from planner.errors import KeyNameError, ValueRangeError
-from planner.job.fields import (
-    Either,
-    Field,
-    Integer,
-    Number,
-    Numbers,
-    Text,
-    check_names,
-    missing_names,
-    read_section,
-    shown,
-)
+from planner.arrays import Array
+from planner.job.fields import Either, Field, Integer, Number, Numbers, Text
+from planner.part.outline import Outline
+from planner.part.pressure import Pressure
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
+MOST_FRICTION = 2.0
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
@@ -30,94 +22,271 @@ class FileName(Text):
     longest = 1_000
 
 
-TOP_LEVEL: Mapping[str, Field] = {
-    "seed": Integer(0, 2**63 - 1, default=0),
-}
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """The part on the table.
 
-FIELDS: Mapping[str, Mapping[str, Field]] = {
-    "part": {
-        "name": Text(),
-        "outline_mm": Numbers(PLACE, columns=2),
-        "symmetry": Either("auto", Integer(1, 10_000), default="auto"),
-        "height_mm": Number(1, MM, above=True, default=None),
-    },
+    Attributes:
+        name: for people.
+        outline_mm: (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
+        symmetry: rotational order n; turns by 2 pi / n look the same, 1 = none.
+        height_mm: its thickness, from the table to its top where the fingers close; None: not stated.
+    """
+
+    name: Annotated[str, Text()]
+    outline_mm: Annotated[Outline, Numbers(PLACE, columns=2)]
+    symmetry: Annotated[int, Either("auto", Integer(1, 10_000), default="auto")]
+    height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Coefficient of friction between finger and part.
+
+    Attributes:
+        finger_part_min: lower bound; friction is uniform between the two.
+        finger_part_max: upper bound.
+        doubt: share of the plan's particles whose friction lies outside the bounds, so that a part which does
+            not keep to them ends in an unresolved leaf.
+    """
+
+    finger_part_min: Annotated[float, Number(0, MOST_FRICTION)]
+    finger_part_max: Annotated[float, Number(0, MOST_FRICTION)]
+    doubt: Annotated[float, Number(0, 1, default=0.3)]
+
+
+@dataclass(frozen=True, slots=True)
+class Gripper:
+    """A parallel-jaw gripper.
+
+    Attributes:
+        model: name of the device.
+        finger_length_mm: extent of a finger along x of the hand frame.
+        finger_width_mm: extent along y, the closing direction.
+        opening_mm: distance of the inner faces, jaws fully open.
+        count_open: encoder reading, jaws fully open.
+        count_closed: encoder reading, jaws fully closed.
+        encoder_noise_mm: standard deviation of a measured width, before rounding to counts.
+        speed_mm_s: rate at which the opening closes; each finger moves at half of it.
+        force_n: grip force.
+        upper_finger_share: share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the
+            other one sticks.
+    """
+
+    model: Annotated[str, Text(default="robotiq-2f-85")]
+    finger_length_mm: Annotated[float, Number(0, MM, above=True)]
+    finger_width_mm: Annotated[float, Number(0, MM, above=True)]
+    opening_mm: Annotated[float, Number(0, MM, above=True)]
+    count_open: Annotated[int, Integer(0, 255, default=3)]
+    count_closed: Annotated[int, Integer(0, 255, default=230)]
+    encoder_noise_mm: Annotated[float, Number(0, 10, default=0.15)]
+    speed_mm_s: Annotated[float, Number(0, MM, above=True, default=60.0)]
+    force_n: Annotated[float, Number(0, 10_000, above=True, default=40.0)]
+    upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it.
+
+    Attributes:
+        shift_mm: standard deviation of x and of y.
+        turn_deg: standard deviation of the angle.
+    """
+
+    shift_mm: Annotated[float, Number(0, 10, default=0.0)]
+    turn_deg: Annotated[float, Number(0, 45, default=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Where the part may lie before the first squeeze, about the origin of the world.
+
+    Attributes:
+        radius_mm: the centroid is uniform in this disc.
+        orientation_halfwidth_deg: the orientation is uniform within plus or minus this; 180 = unknown.
+    """
+
+    radius_mm: Annotated[float, Number(0, MM)]
+    orientation_halfwidth_deg: Annotated[float, Number(0, 180, default=None)]
+
+    @property
+    def orientation(self) -> str:
+        """Say "unknown" if the part may lie at any angle, else "bounded"."""
+        return "unknown" if self.orientation_halfwidth_deg >= 180.0 else "bounded"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Actions:
+    """The hand placements to choose from: each angle at each centre, and what a belief suggests.
+
+    Attributes:
+        angles_deg: angles of the hand's x axis in the world.
+        centers_mm: (K, 2) positions of the hand in the world, read-only.
+        proposals: "belief": every node also considers placements relative to its own belief; or "none".
+        openings_mm: openings to descend with; the least that stays clear is taken. Empty: fully open.
+        forces_n: grip forces; unstable squeezes take the least. Empty: the gripper's own.
+    """
+
+    angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
+    centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
+    proposals: Annotated[str, Text(("belief", "none"), default="belief")]
+    openings_mm: Annotated[
+        tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])
+    ]
+    forces_n: Annotated[
+        tuple[float, ...], Numbers(Number(0, 10_000, above=True), least=0, most=100, default=[])
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """When a part counts as located.
+
+    Attributes:
+        kind: "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta
+            each within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation":
+            theta within its tolerance, wherever the part lies. Angles are taken under the part's symmetry.
+        distance_mm: bound on the metric, for "pose" and "modes".
+        confidence: probability with which a leaf must keep the bound.
+        tolerance_mm: bounds on x and y, for "tolerances".
+        tolerance_deg: bound on theta, for "tolerances" and "orientation".
+        modes: how many poses a leaf may leave open, for "modes".
+        stress_trials: parts squeezed in each of some worlds a little off the planned one, to find leaves that
+            would be wrong there; 0 plans for the stated world alone.
+        crash_share: share of the parts that may lie under an open finger coming down, where no placement is
+            clear of all of them: an uncertainty wider than the jaws open.
+    """
+
+    kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation"), default="pose")]
+    distance_mm: Annotated[float, Number(0, 100, above=True)]
+    confidence: Annotated[float, Number(0, 1, above=True, below=True)]
+    tolerance_mm: Annotated[
+        tuple[float, float], Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5])
+    ]
+    tolerance_deg: Annotated[float, Number(0, 180, above=True, default=5.0)]
+    modes: Annotated[int, Integer(1, 8, default=1)]
+    stress_trials: Annotated[int, Integer(0, 10_000_000, default=0)]
+    crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How the tree is searched.
+
+    Attributes:
+        method: "closed-loop"; or, for comparison, the paper's: "paper" (Algorithms 1 to 3), "paper-sequence"
+            (the whole open-loop sequence before branching) and "sensorless" (no branching at all).
+        model: what the look-ahead squeezes with: "simulation", the learned "kcde", or "auto".
+        rollouts: squeezes that the learned model is trained on.
+        depth: squeezes to look ahead.
+        squeeze_cost: probability of success that one more squeeze must gain.
+        second_cost: the same for a second of cell time.
+        stability_cost: the same for an outcome that hangs on an unstable equilibrium.
+        particles: size of the belief that the tree is grown with.
+        search_particles: size of the belief that looking ahead is done with.
+        max_depth: longest path of the tree, squeezes.
+    """
+
+    method: Annotated[
+        str, Text(("closed-loop", "paper", "paper-sequence", "sensorless"), default="closed-loop")
+    ]
+    model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]
+    rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]
+    depth: Annotated[int, Integer(1, 10, default=2)]
+    squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]
+    second_cost: Annotated[float, Number(0, 1, default=0.0)]
+    stability_cost: Annotated[float, Number(0, 1, default=0.0)]
+    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]
+    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]
+    max_depth: Annotated[int, Integer(1, 100, default=12)]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Limits of the cell that the runtime holds.
+
+    Attributes:
+        work_area_mm: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
+        retreat_height_mm: height of the finger tips between squeezes.
+        squeeze_height_mm: height of the finger tips while squeezing.
+        arm_speed_mm_s: speed of the arm.
+        max_force_n: largest grip force the cell allows.
+        max_speed_mm_s: largest closing speed the cell allows.
+    """
+
+    work_area_mm: Annotated[
+        tuple[tuple[float, float], tuple[float, float]],
+        Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
+    ]
+    retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
+    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]
+    arm_speed_mm_s: Annotated[float, Number(0, 10_000, above=True, default=250.0)]
+    max_force_n: Annotated[float, Number(0, 10_000, above=True, default=235.0)]
+    max_speed_mm_s: Annotated[float, Number(0, MM, above=True, default=150.0)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delivery:
+    """What becomes of a localised part; `runtime.execution.delivery` reads it from the table's embedded job.
+
+    Attributes:
+        drop_mm: (2,) where the origin of the part's frame goes, world frame, read-only.
+        drop_angle_deg: the part's angle there.
+        grasp_mm: (2,) the hand's centre in the part's frame, read-only.
+        grasp_angle_deg: the hand's angle there.
+        width_mm: what the fingers then have to read; None: anything but nothing.
+        width_tolerance_mm: how far off that they may read.
+        area_mm: (4,) x min, y min, x max, y max of the hand while it carries, read-only; None: the work area.
+    """
+
+    drop_mm: Annotated[Array, Numbers(PLACE, least=2, most=2)]
+    drop_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
+    grasp_mm: Annotated[Array, Numbers(PLACE, least=2, most=2, default=[0.0, 0.0])]
+    grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
+    width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
+    width_tolerance_mm: Annotated[float, Number(0, MM, above=True, default=1.5)]
+    area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
+
+
+SECTIONS: Mapping[str, type[Any]] = {
+    "part": Part,
+    "pressure": Pressure,
+    "friction": Friction,
+    "gripper": Gripper,
+    "release": Release,
+    "uncertainty": Uncertainty,
+    "actions": Actions,
+    "goal": Goal,
+    "search": Search,
+    "cell": Cell,
+    "delivery": Delivery,
+}
+"""The records of a job, in its order."""
+
+TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
+
+_STATED: Mapping[str, Mapping[str, Field]] = {
     "pressure": {
         "kind": Text(("boundary", "uniform", "points", "identified", "stated"), default="boundary"),
         "wishart_dof": Integer(3, 1_000_000, default=100),
     },
-    "friction": {
-        "finger_part_min": Number(0, 2),
-        "finger_part_max": Number(0, 2),
-        "doubt": Number(0, 1, default=0.3),
-    },
-    "gripper": {
-        "model": Text(default="robotiq-2f-85"),
-        "finger_length_mm": Number(0, MM, above=True),
-        "finger_width_mm": Number(0, MM, above=True),
-        "opening_mm": Number(0, MM, above=True),
-        "count_open": Integer(0, 255, default=3),
-        "count_closed": Integer(0, 255, default=230),
-        "encoder_noise_mm": Number(0, 10, default=0.15),
-        "speed_mm_s": Number(0, MM, above=True, default=60.0),
-        "force_n": Number(0, 10_000, above=True, default=40.0),
-        "upper_finger_share": Number(0, 1, default=0.5),
-    },
-    "release": {
-        "shift_mm": Number(0, 10, default=0.0),
-        "turn_deg": Number(0, 45, default=0.0),
-    },
-    "uncertainty": {
-        "radius_mm": Number(0, MM),
-        "orientation": Text(("unknown",), default=None),
-        "orientation_halfwidth_deg": Number(0, 180, default=None),
-    },
-    "actions": {
-        "angles_deg": Numbers(Number(-360, 360), most=1_000),
-        "centers_mm": Numbers(PLACE, columns=2, most=1_000),
-        "proposals": Text(("belief", "none"), default="belief"),
-        "openings_mm": Numbers(Number(0, MM, above=True), least=0, most=100, default=[]),
-        "forces_n": Numbers(Number(0, 10_000, above=True), least=0, most=100, default=[]),
-    },
-    "goal": {
-        "kind": Text(("pose", "tolerances", "modes", "orientation"), default="pose"),
-        "distance_mm": Number(0, 100, above=True),
-        "confidence": Number(0, 1, above=True, below=True),
-        "tolerance_mm": Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5]),
-        "tolerance_deg": Number(0, 180, above=True, default=5.0),
-        "modes": Integer(1, 8, default=1),
-        "stress_trials": Integer(0, 10_000_000, default=0),
-        "crash_share": Number(0, 0.05, default=0.0),
-    },
-    "search": {
-        "method": Text(("closed-loop", "paper", "paper-sequence", "sensorless"), default="closed-loop"),
-        "model": Text(("auto", "simulation", "kcde"), default="auto"),
-        "rollouts": Integer(1_000, 100_000_000, default=100_000),
-        "depth": Integer(1, 10, default=2),
-        "squeeze_cost": Number(0, 1, default=0.01),
-        "second_cost": Number(0, 1, default=0.0),
-        "stability_cost": Number(0, 1, default=0.0),
-        "particles": Integer(10, 10_000_000, default=20_000),
-        "search_particles": Integer(10, 10_000_000, default=400),
-        "max_depth": Integer(1, 100, default=12),
-    },
-    "cell": {
-        "work_area_mm": Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
-        "retreat_height_mm": Number(0, MM, above=True, default=60.0),
-        "squeeze_height_mm": Number(0, MM, default=None),
-        "arm_speed_mm_s": Number(0, 10_000, above=True, default=250.0),
-        "max_force_n": Number(0, 10_000, above=True, default=235.0),
-        "max_speed_mm_s": Number(0, MM, above=True, default=150.0),
-    },
-    "delivery": {
-        "drop_mm": Numbers(PLACE, least=2, most=2),
-        "drop_angle_deg": Number(-360, 360, default=0.0),
-        "grasp_mm": Numbers(PLACE, least=2, most=2, default=[0.0, 0.0]),
-        "grasp_angle_deg": Number(-360, 360, default=0.0),
-        "width_mm": Number(0, MM, above=True, default=None),
-        "width_tolerance_mm": Number(0, MM, above=True, default=1.5),
-        "area_mm": Numbers(PLACE, least=4, most=4, default=None),
-    },
+    "uncertainty": {"orientation": Text(("unknown",), default=None)},
 }
+"""Keys that the records do not hold as they are stated."""
+
+FIELDS: Mapping[str, Mapping[str, Field]] = {
+    name: {
+        **_STATED.get(name, {}),
+        **{
+            key: hint.__metadata__[0]
+            for key, hint in get_type_hints(record, include_extras=True).items()
+            if hasattr(hint, "__metadata__")
+        },
+    }
+    for name, record in SECTIONS.items()
+}
+"""What a job file may state, by section and key; [pressure] takes more, by its kind."""
 
 LIMIT_SURFACE: Mapping[str, Field] = {
     "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3, default=None),
@@ -148,80 +317,3 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)
 """Optional sections that say nothing where they are left out: no defaults take their place."""
-
-
-def read_document(document: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Check a parsed job file, key by key; conflicts between keys are the job's business.
-
-    Args:
-        document: the file as nested tables.
-        where: the file, for errors.
-
-    Returns:
-        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
-        one of `ABSENT_SECTIONS` that is not there.
-
-    Raises:
-        KeyNameError: an unknown or missing key or section.
-        ValueRangeError: a value of the wrong type or out of its range.
-    """
-    _check_strays(document, (*FIELDS, *TOP_LEVEL), where, "")
-    check_names(document, (*FIELDS, *TOP_LEVEL), where, "")
-    missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
-    if missing:
-        raise missing_names(missing, where, "")
-    top = {key: value for key, value in document.items() if key in TOP_LEVEL}
-    values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, where, "")}
-    for name, section_fields in FIELDS.items():
-        if name in ABSENT_SECTIONS and name not in document:
-            values[name] = None
-            continue
-        table = document.get(name, {})
-        if name == "pressure":
-            section_fields = _pressure_fields(table, where)
-        _check_strays(table, section_fields, where, name)
-        values[name] = read_section(table, section_fields, where, name)
-    _fill_orientation(values["uncertainty"], where)
-    return values
-
-
-def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:
-    """Return the keys that the stated kind of pressure takes."""
-    common = FIELDS["pressure"]
-    kind_only = {"kind": table["kind"]} if isinstance(table, dict) and "kind" in table else {}
-    kind = read_section(kind_only, common, where, "pressure")["kind"]
-    return {**common, **PRESSURE_FIELDS.get(kind, {})}
-
-
-def _check_strays(table: Any, valid: Container[str], where: str, section: str) -> None:
-    """Refuse a key that is valid elsewhere, and say where."""
-    if not isinstance(table, dict):
-        return
-    homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
-    for kind, home in PRESSURE_FIELDS.items():
-        homes |= dict.fromkeys(
-            home, f'goes with kind = "{kind}" in [pressure]; change the kind or drop the key'
-        )
-    homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section; move it there")
-    for key in table:
-        if key in homes and key not in valid:
-            error = KeyNameError(f"key {shown(key)} {homes[key]}", where=where, section=section, value=key)
-            error.names = (key,)
-            raise error
-
-
-def _fill_orientation(uncertainty: dict[str, Any], where: str) -> None:
-    """Turn the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
-    unknown = uncertainty.pop("orientation") is not None
-    stated = uncertainty["orientation_halfwidth_deg"] is not None
-    choice = 'orientation = "unknown" or orientation_halfwidth_deg'
-    if not unknown and not stated:
-        error = KeyNameError(f"missing key orientation; state {choice}", where=where, section="uncertainty")
-        error.names = ("orientation",)
-        raise error
-    if unknown and stated:
-        raise ValueRangeError(
-            f"state {choice}, not both", where=where, section="uncertainty", key="orientation"
-        )
-    if unknown:
-        uncertainty["orientation_halfwidth_deg"] = math.degrees(math.pi)

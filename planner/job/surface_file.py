@@ -13,7 +13,6 @@ keys written inline. A job in canonical form always holds them inline.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
+from planner.errors import KeyNameError, ValueRangeError
+from planner.job import documents
 from planner.job.fields import Field, Integer, Text, read_section
 from planner.job.schema import LIMIT_SURFACE
 from planner.part import quartic_form
@@ -66,15 +66,7 @@ def load(path: Path) -> dict[str, Any]:
         JobError: a key unknown or missing, or a value out of range.
     """
     where = str(path)
-    try:
-        document = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
-    except UnicodeDecodeError as error:
-        raise InputFileError("not UTF-8 text; write it with plan-identify", where=where) from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise TomlError(f"not valid TOML: {error}; write it with plan-identify", where=where) from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; check surface_file", where=where) from error
+    document = documents.from_toml(documents.read(path, "check surface_file"), where)
     document.pop(IDENTIFICATION, None)
     values = read_section(document, _FIELDS, where, "")
     kind = values.pop("kind")

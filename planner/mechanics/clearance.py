@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.frames import to_hand
-from planner.job.model import Gripper
+from planner.job.schema import Gripper
 from planner.kernel import kernel
 from planner.mechanics.contacts import place
 

@@ -13,7 +13,6 @@ from planner.belief.particles import initial
 from planner.evaluation.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
 from planner.job.model import Job
-from planner.job.overrides import job_with
 from planner.paper.sensorless import SqueezePlan, plan
 from planner.part.outline import convex_hull, radius_of_gyration
 from planner.work.scheduler import Scheduler, Threads
@@ -21,11 +20,10 @@ from planner.world import ContactWorlds
 
 ORIENTED_DEG = 5.0
 """A part counts as oriented within this (the paper's tolerance, VII)."""
-IDEAL = (
-    ("friction.finger_part_min", "0"),
-    ("friction.finger_part_max", "0"),
-    ("gripper.finger_length_mm", "900"),
-)
+IDEAL = {
+    "friction": {"finger_part_min": 0.0, "finger_part_max": 0.0},
+    "gripper": {"finger_length_mm": 900.0},
+}
 SEED_BASELINE = 0x42415345
 
 
@@ -89,7 +87,7 @@ def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Bas
         scheduler: who squeezes them; all cores if None. The result does not depend on it.
     """
     squeezes = plan(job.part.outline_mm)
-    ideal = job_with(job.canonical(), IDEAL, "the job without friction")
+    ideal = job.replaced("the job without friction", **IDEAL)
     real, without = (_achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal))
     bound = 2 * len(convex_hull(job.part.outline_mm)) - 1
     return Baseline(squeezes, bound, real, without, trials)

@@ -6,7 +6,7 @@ The judge is the stochastic contact world of the row, with fresh seeds, whatever
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -18,8 +18,9 @@ from planner.compile import Plan, compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.statistics import wilson_interval
+from planner.job import model as job_file
 from planner.job.model import Job
-from planner.job.overrides import job_with
+from planner.job.overrides import changes_of
 from planner.world import ContactWorld
 
 SEED_WORLD = 0x5431
@@ -94,11 +95,6 @@ def zoo_rows(trees: Path) -> list[Row]:
     return [Row(name=folder, part=folder) for folder in folders if folder not in taken]
 
 
-def pairs(assignments: Iterable[str]) -> list[tuple[str, str]]:
-    """Names and values of "section.key=value", as `planner.job.overrides.job_with` takes them."""
-    return [(name, value) for name, _, value in (text.partition("=") for text in assignments)]
-
-
 def run(
     row: Row,
     method: Method,
@@ -122,7 +118,7 @@ def run(
         within the goal; `within_rate` counts all poses within the goal, claimed or not: what the paper
         counts, whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
     """
-    job = job_with(trees / row.part / "job.toml", pairs((*row.job, *method.job)))
+    job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
     figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials, "paper": row.paper}
     figures["method"] = method.name
     started = perf_counter()
@@ -131,7 +127,12 @@ def run(
     except NoPlanError as error:
         return {**figures, "compile_seconds": perf_counter() - started, "no_plan": str(error)}
     figures["compile_seconds"] = perf_counter() - started
-    return {**figures, **_judged(plan, job, job_with(job.canonical(), pairs(row.world)), trials, workers)}
+    return {
+        **figures,
+        **_judged(
+            plan, job, job.replaced(f"the world of {row.name}", **changes_of(row.world)), trials, workers
+        ),
+    }
 
 
 def _judged(plan: Plan, job: Job, truth: Job, trials: int, workers: int | None) -> Figures:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.cases import assumption_cases
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.statistics import wilson_interval
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
@@ -24,7 +25,6 @@ from planner.report.details import leaf_details, node_details, runs
 from planner.report.models import Models
 from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.sensitivity import sensitivity
 from planner.report.templating import template
 from planner.world import make
 from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
@@ -69,11 +69,13 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         "leaves": leaf_details(table, beliefs),
         "log": _log(source.log) if source.log else None,
     }
+    few = min(trials, SENSITIVITY_TRIALS)
+    others = sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed)
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
         summary=_summary(table, evaluation), widths=_width_function(job), strips=_strips(table),
-        findings=sensitivity(table, job, min(trials, SENSITIVITY_TRIALS), seed),
+        worlds=[(line.case.name, line.evaluation.summary()) for line in others],
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
     )  # fmt: skip
 

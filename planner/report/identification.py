@@ -1,4 +1,4 @@
-"""What was identified from pushes: the limit surface among its data, and foretold against measured twists."""
+"""What was identified from pushes: the limit surface among its data, predicted against measured twists."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def figure(data: Normalised, found: Sequence[Identified], title: str) -> Figure:
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):
         _section(axes, data, found, plane)
-    _twists(grid[1, 0], "turn in the twist / deg", 90.0, found, [turn(data.V), *map(turn, _foretold(found))])
+    _twists(grid[1, 0], "turn in the twist / deg", 90.0, found, [turn(data.V), *map(turn, _predicted(found))])
     _twists(
         grid[1, 1],
         "heading of the twist / deg",
         180.0,
         found,
-        [heading(data.V), *map(heading, _foretold(found))],
+        [heading(data.V), *map(heading, _predicted(found))],
     )
     _errors(grid[1, 2], data, found)
     result.suptitle(title, fontsize=9.0)
@@ -72,7 +72,7 @@ def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array
     return np.asarray(directions[:, list(plane)] * reach[:, None])
 
 
-def _foretold(found: Sequence[Identified]) -> list[Array]:
+def _predicted(found: Sequence[Identified]) -> list[Array]:
     return [result.held_out for result in found]
 
 
@@ -97,20 +97,20 @@ def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: t
 def _twists(
     axes: Axes, what: str, limit: float, found: Sequence[Identified], values: Sequence[Array]
 ) -> None:
-    """Foretold (values[1:]) over measured (values[0])."""
+    """Predicted (values[1:]) over measured (values[0])."""
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
-    for result, foretold in zip(found, values[1:], strict=True):
+    for result, predicted in zip(found, values[1:], strict=True):
         axes.scatter(
-            values[0], foretold, s=9.0, marker=MARKS[result.kind], facecolors="none",
+            values[0], predicted, s=9.0, marker=MARKS[result.kind], facecolors="none",
             edgecolors=COLOURS[result.kind], linewidths=0.7,
         )  # fmt: skip
     ticks = np.linspace(-limit, limit, 5)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xticks=ticks, yticks=ticks, aspect="equal")
-    axes.set(xlabel=f"measured {what}", ylabel="foretold, held out")
+    axes.set(xlabel=f"measured {what}", ylabel="predicted, held out")
 
 
 def _errors(axes: Axes, data: Normalised, found: Sequence[Identified]) -> None:
-    """Share of the pairs whose twist is foretold within an angle."""
+    """Share of the pairs whose twist is predicted within an angle."""
     for result in found:
         seen = np.isfinite(result.held_out[:, 0])
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
-from planner.evaluation.evaluate import placement_of
+from planner.evaluation.trials import placement_of
 from planner.frames import to_world
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of

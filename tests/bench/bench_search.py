@@ -23,7 +23,6 @@ sys.path[:0] = [str(ROOT)]
 
 from planner import compile as planning  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
-from planner.job.overrides import job_with  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "search.json"
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
@@ -37,15 +36,8 @@ CASES = {"small": [(4, WIDENED), (4, ALL), (12, WIDENED), (12, ALL)], "large": [
 def bench(placements: int, followed: tuple[int, ...], seed: int) -> dict[str, Any]:
     """One plan."""
     angles = list(range(0, 180, ANGLES[placements]))
-    job = job_with(
-        job_file.load(JOB).canonical(),
-        [
-            ("seed", str(seed)),
-            ("goal.stress_trials", "0"),
-            ("actions.angles_deg", str(angles)),
-            ("actions.centers_mm", CENTERS[placements]),
-        ],
-    )
+    actions = {"angles_deg": angles, "centers_mm": json.loads(CENTERS[placements])}
+    job = job_file.load(JOB, {"seed": seed, "goal": {"stress_trials": 0}, "actions": actions})
     planning.PARAMS = replace(planning.PARAMS, followed=followed)
     start = time.perf_counter()
     plan = planning.compile_job(job)

@@ -22,18 +22,18 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.sweep import standard_cases, sweep  # noqa: E402
+from planner.evaluation.cases import standard_cases  # noqa: E402
+from planner.evaluation.evaluate import sweep  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.job.model import Job  # noqa: E402
-from planner.job.overrides import job_with  # noqa: E402
 from planner.work.scheduler import Threads  # noqa: E402
 from planner.world import ContactWorlds  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "worlds.json"
 PARTS = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
-PLANS = {
-    "as the job stands": [],
-    "careful": [("actions.proposals", "belief"), ("goal.stress_trials", "2000")],
+PLANS: dict[str, dict[str, Any]] = {
+    "as the job stands": {},
+    "careful": {"actions": {"proposals": "belief"}, "goal": {"stress_trials": 2000}},
 }
 SEED = 99
 """Of the parts and the worlds; no plan is made with it."""
@@ -43,7 +43,7 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     """One plan in all the worlds."""
     job = job_file.load(ROOT / "trees" / part / "job.toml")
     start = time.perf_counter()
-    table = compile_job(job_with(job.canonical(), PLANS[plan])).table
+    table = compile_job(job.replaced(**PLANS[plan])).table
     seconds = time.perf_counter() - start
 
     def worlds(real: Job) -> ContactWorlds:

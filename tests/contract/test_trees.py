@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from planner.job import model as job_file
-from planner.job.overrides import job_with
+from planner.job.overrides import changes_of
 from planner.part.outline import diameter
-from planner.report.comparison import pairs, table_rows
+from planner.report.comparison import table_rows
 
 TREES = Path(__file__).parents[2] / "trees"
 JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
@@ -112,7 +112,7 @@ def test_worlds_of_rows_four_to_eight_are_not_the_planners(jobs):
     points = []
     for row in table_rows(TREES):
         job = jobs[row.part]
-        truth = job_with(job.canonical(), pairs(row.world))
+        truth = job.replaced(**changes_of(row.world))
         assert np.array_equal(truth.part.outline_mm, job.part.outline_mm)
         assert truth.friction != job.friction
         points += [row.name] if truth.pressure.kind == "points" else []

@@ -8,13 +8,12 @@ import pytest
 
 from planner.compile import compile_job
 from planner.errors import NoPlanError
-from planner.evaluation.evaluate import REJECTED, evaluate
+from planner.evaluation.cases import stress_cases
+from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.outcome import REJECTED
 from planner.evaluation.statistics import wilson_interval
-from planner.evaluation.stress import stress_cases
-from planner.evaluation.sweep import sweep
 from planner.frames import wrap
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 from planner.search.expand import breadth_first
 from planner.world import ContactWorlds, make
 from runtime.table import Calibration, by_count, decision_map, dumps, load, loads
@@ -35,8 +34,7 @@ def plan(job):
 @pytest.fixture(scope="module")
 def quick_job(job):
     """The same with fewer particles and trials."""
-    few = [("search.particles", "2000"), ("search.search_particles", "200"), ("goal.stress_trials", "300")]
-    return job_with(job.canonical(), few)
+    return job.replaced(search={"particles": 2000, "search_particles": 200}, goal={"stress_trials": 300})
 
 
 def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
@@ -120,23 +118,20 @@ def test_a_table_without_its_job_still_runs(plan):
 L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]"
 
 
-def l_job(proposals, *overrides):
+def l_job(proposals, **changes):
     """An L without symmetry, searched for with few particles."""
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
-    few = [
-        ("search.model", "simulation"),
-        ("search.particles", "2000"),
-        ("search.search_particles", "200"),
-        ("goal.stress_trials", "0"),
-    ]
-    return job_with(job_file.parse(text).canonical(), [*few, *overrides])
+    few = job_file.parse(text).replaced(
+        search={"model": "simulation", "particles": 2000, "search_particles": 200}, goal={"stress_trials": 0}
+    )
+    return few.replaced(**changes)
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    job = l_job("belief", ("search.particles", "6000"))
+    job = l_job("belief", search={"particles": 6000})
     figures = compile_job(job, workers=2, trials=3000).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
@@ -145,13 +140,13 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
 
 def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
     with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
-        compile_job(l_job("none", ("search.max_depth", "3"), ("friction.doubt", "0")), workers=2, trials=1000)
+        compile_job(l_job("none", search={"max_depth": 3}, friction={"doubt": 0}), workers=2, trials=1000)
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
 
 
 def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
-    plan = compile_job(l_job("none", ("goal.kind", "modes"), ("goal.modes", "2")), workers=2, trials=2000)
+    plan = compile_job(l_job("none", goal={"kind": "modes", "modes": 2}), workers=2, trials=2000)
     table = loads(dumps(plan.table))
     assert table == plan.table
     assert (table.goal.kind, table.goal.modes) == ("modes", 2)
@@ -165,9 +160,7 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
 def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
-    wanted = job_with(
-        job.canonical(), [("goal.kind", kind), ("search.particles", "2000"), ("goal.stress_trials", "300")]
-    )
+    wanted = job.replaced(goal={"kind": kind, "stress_trials": 300}, search={"particles": 2000})
     plan = compile_job(wanted, workers=2, trials=2000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
@@ -182,9 +175,8 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
 
 
 def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
-    near_edge = [("cell.work_area_mm", "[[-30, -30], [30, 30]]"), ("actions.centers_mm", "[[6, 0]]")]
-    quick = [("goal.stress_trials", "0")]
-    narrow = job_with(job.canonical(), [*near_edge, *quick])
+    near_edge = {"cell": {"work_area_mm": [[-30, -30], [30, 30]]}, "actions": {"centers_mm": [[6, 0]]}}
+    narrow = job.replaced(**near_edge, goal={"stress_trials": 0})
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)

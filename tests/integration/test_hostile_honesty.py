@@ -19,8 +19,9 @@ from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.cli import init
 from planner.errors import ValueRangeError
-from planner.evaluation.evaluate import REJECTED, evaluate
-from planner.evaluation.untried import tried, without_untried
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.measured import tried, without_untried
+from planner.evaluation.outcome import REJECTED
 from planner.job import model as job_file
 from planner.mechanics.clearance import jaws_of
 from planner.report import canvas

@@ -13,7 +13,7 @@ from planner.cli import compile as plan_compile
 from planner.cli import models_report
 from planner.compile import compile_job
 from planner.diagnosis.model_quality import quality
-from planner.job.overrides import job_with
+from planner.job import model as job_file
 from planner.learned.model import learned_model, learns
 from planner.learned.rollouts import COLLIDES
 from planner.learned.store import Store
@@ -23,15 +23,15 @@ from planner.report.subspaces import figure
 from runtime.table import dumps
 
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
-SMALL = [
-    ("search.model", "kcde"), ("search.rollouts", "20000"), ("search.particles", "2000"),
-    ("search.search_particles", "200"), ("goal.stress_trials", "300"),
-]  # fmt: skip
+SMALL = {
+    "search": {"model": "kcde", "rollouts": 20_000, "particles": 2000, "search_particles": 200},
+    "goal": {"stress_trials": 300},
+}
 
 
 @pytest.fixture(scope="module")
 def job():
-    return job_with(JOB.read_text(encoding="utf-8"), SMALL, "job.toml")
+    return job_file.load(JOB, SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,8 @@ def test_same_seed_gives_the_same_bytes_with_and_without_a_store_on_one_worker_a
 
 @pytest.mark.parametrize(("model", "expected"), [("simulation", False), ("auto", False), ("kcde", True)])
 def test_a_job_learns_where_it_says_so(model, expected):
-    overrides = [("search.model", model), ("actions.proposals", "belief")]
-    assert learns(job_with(JOB.read_text(encoding="utf-8"), overrides, "job.toml")) == expected
+    changes = {"search": {"model": model}, "actions": {"proposals": "belief"}}
+    assert learns(job_file.load(JOB, changes)) == expected
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.compile import compile_job
-from planner.job.overrides import job_with
+from planner.job import model as job_file
 from planner.paper.search import METHODS, SINGLETON_SHARE
 from planner.search.expand import breadth_first
 from runtime.table import REJECT, Calibration, by_count, decision_map, dumps
@@ -16,7 +16,7 @@ TRIALS = 2000
 
 
 def job_of(method, particles=2000):
-    return job_with(RECTANGLE, [("search.method", method), ("search.particles", str(particles))])
+    return job_file.load(RECTANGLE, {"search": {"method": method, "particles": particles}})
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.worlds import supply
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.work.scheduler import Threads
+from planner.world import supply
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.spc.history import Part, Squeezed
 from runtime.table import REJECT, Calibration, Table, predicted_pose

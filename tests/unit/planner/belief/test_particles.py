@@ -18,7 +18,6 @@ from planner.belief.particles import (
 )
 from planner.belief.transition import Simulation
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 
 TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
@@ -43,7 +42,7 @@ def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_w
 def test_poses_are_those_of_a_belief_without_doubt(job):
     poses = initial(job, 100, np.random.default_rng(2))
     assert np.array_equal(initial_with_friction(job, 100, np.random.default_rng(2)).poses, poses)
-    certain = job_with(job.canonical(), [("friction.doubt", "0")])
+    certain = job.replaced(friction={"doubt": 0})
     assert np.isnan(initial_with_friction(certain, 100, np.random.default_rng(2)).friction).all()
 
 

@@ -8,7 +8,7 @@ import pytest
 from drifting import Drift, parts, squeezed
 
 from planner.cli import expect
-from planner.evaluation import expectation
+from planner.evaluation import cases, expectation
 from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from runtime.spc.expectation import load as load_expectation
@@ -42,18 +42,17 @@ def test_every_squeeze_is_counted_once_where_it_was_made():
 
 
 def test_worlds_are_the_planned_one_and_others_about_it():
-    first, *others = expectation.cases(JOB)
-    assert (first.name, first.overrides) == (expectation.PLANNED, ())
+    first, *others = cases.friction_cases(JOB)
+    assert (first.name, first.job(JOB)) == (cases.PLANNED, JOB)
     planned = (JOB.friction.finger_part_min, JOB.friction.finger_part_max)
-    for case, factor in zip(others, expectation.FACTORS, strict=True):
+    for case, factor in zip(others, cases.FACTORS, strict=True):
         assert ("less" in case.name, "more" in case.name) == (case is others[0], case is others[-1])
-        assert [float(value) for _, value in case.overrides] == pytest.approx(
-            [factor * value for value in planned]
-        )
+        stated = list(case.changes["friction"].values())
+        assert stated == pytest.approx([factor * value for value in planned])
 
 
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
-    assert len(load_expectation(written).names) == 1 + len(expectation.FACTORS)
+    assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
     told = json.loads(written.read_text())
     assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(told["worlds"])
     again = list(expectation.expected(TABLE, JOB, 3000, 0, Threads(1)))

@@ -7,10 +7,10 @@ import pytest
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise
+from planner.diagnosis.noise import gains_without_noise
+from planner.evaluation.cases import EVERYTHING, noise_cases
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.sensitivity import EVERYTHING, noise_sources, sensitivity
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 from planner.world import ContactWorlds
 from runtime.table import load
 
@@ -38,7 +38,7 @@ def test_shares_are_those_of_the_evaluation(table, job, evaluation):
     advice = advise(table, evaluation, job)
     assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
     assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
-    assert advice.gains == ()
+    assert advice.gains == []
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
@@ -77,24 +77,24 @@ def test_leaves_that_know_nothing_are_told_from_paths_that_are_too_long(table, j
     assert advice.failing == 1.0
     assert advice.unresolved == pytest.approx(1.0 - run.rejected.mean())
     assert advice.at_depth_limit == 0.0
-    short = job_with(job.canonical(), [("search.max_depth", "3")])
+    short = job.replaced(search={"max_depth": 3})
     deep = advise(nobody, run, short).at_depth_limit
     assert deep == pytest.approx(((run.squeezes >= 3) & ~run.rejected).mean())
     assert any("max_depth" in line for line in advise(nobody, run, short).lines())
 
 
 def test_every_source_switched_off_is_one_the_job_has(job):
-    assert [case.name for case in noise_sources(job)] == ["pressure", "friction", "encoder noise", EVERYTHING]
-    still = [("friction.finger_part_max", "0.4"), ("gripper.encoder_noise_mm", "0")]
-    quiet = job_with(job.canonical(), [*still, ("release.shift_mm", "0.1")])
-    assert [case.name for case in noise_sources(quiet)] == ["pressure", "release", EVERYTHING]
-    for case in noise_sources(job):
-        assert job_with(job.canonical(), case.overrides) != job
+    assert [case.name for case in noise_cases(job)] == ["pressure", "friction", "encoder noise", EVERYTHING]
+    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"encoder_noise_mm": 0}}
+    quiet = job.replaced(**still, release={"shift_mm": 0.1})
+    assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
+    for case in noise_cases(job):
+        assert case.job(job) != job
 
 
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
-    coarse = job_with(job.canonical(), [("gripper.encoder_noise_mm", "1.2")])
-    gains = sensitivity(table, coarse, 2000)
+    coarse = job.replaced(gripper={"encoder_noise_mm": 1.2})
+    gains = gains_without_noise(table, coarse, 2000)
     assert gains[0].source == "encoder noise"
     assert gains[0].certain
     assert gains[0].gain > 0.02
@@ -105,5 +105,5 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     assert any("encoder noise" in line for line in lines)
 
 
-def test_sensitivity_is_the_same_every_time(table, job):
-    assert sensitivity(table, job, 1200) == sensitivity(table, job, 1200)
+def test_gains_are_the_same_every_time(table, job):
+    assert gains_without_noise(table, job, 1200) == gains_without_noise(table, job, 1200)

@@ -11,7 +11,7 @@ from problems import l_shape
 from planner.diagnosis.ambiguity import ambiguities
 from planner.evaluation.evaluate import evaluate
 from planner.frames import to_hand, wrap
-from planner.job.overrides import job_with
+from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.world import ContactWorlds
 from runtime.table import load
@@ -22,7 +22,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 @pytest.fixture(scope="module")
 def marked():
     """The rectangle with a mark that no jaw feels: its half-turns count, and nothing tells them apart."""
-    return job_with(TREES / "job.toml", [("part.symmetry", "1")])
+    return job_file.load(TREES / "job.toml", {"part": {"symmetry": 1}})
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +41,10 @@ def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(table
     found = ambiguities(table, evaluation, marked)
     assert len(found) == 3
     for row in found:
-        assert len(row.poses) == 2
-        assert abs(wrap(row.poses[0, 2] - row.poses[1, 2] - math.pi)) < 0.2
-        assert np.hypot(*(row.poses[0] - row.poses[1])[:2]) < 3.0
-        assert row.shares == pytest.approx((0.5, 0.5), abs=0.1)
+        assert len(row.where.poses) == 2
+        assert abs(wrap(row.where.poses[0, 2] - row.where.poses[1, 2] - math.pi)) < 0.2
+        assert np.hypot(*(row.where.poses[0] - row.where.poses[1])[:2]) < 3.0
+        assert row.where.shares == pytest.approx((0.5, 0.5), abs=0.1)
         assert row.separator is None
         assert "no squeeze" in row.line()
     shares = [row.share for row in found]
@@ -57,17 +57,17 @@ def test_leaves_that_know_the_pose_are_not_listed(marked, evaluation):
 
 
 def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
-    job = job_with(marked.canonical(), [("part.outline_mm", str(l_shape().tolist()))])
+    job = marked.replaced(part={"outline_mm": l_shape()})
     rng = np.random.default_rng(3)
     n = len(evaluation.leaf)
     turn = np.where(rng.random(n) < 0.6, 0.0, math.pi)
     poses = np.column_stack([0.3 * rng.normal(size=(n, 2)), turn + 0.02 * rng.normal(size=n)])
     open_leaf = replace(evaluation, leaf=np.zeros(n, np.int64), poses=poses)
     (row,) = ambiguities(table, open_leaf, job)
-    assert row.shares == pytest.approx((0.6, 0.4), abs=0.05)
+    assert row.where.shares == pytest.approx((0.6, 0.4), abs=0.05)
     assert row.share == 1.0
     simulator = Simulator.of_job(job)
-    hand = np.repeat(to_hand(row.poses, row.separator.placement), 200, axis=0)
+    hand = np.repeat(to_hand(row.where.poses, row.separator.placement), 200, axis=0)
     width = simulator.roll_out(hand, simulator.sample(400, rng)).width_mm.reshape(2, 200)
     assert width.mean(axis=1) == pytest.approx(row.separator.widths_mm, abs=0.5)
     assert abs(np.diff(width.mean(axis=1))[0]) > 3.0 * width.std(axis=1).max()
@@ -84,13 +84,13 @@ def scattered(n, rng, mm):
 
 
 def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evaluation):
-    job = job_with(marked.canonical(), [("part.outline_mm", str(l_shape().tolist()))])
+    job = marked.replaced(part={"outline_mm": l_shape()})
     n = len(evaluation.leaf)
     poses = scattered(n, np.random.default_rng(4), 0.2)
     poses[: n // 50, 2] += math.pi
     (row,) = ambiguities(table, in_one_leaf(evaluation, poses), job)
-    assert row.shares == pytest.approx((0.98, 0.02), abs=1e-9)
-    assert abs(wrap(row.poses[0, 2] - row.poses[1, 2] - math.pi)) < 0.1
+    assert row.where.shares == pytest.approx((0.98, 0.02), abs=1e-9)
+    assert abs(wrap(row.where.poses[0, 2] - row.where.poses[1, 2] - math.pi)) < 0.1
     assert row.separator is not None
     assert "(98.0%) or" in row.line()
 
@@ -101,16 +101,16 @@ def test_parts_that_scatter_about_one_pose_are_no_second_pose(table, marked, eva
     goal = table.goal.distance_um / 1e3
     poses[: n // 50, 0] += 1.5 * goal
     (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert len(row.poses) == 1
+    assert len(row.where.poses) == 1
     assert row.separator is None
-    assert 1.5 < row.scatter < 2.0
+    assert 1.5 < row.where.scatter < 2.0
     assert "ask for less" in row.line()
 
 
 def test_a_leaf_whose_trials_all_agree_lacked_particles(table, marked, evaluation):
     poses = scattered(len(evaluation.leaf), np.random.default_rng(6), 0.2)
     (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert row.scatter < 1.0
+    assert row.where.scatter < 1.0
     assert "more particles" in row.line()
 
 

@@ -31,8 +31,8 @@ def test_poses_that_are_still_open_late_are_named_with_their_shares():
     root = planned(LATE)
     (late,) = delays(root, JOB, 3)
     assert (late.made, late.share) == (LATE, 1.0)
-    assert late.shares == pytest.approx((0.5, 0.5))
-    assert sorted(late.poses[:, 0]) == pytest.approx([-6.0, 6.0])
+    assert late.where.shares == pytest.approx((0.5, 0.5))
+    assert sorted(late.where.poses[:, 0]) == pytest.approx([-6.0, 6.0])
     poses = "(6.0, 0.0) mm 0 deg (50%) or (-6.0, 0.0) mm 0 deg (50%)"
     assert late.line() == f"node 3: after 3 squeezes 100.0% of the parts lie at {poses}"
     squeeze = lower(root, JOB).nodes[late.node].squeeze

@@ -13,16 +13,14 @@ from sample_tables import random_table
 from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import REJECTED, Chunk, ChunkRun, evaluate, placement_of
-from planner.evaluation.outcome import NOWHERE, Evaluation
-from planner.evaluation.trials import Program
-from planner.evaluation.worlds import NamedWorlds
+from planner.evaluation.evaluate import Chunk, ChunkRun, evaluate
+from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.evaluation.trials import Program, placement_of
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds
+from planner.world import ContactWorlds, NamedWorlds
 from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
@@ -30,7 +28,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
 @pytest.fixture(scope="module")
 def job():
-    return job_with(TREES / "job.toml", [("gripper.encoder_noise_mm", "0")])
+    return job_file.load(TREES / "job.toml", {"gripper": {"encoder_noise_mm": 0}})
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +129,7 @@ def test_the_verdict_is_the_metric_to_the_leaf(job):
 
 def test_every_trial_ends_in_exactly_one_way(noisy):
     table = load(TREES / "rectangle.msgpack").table
-    world = ContactWorlds.of_job(job_with(noisy.canonical(), [("gripper.encoder_noise_mm", "0.5")]), 1)
+    world = ContactWorlds.of_job(noisy.replaced(gripper={"encoder_noise_mm": 0.5}), 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)
     ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
     assert np.all(np.sum(ways, axis=0) == 1)
@@ -236,7 +234,7 @@ def test_a_world_that_holds_nothing_drags_nothing(job):
 
 
 def test_initial_poses_come_from_what_the_parts_are_like(job):
-    wide = job_with(job.canonical(), [("uncertainty.radius_mm", "30")])
+    wide = job.replaced(uncertainty={"radius_mm": 30})
     evaluation = evaluate(spread_table(), wide, Wrung(), 500, seed=1)
     radius = np.hypot(*evaluation.initial[:, :2].T)
     assert 29.0 < radius.max() <= 30.0

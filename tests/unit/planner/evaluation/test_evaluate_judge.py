@@ -8,9 +8,8 @@ import pytest
 from sample_tables import random_table, small_table, with_leaf
 
 from planner.evaluation.judge import judge, metric_of_table
-from planner.evaluation.mistakes import NO_LEAF, confusions, nearest_leaf, worst
+from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
-from planner.evaluation.reliability import reliability
 from runtime.table import PPM, poses_of
 
 LEAF = 1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm

@@ -9,11 +9,18 @@ import pytest
 import shapely
 from problems import OUTLINES
 
-from planner.evaluation.evaluate import evaluate
-from planner.evaluation.sweep import standard_cases, sweep, three_feet
+from planner.evaluation.cases import (
+    assumption_cases,
+    friction_cases,
+    noise_cases,
+    standard_cases,
+    stress_cases,
+    three_feet,
+)
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.text import SWEEP_HEAD, sweep_row
 from planner.job import model as job_file
-from planner.job.overrides import job_with
+from planner.job.schema import MOST_FRICTION
 from planner.world import ContactWorlds
 from runtime.table import load
 
@@ -32,16 +39,16 @@ def worlds(real):
 @pytest.mark.parametrize("name", OUTLINES)
 def test_every_part_can_be_put_into_every_world(job, name):
     outline = OUTLINES[name]().tolist()
-    part = job_with(job.canonical(), [("part.outline_mm", str(outline)), ("part.symmetry", "auto")])
+    part = job.replaced(part={"outline_mm": outline, "symmetry": "auto"})
     for case in standard_cases(part):
-        real = job_with(part.canonical(), case.overrides)
-        assert (real == part) == (not case.overrides)
+        real = case.job(part)
+        assert (real == part) == (not case.changes)
         assert np.array_equal(real.part.outline_mm, part.part.outline_mm)
 
 
 def test_a_job_that_chooses_openings_can_be_swept_too(job):
-    choosy = job_with(job.canonical(), [("actions.openings_mm", "[60, 85]")])
-    assert len({job_with(choosy.canonical(), case.overrides) for case in standard_cases(choosy)}) > 8
+    choosy = job.replaced(actions={"openings_mm": [60, 85]})
+    assert len({case.job(choosy) for case in standard_cases(choosy)}) > 8
 
 
 @pytest.mark.parametrize("name", OUTLINES)
@@ -68,7 +75,7 @@ def test_only_the_world_differs_from_case_to_case(job):
 
 def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_told_to(job):
     (case,) = [case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"]
-    real = job_with(job.canonical(), case.overrides)
+    real = case.job(job)
     world = ContactWorlds.of_job(real, 1).world(0)
     # Flush between the fingers, 21 mm across; the hand itself was displaced.
     poses, width, _, _ = world.squeeze_many(np.array([[0.0, -case.disturbance.across_mm, 0.0]]))
@@ -88,3 +95,12 @@ def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
     longest = max(standard_cases(job), key=lambda case: len(case.name))
     (line,) = sweep(table, job, [longest], worlds, 50, 1)
     assert len(sweep_row(line)) == len(SWEEP_HEAD)
+
+
+@pytest.mark.parametrize(
+    "cases", [standard_cases, stress_cases, noise_cases, friction_cases, assumption_cases]
+)
+def test_every_list_of_worlds_fits_the_greatest_friction_that_a_job_may_state(job, cases):
+    rough = job.replaced(friction={"finger_part_min": 1.4, "finger_part_max": MOST_FRICTION})
+    worlds_ = cases(rough)
+    assert len({case.name for case in worlds_}) == len(worlds_) == len([case.job(rough) for case in worlds_])

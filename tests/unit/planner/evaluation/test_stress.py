@@ -8,21 +8,18 @@ import pytest
 
 from planner.belief.metric import Mode
 from planner.belief.particles import Belief
+from planner.evaluation.cases import OFFSET_COUNTS, UNEVEN, stress_cases
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.stress import (
     AMPLIFIED,
-    OFFSET_COUNTS,
     TOLERATED,
-    UNEVEN,
     doubt,
     doubtful,
     settle,
-    stress_cases,
     stressed,
 )
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 from planner.search.expand import TreeNode
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
@@ -33,7 +30,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
 @pytest.fixture(scope="module")
 def job():
-    return job_with(job_file.load(TREES / "job.toml").canonical(), [("goal.stress_trials", "500")])
+    return job_file.load(TREES / "job.toml", {"goal": {"stress_trials": 500}})
 
 
 @pytest.fixture(scope="module")
@@ -125,16 +122,16 @@ def test_worlds_are_off_to_both_sides_of_the_planned_one(job):
     assert long.disturbance.encoder_offset_mm == pytest.approx(OFFSET_COUNTS * count)
     assert short.disturbance.encoder_offset_mm == -long.disturbance.encoder_offset_mm
     planned = job.friction
-    below, above = (job_with(job.canonical(), case.overrides).friction for case in (slippery, rough))
+    below, above = (case.job(job).friction for case in (slippery, rough))
     assert 0.0 < below.finger_part_min < below.finger_part_max == planned.finger_part_min
     assert planned.finger_part_max == above.finger_part_min < above.finger_part_max
-    shares = [job_with(job.canonical(), case.overrides).gripper.upper_finger_share for case in (less, more)]
+    shares = [case.job(job).gripper.upper_finger_share for case in (less, more)]
     assert shares == pytest.approx([0.5 - UNEVEN, 0.5 + UNEVEN])
     assert less.disturbance.across_mm == pytest.approx(-more.disturbance.across_mm)
 
 
 def test_a_finger_that_sticks_by_plan_can_only_move_more(job):
-    stuck = job_with(job.canonical(), [("gripper.upper_finger_share", "0")])
+    stuck = job.replaced(gripper={"upper_finger_share": 0})
     assert [case.name for case in stress_cases(stuck)][4:-1] == ["upper finger moves 10%, centred"]
 
 
@@ -144,5 +141,5 @@ def test_runs_are_the_same_on_any_number_of_workers_and_none_are_made_without_tr
     for a, b in zip(one, two, strict=True):
         assert np.array_equal(a.poses, b.poses)
         assert len(a.leaf) == 500
-    off = job_with(job.canonical(), [("goal.stress_trials", "0")])
+    off = job.replaced(goal={"stress_trials": 0})
     assert stressed(table, off, 1, Threads(1)) == []

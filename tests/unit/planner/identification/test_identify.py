@@ -79,7 +79,7 @@ def test_an_exact_ellipsoid_is_found_by_both_kinds():
     assert np.allclose(A_found, A, rtol=1e-6)
 
 
-def test_the_quartic_foretells_a_rectangle_better():
+def test_the_quartic_predicts_a_rectangle_better():
     ellipsoid, squared = found_in(rectangle_pairs(60, 0.05), "ellipsoid", "quartic")
     assert squared.errors_rad.mean() < 0.8 * ellipsoid.errors_rad.mean()
     surface = squared.fit.surface
@@ -95,7 +95,7 @@ def test_the_ridge_is_strong_where_an_ellipsoid_is_the_truth_and_weak_where_it_i
 
 
 def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
-    """One pair that no other agrees with: it is foretold badly whenever it is held out."""
+    """One pair that no other agrees with: it is predicted badly whenever it is held out."""
     pairs = ellipsoid_pairs(20, 0.0)
     pairs.twists[0] = -pairs.twists[0]
     (result,) = found_in(pairs, "ellipsoid", splits=8, share=0.7)

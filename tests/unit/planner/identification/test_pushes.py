@@ -153,7 +153,7 @@ MISTAKES = {
     "truncated": ("\n".join(lines_of()[:-30]), "line 177, push 1 of 1: the file ends where pusher poses"),
     "one push short": (changed_line(0, "2"), "line 207, push 2 of 2: the file ends where pose before"),
     "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
-    "huge count": (changed_line(3, "1e300"), "'1e300' is not a number below 1e+30"),
+    "huge count": (changed_line(3, "1e29"), "number of force readings is 1e+29"),
 }
 
 
@@ -226,5 +226,5 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         with pytest.raises(InputFileError, match="check the path"):
             pushes.load(path)
     (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputFileError, match="not text"):
+    with pytest.raises(InputFileError, match="not UTF-8 text"):
         pushes.load(tmp_path / "bytes.txt")

@@ -7,16 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import errors
-from planner.job import documents
 from planner.job import model as job
-from planner.job.overrides import apply, job_with, split, value_of
+from planner.job.overrides import changes_of, split, value_of
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")
 PARSED = job.parse(TEXT)
 
 
-@pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED.canonical()], ids=["path", "toml", "canonical"])
+def job_with(source, overrides=()):
+    """The job of a path, a file's text or a job, with values replaced."""
+    changes = changes_of(f"{name}={value}" for name, value in overrides)
+    if isinstance(source, job.Job):
+        return source.replaced(**changes)
+    return job.load(source, changes) if isinstance(source, Path) else job.parse(source, changes=changes)
+
+
+@pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED], ids=["path", "toml", "job"])
 class TestSources:
     def test_without_overrides_it_is_the_job_itself(self, source):
         assert job_with(source) == PARSED
@@ -45,7 +52,7 @@ class TestSources:
             ("pressure.kind", "points"),
             (
                 "pressure.points_mm",
-                "[[5, 5], [25, 5], [15, 15]]" if source != PARSED.canonical() else supports,
+                "[[5, 5], [25, 5], [15, 15]]" if source is not PARSED else supports,
             ),
         ]
         pressure = job_with(source, changes).pressure
@@ -83,10 +90,22 @@ class TestSources:
         assert "\n" not in str(caught.value)
 
 
-def test_the_document_is_not_modified():
-    document = documents.from_toml(TEXT, "job")
-    apply(document, "uncertainty.radius_mm", "15")
-    assert document == documents.from_toml(TEXT, "job")
+def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part_of_one():
+    texts = ["a.b=1", "a.c=2", "a.b=3", 'c.d="x=y"', "seed = 4"]
+    assert changes_of(texts) == {"a": {"c": 2, "b": 3}, "c": {"d": "x=y"}, "seed": 4}
+    assert list(changes_of(texts)["a"]) == ["c", "b"]  # they are applied in this order
+
+
+@pytest.mark.parametrize("texts", [["seed"], ["seed=1", "seed.x=2"], ["=1"]])
+def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts):
+    with pytest.raises(errors.UsageError, match="write it as"):
+        changes_of(texts)
+
+
+def test_a_job_is_not_changed_by_what_is_made_of_it():
+    before = PARSED.canonical()
+    assert PARSED.replaced(part={"outline_mm": [[0, 0], [40, 0], [0, 30]], "symmetry": "auto"}) != PARSED
+    assert PARSED.canonical() == before
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from scipy.stats import chi2_contingency, kstest
 
 from planner.errors import ClusterError
 from planner.job import model as job_file
-from planner.job.overrides import job_with
 from planner.learned import rollouts
 from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
 from planner.learned.store import Store, StoreWarning
@@ -83,8 +82,8 @@ def test_a_jobs_region_is_three_times_its_uncertainty_as_far_as_fingers_reach():
     assert rollouts.region_radius(job) == pytest.approx(38.25)
     assert rollouts.region_radius(job, factor=2.0) == pytest.approx(25.5)
     reach = math.hypot(27.5 / 2, 85 / 2 + 9.5) + math.hypot(15, 10.5)
-    for radius, expected in (("900", reach), ("0", rollouts.RING_MM)):
-        changed = job_with(job.canonical(), [("uncertainty.radius_mm", radius)])
+    for radius, expected in ((900, reach), (0, rollouts.RING_MM)):
+        changed = job.replaced(uncertainty={"radius_mm": radius})
         assert rollouts.region_radius(changed) == pytest.approx(expected)
 
 
@@ -234,16 +233,14 @@ def test_only_what_the_squeeze_depends_on_names_it(part):
 
 
 def test_jobs_of_one_part_and_gripper_share_their_roll_outs():
-    job = job_file.load(JOB).canonical()
-    changes = [
-        ("uncertainty.radius_mm", "15"),
-        ("seed", "9"),
-        ("goal.distance_mm", "1"),
-        ("part.name", "plate"),
+    job = job_file.load(JOB)
+    alike = [
+        job.replaced(uncertainty={"radius_mm": 15}, seed=9),
+        job.replaced(goal={"distance_mm": 1}, part={"name": "plate"}),
     ]
-    contents = {rollouts.content_of(Simulator.of_job(job_with(job, [change]))) for change in changes}
+    contents = {rollouts.content_of(Simulator.of_job(each)) for each in [job, *alike]}
     assert len(contents) == 1
-    grip = job_with(job, [("gripper.opening_mm", "80")])
+    grip = job.replaced(gripper={"opening_mm": 80})
     assert rollouts.content_of(Simulator.of_job(grip)) not in contents
 
 

@@ -86,7 +86,7 @@ def test_a_fit_is_convex_in_random_directions(fitted):
     assert least_curvature(fitted.coefficients, directions) >= -1e-9
 
 
-def test_the_quartic_foretells_twists_better_than_the_ellipsoid(load, fitted):
+def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
     F = limit_surface.wrenches(*load, RHO, TWISTS)
     ellipsoid = mean_twist_error(limit_surface.twist(limit_surface.fit_ellipsoid(*load, RHO).A, F), TWISTS)
     assert mean_twist_error(fitted.twist(F), TWISTS) < 0.5 * ellipsoid

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from planner.job.overrides import job_with
-from planner.report.comparison import METHODS, Row, markdown, pairs, run, table_rows, zoo_rows
+from planner.job import model as job_file
+from planner.job.overrides import changes_of
+from planner.report.comparison import METHODS, Row, markdown, run, table_rows, zoo_rows
 
 pytestmark = pytest.mark.slow
 
@@ -42,10 +43,6 @@ def test_rows_of_the_paper_and_of_the_zoo_share_no_part():
     assert all(row.paper is None and not row.world for row in zoo)
 
 
-def test_values_keep_their_equals_signs():
-    assert pairs(["a.b=1", 'c.d="x=y"']) == [("a.b", "1"), ("c.d", '"x=y"')]
-
-
 def test_markdown_has_a_line_for_each_row_and_leaves_empty_columns_out():
     lines = markdown([FIGURES, {**FIGURES, "row": "4"}]).splitlines()
     assert len(lines) == 4
@@ -80,4 +77,4 @@ def test_a_row_is_compiled_for_the_job_and_judged_in_the_world():
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_methods_are_values_that_a_job_takes(method):
-    assert job_with(TREES / "rectangle" / "job.toml", pairs(method.job))
+    assert job_file.load(TREES / "rectangle" / "job.toml", changes_of(method.job))

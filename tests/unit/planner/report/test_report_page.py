@@ -12,11 +12,11 @@ from html_pages import Page
 from run_logs import chained, header, part
 
 from planner.cli import report
+from planner.evaluation.cases import assumption_cases
 from planner.evaluation.statistics import wilson_interval
 from planner.job import model as job_file
 from planner.report import details, dossier, run_log
 from planner.report.run_log import RunLog
-from planner.report.sensitivity import changes
 from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
@@ -107,9 +107,9 @@ def test_runs_put_a_map_together_again():
 
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():
-    names = [name for name, _ in changes(JOB)]
-    assert len(set(names)) == len(names)
-    assert [name for name, overrides in changes(JOB) if not overrides] == names[:1]
+    cases = assumption_cases(JOB)
+    assert len({case.name for case in cases}) == len({case.job(JOB) for case in cases}) == len(cases)
+    assert cases[0].job(JOB) == JOB
 
 
 def test_a_name_cannot_break_out_of_the_page(text):

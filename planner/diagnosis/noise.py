@@ -1,22 +1,21 @@
-"""What limits a table: its success with one source of noise after another switched off."""
+"""What a job's sources of noise cost its plan: success of the table with one after another switched off."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
+from planner.evaluation.evaluate import sweep
 from planner.evaluation.statistics import Z95
-from planner.evaluation.sweep import Case, sweep
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-SEED_SENSITIVITY = 0x53454E53
-STEADY_DOF = "1000000"
-"""Degrees of freedom at which the limit surface no longer scatters."""
-EVERYTHING = "all of them"
+SEED_NOISE = 0x53454E53
 
 
 class Gain(NamedTuple):
@@ -44,30 +43,8 @@ class Gain(NamedTuple):
         return {**self._asdict(), "certain": self.certain}
 
 
-def noise_sources(job: Job) -> list[Case]:
-    """The job's sources of noise, each with the overrides that switch it off; at last all together."""
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    middle = repr(0.5 * (low + high))
-    sources = [Case("pressure", (("pressure.wishart_dof", STEADY_DOF),))]
-    if high > low:
-        fixed = (("friction.finger_part_min", middle), ("friction.finger_part_max", middle))
-        sources.append(Case("friction", fixed))
-    if job.gripper.encoder_noise_mm > 0.0:
-        sources.append(Case("encoder noise", (("gripper.encoder_noise_mm", "0"),)))
-    if job.release.shift_mm > 0.0 or job.release.turn_deg > 0.0:
-        sources.append(Case("release", (("release.shift_mm", "0"), ("release.turn_deg", "0"))))
-    return [
-        *sources,
-        Case(EVERYTHING, tuple(override for source in sources for override in source.overrides)),
-    ]
-
-
-def sensitivity(
-    table: Table,
-    job: Job,
-    trials: int,
-    scheduler: Scheduler | None = None,
-    report: Report = silent,
+def gains_without_noise(
+    table: Table, job: Job, trials: int, scheduler: Scheduler | None = None, report: Report = silent
 ) -> list[Gain]:
     """Runs a table without one source of noise after another; the table stays what it is.
 
@@ -81,18 +58,31 @@ def sensitivity(
     Returns:
         One gain a source, the largest first, then the one without any noise.
     """
-    cases = [Case("as planned"), *noise_sources(job)]
-    rates = []
+    seed = job.seed + SEED_NOISE
+    cases = [Case(PLANNED), *noise_cases(job)]
     lines = sweep(
-        table, job, cases, lambda real: ContactWorlds.of_job(real, job.seed + SEED_SENSITIVITY), trials,
-        job.seed + SEED_SENSITIVITY, scheduler,
-    )  # fmt: skip
-    for line in lines:
-        rates.append(float(line.evaluation.success.mean()))
-        report("sensitivity", len(rates), len(cases))
-    base, *others = rates
+        table, job, cases, lambda real: ContactWorlds.of_job(real, seed), trials, seed, scheduler, report
+    )
+    base, *others = (float(line.evaluation.success.mean()) for line in lines)
     gains = [_gain(case.name, base, rate, trials) for case, rate in zip(cases[1:], others, strict=True)]
     return [*sorted(gains[:-1], key=lambda gain: -gain.gain), gains[-1]]
+
+
+def lines_of(gains: Sequence[Gain]) -> list[str]:
+    """For people: which sources of noise limit the plan, and what stays without any."""
+    if not gains:
+        return []
+    single = [gain for gain in gains if gain.source != EVERYTHING]
+    lines = [
+        f"{gain.source} limits it: {gain.gain:.2%} more, give or take {gain.error:.2%}, if it did not scatter"
+        for gain in single
+        if gain.certain
+    ]
+    if not lines:
+        measured = ", ".join(f"{gain.source} {gain.gain:+.2%}" for gain in single)
+        lines.append(f"no source of noise alone limits this plan: {measured}")
+    missing = 1.0 - gains[-1].success_rate
+    return [*lines, f"{missing:.2%} would not be located without any noise: that is up to the action set"]
 
 
 def _gain(source: str, base: float, rate: float, trials: int) -> Gain:

@@ -1,0 +1,194 @@
+"""Worlds that are not what the plan believes, as lists of named cases: one for each use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.evaluation.disturbance import NONE, Disturbance
+from planner.job.model import Job
+from planner.job.schema import MOST_FRICTION
+from planner.part.outline import convex_hull, min_width
+
+OFFSET_COUNTS = 2.0
+"""An encoder's zero may be off by so much."""
+UNEVEN = 0.1
+"""A finger may make so much more or less of the closing motion than planned."""
+SLIGHTLY_UNEVEN = 0.02
+"""The same, for a report: 1.3 mm where the jaws close by 64."""
+STEADY_DOF = 1_000_000
+"""Degrees of freedom at which the limit surface no longer scatters."""
+FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
+"""Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
+that one more makes the others slower; the outermost tell soon enough of a friction that lies farther away."""
+BEYOND = {min(FACTORS): " or less", max(FACTORS): " or more"}
+PLANNED = "as planned"
+EVERYTHING = "all of them"
+
+
+class Case(NamedTuple):
+    """One world.
+
+    Attributes:
+        name: what is different.
+        changes: of the job that the world gets, as `Job.replaced` takes them.
+        disturbance: errors of the cell.
+    """
+
+    name: str
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
+    disturbance: Disturbance = NONE
+
+    def job(self, planned: Job) -> Job:
+        """What parts and gripper are like in this world.
+
+        Raises:
+            JobError: there is no such job.
+        """
+        return planned.replaced(f"the world with {self.name}", **self.changes)
+
+    def stated(self) -> dict[str, str]:
+        """The changes as `--world-set` takes them."""
+        return {
+            f"{section}.{key}": str(value)
+            for section, values in self.changes.items()
+            for key, value in values.items()
+        }
+
+
+def standard_cases(job: Job) -> list[Case]:
+    """For `plan-evaluate --sweep`: pressure, friction, encoder, fingers, placement; first as planned."""
+    noise = 3.0 * job.gripper.encoder_noise_mm
+    return [
+        Case(PLANNED),
+        *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
+        on_three_feet(job),
+        *(friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))),
+        *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, -0.4, 0.4, 1.0)),
+        Case("encoder noise x 3", {"gripper": {"encoder_noise_mm": noise}}),
+        *(uneven(job, share, centred=False) for share in (0.49, 0.51)),
+        *(uneven(job, share, centred=True) for share in (0.4, 0.6)),
+        Case("placement 0.5 mm, 0.5 deg", disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5)),
+        Case("arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
+    ]
+
+
+def stress_cases(job: Job) -> list[Case]:
+    """For `goal.stress_trials`: encoder, friction and fingers a little off to both sides, and three feet."""
+    gripper = job.gripper
+    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    shares = (gripper.upper_finger_share - UNEVEN, gripper.upper_finger_share + UNEVEN)
+    return [
+        *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
+        *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < min(b, MOST_FRICTION)),
+        *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
+        on_three_feet(job),
+    ]
+
+
+def noise_cases(job: Job) -> list[Case]:
+    """For advice: each of the job's sources of noise switched off; at last all together."""
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
+    if high > low:
+        sources.append(Case("friction", _bounds(0.5 * (low + high), 0.5 * (low + high))))
+    if job.gripper.encoder_noise_mm > 0.0:
+        sources.append(Case("encoder noise", {"gripper": {"encoder_noise_mm": 0.0}}))
+    if job.release.shift_mm > 0.0 or job.release.turn_deg > 0.0:
+        sources.append(Case("release", {"release": {"shift_mm": 0.0, "turn_deg": 0.0}}))
+    return [
+        *sources,
+        Case(EVERYTHING, {name: part for case in sources for name, part in case.changes.items()}),
+    ]
+
+
+def friction_cases(job: Job) -> list[Case]:
+    """For charts of readings: as planned, then with the planned interval of friction times a factor."""
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    others = ((factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS)
+    return [Case(PLANNED), *(case._replace(name=case.name + BEYOND.get(f, "")) for f, case in others)]
+
+
+def assumption_cases(job: Job) -> list[Case]:
+    """For a report: one assumption broken at a time, each named in a sentence; first none."""
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    less, more = 0.5 * low, min(1.5 * high, MOST_FRICTION)
+    noise, planned = 2.0 * job.gripper.encoder_noise_mm, job.gripper.upper_finger_share
+    share = planned + (SLIGHTLY_UNEVEN if planned < 0.9 else -SLIGHTLY_UNEVEN)
+    cases = [
+        Case("as the job says"),
+        Case(f"friction only {low:g}", _bounds(low, low)),
+        Case(f"friction only {high:g}", _bounds(high, high)),
+        Case(f"friction {less:.3g}, half the least", _bounds(less, less)),
+        Case(f"friction {more:.3g}, half as much again as the most", _bounds(more, more)),
+        Case(f"encoder noise {noise:g} mm, twice as much", {"gripper": {"encoder_noise_mm": noise}}),
+    ]
+    if not job.actions.openings_mm:  # such a job needs fingers that move alike
+        name = f"the upper finger makes {100 * share:.3g} % of the way"
+        cases.append(Case(name, {"gripper": {"upper_finger_share": share}}))
+    released = {"release": {"shift_mm": 0.5, "turn_deg": 1.0}}
+    cases.append(Case("parts shift by 0.5 mm and 1 degree when let go", released))
+    if job.pressure.kind in ("boundary", "uniform"):
+        other = "uniform" if job.pressure.kind == "boundary" else "boundary"
+        cases.append(_pressure(other)._replace(name=f"pressure {other}, not {job.pressure.kind}"))
+    return cases
+
+
+def three_feet(outline: Array) -> Array:
+    """Three corners (3, 2) of the hull that span the largest triangle: as lopsided as a part stands."""
+    hull = convex_hull(outline)
+    # Of a dense curve every few vertices will do.
+    hull = hull[:: -(-len(hull) // 24)]
+    return max(
+        (hull[list(corners)] for corners in combinations(range(len(hull)), 3)),
+        key=lambda p: abs(np.linalg.det(np.array([p[1] - p[0], p[2] - p[0]]))),
+    )
+
+
+def on_three_feet(job: Job) -> Case:
+    """The part stands on three of its corners."""
+    feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
+    return Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})
+
+
+def friction(low: float, high: float) -> Case:
+    """Other bounds on the friction between finger and part, as far as a job may state them."""
+    low, high = min(low, MOST_FRICTION), min(high, MOST_FRICTION)
+    return Case(f"friction {low:g} to {high:g}", _bounds(low, high))
+
+
+def uneven(job: Job, share: float, centred: bool) -> Case:
+    """Fingers that do not move alike.
+
+    They meet off where the plan has them meet, by (planned share - share) (opening - width). No width tells
+    of that: it is a fault of the cell's calibration, and every pose is off by it. Centred, the hand is
+    calibrated where the fingers meet on the part's narrowest side, and what is left is how an uneven squeeze
+    moves the part.
+
+    Args:
+        job: what is planned.
+        share: of the closing motion that the upper finger makes instead.
+        centred: whether the hand is calibrated so.
+    """
+    off = (job.gripper.upper_finger_share - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
+    # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.
+    changes: dict[str, dict[str, Any]] = {
+        "actions": {"openings_mm": []},
+        "gripper": {"upper_finger_share": share},
+    }
+    name = f"upper finger moves {share:.0%}" + (", centred" if centred else "")
+    return Case(name, changes, Disturbance(across_mm=-off) if centred else NONE)
+
+
+def _pressure(kind: str) -> Case:
+    return Case(f"pressure {kind}", {"pressure": {"kind": kind}})
+
+
+def _bounds(low: float, high: float) -> dict[str, dict[str, float]]:
+    return {"friction": {"finger_part_min": low, "finger_part_max": high}}
