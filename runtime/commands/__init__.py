@@ -1,1 +1,1 @@
-"""The commands beside `grasp-runtime`, and the options of all."""
+"""The commands of the runtime: their arguments, what these mean, and what each command does."""

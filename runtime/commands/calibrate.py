@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from itertools import zip_longest
@@ -14,17 +14,15 @@ from typing import TextIO
 from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError, GripperStateError
-from runtime.execution import calibration, strokes
-from runtime.execution.calibration import LEAST_BLOCKS, Gauge, GripperCalibration
-from runtime.execution.reading import CLOSED_COUNTS, check_fresh
+from runtime.errors import ArgumentsError
+from runtime.execution import calibration, gauging
+from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import GripperSpec
-from runtime.traversal.decision import CLOSING_CONTACT
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
@@ -114,7 +112,7 @@ def run(
                 ask("The fingers will open and close fully: clear the space between them and press Enter.")
                 gripper.activate()
             ready_gripper(gripper)
-            gauges = list(measure(gripper, widths_mm, arguments.grips, ask))
+            gauges = list(gauging.measure(gripper, widths_mm, arguments.grips, ask))
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
     made = replace(made, tips=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
@@ -126,42 +124,6 @@ def run(
         say(line)
     say(f"written to {arguments.output}")
     return 0
-
-
-def measure(
-    gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
-) -> Iterator[Gauge]:
-    """Grip each block so many times.
-
-    Args:
-        gripper: ready.
-        widths_mm: the blocks in rising order; 0 for none.
-        grips: times.
-        ask: shows the operator a sentence and waits.
-
-    Yields:
-        A gauge for each block.
-
-    Raises:
-        GripperStateError: the gripper is not ready, or closed without meeting the block.
-    """
-    for width_mm in widths_mm:
-        _stroke(gripper, 0, 255)
-        if width_mm > 0.0:
-            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter.")
-        else:
-            ask("Take everything out from between the fingers and press Enter.")
-        counts = []
-        for _ in range(grips):
-            count, flag = _stroke(gripper, CLOSED_COUNTS, strokes.GENTLE_SPEED)
-            if width_mm > 0.0 and flag != CLOSING_CONTACT:
-                raise GripperStateError(
-                    f"the fingers closed without meeting the {width_mm:g} mm block; begin again"
-                )
-            counts.append(count)
-            _stroke(gripper, max(count - 25, 0), 0)
-        yield Gauge(width_mm, tuple(counts))
-    _stroke(gripper, 0, 255)
 
 
 def report(made: GripperCalibration) -> Iterator[str]:
@@ -202,14 +164,6 @@ class _Terminal:
             if sys.stdin.readline():
                 return
         raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
-
-
-def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
-    ready_gripper(gripper)
-    gripper.move(position_counts, speed_counts, strokes.GENTLE_FORCE)
-    settled = gripper.wait()
-    check_fresh(settled, position_counts)
-    return settled.position_counts, settled.object_flag
 
 
 def _checked(

@@ -8,9 +8,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.commands import cell as devices_of
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
-from runtime.commands.cell import Devices
+from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
@@ -149,9 +148,7 @@ class _Asked:
         return 0
 
     def _connect(self, report: Report) -> Devices:
-        return devices_of.connect(
-            self.arguments, self.loaded.table, self.console, self.drivers, self.stack, report
-        )
+        return connect(self.arguments, self.loaded.table, self.console, self.drivers, self.stack, report)
 
     def _look_back(
         self, clock: SystemClock, header: Mapping[str, object]

@@ -29,10 +29,6 @@ class Truth(Protocol):
         """World angle of the part, rad."""
 
     @property
-    def squeezes(self) -> int:
-        """Squeezes this part has had."""
-
-    @property
     def crashes(self) -> int:
         """Times open fingers were placed onto this part."""
 

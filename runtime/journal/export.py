@@ -1,8 +1,9 @@
 """A journal as a table for statistics: one row a squeeze, with its part's end beside it."""
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from runtime.errors import ArgumentsError
 from runtime.journal.replay import Entry
@@ -55,14 +56,14 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     yield from part
 
 
-def write_csv(found: Iterable[Row], path: Path) -> int:
+def write_csv(found: Iterable[Row], path: Path, columns: Sequence[str] = COLUMNS) -> int:
     """Write rows as CSV with a header line; returns their number.
 
     Raises:
         OutputError: the file cannot be written.
     """
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, columns)
         writer.writeheader()
         number = 0
         for row in found:
@@ -71,8 +72,19 @@ def write_csv(found: Iterable[Row], path: Path) -> int:
     return number
 
 
-def write_parquet(found: Iterable[Row], path: Path) -> int:
+def write_parquet(
+    found: Iterable[Row],
+    path: Path,
+    columns: Sequence[str] = COLUMNS,
+    kinds: Mapping[str, str] = MappingProxyType({}),
+) -> int:
     """Write rows as Parquet; returns their number.
+
+    Args:
+        found: the rows.
+        path: the file.
+        columns: names of the columns, in order.
+        kinds: Arrow types by column; those of the others follow from their values.
 
     Raises:
         ArgumentsError: pyarrow is not installed.
@@ -87,10 +99,10 @@ def write_parquet(found: Iterable[Row], path: Path) -> int:
             "pip install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
     listed = list(found)
-    columns = {name: [row[name] for row in listed] for name in COLUMNS}
     try:
+        arrays = [pyarrow.array([row[name] for row in listed], kinds.get(name)) for name in columns]
         with writing(path) as draft:
-            parquet.write_table(pyarrow.table(columns), draft)
+            parquet.write_table(pyarrow.table(arrays, list(columns)), draft)
     except pyarrow.ArrowException as error:  # where a column holds words and numbers
         raise ArgumentsError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)

@@ -1,6 +1,6 @@
 """The distributions that the control charts need, in the standard library alone."""
 
-from math import comb, erf, exp, lgamma, log, sqrt
+from math import comb, exp, lgamma, log, sqrt
 
 Z95 = 1.959964
 TINY = 1e-300
@@ -17,11 +17,6 @@ def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
     whole = 1.0 + z2 / trials
     low = 0.0 if successes == 0 else (middle - spread) / whole
     return low, 1.0 if successes == trials else (middle + spread) / whole
-
-
-def normal_cdf(z: float) -> float:
-    """Probability that a standard normal variable is at most z."""
-    return 0.5 * (1.0 + erf(z / sqrt(2.0)))
 
 
 def binomial_tail(least: int, trials: int, share: float) -> float:

@@ -46,11 +46,6 @@ def test_wilson_interval_is_scipys(successes, trials):
     assert distributions.wilson(successes, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-6)
 
 
-@given(st.floats(-6.0, 6.0))
-def test_normal_is_scipys(z):
-    assert distributions.normal_cdf(z) == pytest.approx(stats.norm.cdf(z), abs=1e-12)
-
-
 def test_nothing_tried_leaves_everything_open():
     assert distributions.wilson(0, 0) == (0.0, 1.0)
     assert distributions.chi_square_tail(5.0, 0) == 1.0

@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import json
 import math
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -306,10 +307,7 @@ def test_mistakes_are_told_in_one_line(journal, tmp_path, monkeypatch, capsys, w
 
 
 def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
-    def absent(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(export.importlib, "import_module", absent)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     found = reading.read([journal])
     with pytest.raises(ArgumentsError, match=r"install squeezetree\[parquet\]"):
         export.write(export.rows(found.parts, {}), tmp_path / "p.parquet")
