@@ -21,6 +21,9 @@ INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
 HOME_MM = (0.0, 0.0, 100.0)  # where the hand hangs at start, pointing down
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
+# What an instruction does with its parameters at some moment: when it is over; None: at once.
+Instruction = Callable[[tuple[float, ...], float], float | None]
+
 
 class Answer(NamedTuple):
     """What an instruction comes to.
@@ -132,68 +135,62 @@ class ArmModel:
         if message.code == 99:
             return Answer(None, now_s, closing=True)
         try:
-            payload, ready_s = run(tuple(message.parameters[: message.count]), now_s)
+            ready_s = run(tuple(message.parameters[: message.count]), now_s)
         except HaltError as halt:
             self.halted = str(halt)
             return Answer(None, math.inf)
-        return Answer(f"{code} 1 {payload}", ready_s)
+        return Answer(f"{code} 1 {self._payload(message.code, now_s)}", now_s if ready_s is None else ready_s)
 
-    def _instructions(
-        self,
-    ) -> dict[float, tuple[tuple[int, ...], "Callable[[tuple[float, ...], float], tuple[str, float]]"]]:
+    def _payload(self, code: float, now_s: float) -> str:
+        """What the answer to an instruction carries; empty for all that are not questions."""
+        if code == 3:
+            pose = self.pose_at(now_s)
+            numbers = [rapid.to_string(value, 2) for value in pose[:3]]
+            return " ".join([*numbers, *(rapid.to_string(part, 3) for part in pose.rotation)])
+        if code == 4:
+            return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
+        if code == 5:
+            return " ".join(rapid.to_string(value, 2)[:8] for value in self._external)
+        return {32: rapid.to_string(len(self._buffer), 2), 98: INFO}.get(int(code), "")
+
+    def _instructions(self) -> dict[float, tuple[tuple[int, ...], Instruction]]:
         """Code -> (parameter counts taken, what it does): the TEST of SERVER.mod main."""
-        return {
-            0: ((0,), lambda _, now: ("", now)),
+        questions = dict.fromkeys((0, 3, 4, 5, 32, 98, 99), ((0,), lambda *_: None))
+        return questions | {
             1: ((7,), self._move_linear),
             2: ((6,), self._move_joints),
-            3: ((0,), lambda _, now: (_pose_text(self.pose_at(now)), now)),
-            4: ((0,), lambda _, now: (self._joints_text(now), now)),
-            5: ((0,), lambda _, now: (" ".join(rapid.to_string(v, 2)[:8] for v in self._external), now)),
             6: ((7,), self._set_tool),
             7: ((7,), self._set_work_object),
             8: ((2, 4), self._set_speed),
             9: ((4,), self._set_zone),
             30: ((7,), self._append),
-            31: ((0,), self._clear),
-            32: ((0,), lambda _, now: (rapid.to_string(len(self._buffer), 2), now)),
+            31: ((0,), lambda *_: self._buffer.clear()),
             33: ((0,), self._run_buffer),
             34: ((6,), self._move_external),
             35: ((7,), self._set_circle_point),
             36: ((7,), self._move_circle),
-            98: ((0,), lambda _, now: (INFO, now)),
-            99: ((0,), lambda _, now: ("", now)),
         }
 
     # -- settings ---------------------------------------------------------------------------------
 
-    def _set_tool(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _set_tool(self, values: tuple[float, ...], _now_s: float) -> None:
         self._tool = _unit(_pose(values))
-        return "", now_s
 
-    def _set_work_object(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _set_work_object(self, values: tuple[float, ...], _now_s: float) -> None:
         self._work_object = _unit(_pose(values))
-        return "", now_s
 
-    def _set_speed(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _set_speed(self, values: tuple[float, ...], _now_s: float) -> None:
         self._speed = (values[0], values[1])
-        return "", now_s
 
-    def _set_zone(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _set_zone(self, values: tuple[float, ...], _now_s: float) -> None:
         self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
-        return "", now_s
 
-    def _append(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _append(self, values: tuple[float, ...], _now_s: float) -> None:
         if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
             self._buffer.append((_pose(values), self._speed))
-        return "", now_s
 
-    def _clear(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
-        self._buffer.clear()
-        return "", now_s
-
-    def _set_circle_point(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _set_circle_point(self, values: tuple[float, ...], _now_s: float) -> None:
         self._circle = _pose(values)
-        return "", now_s
 
     # -- motion -----------------------------------------------------------------------------------
 
@@ -244,35 +241,31 @@ class ArmModel:
         early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
         return end_s - early, end_s
 
-    def _move_linear(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
-        return "", self._line(_pose(values), self._speed, now_s)[0]
+    def _move_linear(self, values: tuple[float, ...], now_s: float) -> float:
+        return self._line(_pose(values), self._speed, now_s)[0]
 
-    def _run_buffer(self, _values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _run_buffer(self, _values: tuple[float, ...], now_s: float) -> float:
         for tip, speed in self._buffer:
             now_s = self._line(tip, speed, now_s)[0]
-        return "", now_s
+        return now_s
 
-    def _move_circle(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _move_circle(self, values: tuple[float, ...], now_s: float) -> float:
         """MoveC, driven as two chords through the via-point."""
         if self._circle is None:
             raise HaltError("50066 circle point not defined")
         for tip in (self._circle, _pose(values)):
             now_s = self._line(tip, self._speed, now_s)[1]
-        return "", now_s
+        return now_s
 
-    def _move_joints(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
         here, now = self._flange_at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
-        return "", self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
+        return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 
-    def _move_external(self, values: tuple[float, ...], now_s: float) -> tuple[str, float]:
+    def _move_external(self, values: tuple[float, ...], _now_s: float) -> None:
         self._external = (values[0], values[1], values[2], values[3], values[4], values[5])
-        return "", now_s
-
-    def _joints_text(self, now_s: float) -> str:
-        return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
 
 
 def _pose(values: tuple[float, ...]) -> Pose:
@@ -286,8 +279,3 @@ def _unit(pose: Pose) -> Pose:
         raise HaltError("40512 orientation value is not normalised")
     w, x, y, z = (part / length for part in pose.rotation)
     return Pose(*pose[:3], (w, x, y, z))
-
-
-def _pose_text(pose: Pose) -> str:
-    position = (rapid.to_string(value, 2) for value in pose[:3])
-    return " ".join((*position, *(rapid.to_string(part, 3) for part in pose.rotation)))
