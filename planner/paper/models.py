@@ -19,35 +19,8 @@ from planner.learned.kcde import Kcde
 from planner.learned.rollouts import COLLIDES, RollOuts
 from planner.mechanics.simulator import Simulator
 from planner.paper.projection import Projection
-from planner.paper.search import Models
 from planner.paper.sensor import SensorModel, features
 from planner.paper.subspaces import Subspaces, subspaces_of
-
-
-def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
-    """Fits all four models.
-
-    Args:
-        rolled: roll-outs, of which some touch the part and some collide with it.
-        simulator: what they were rolled out with.
-        encoder: what reads the widths.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-
-    Raises:
-        ValueError: no roll-out touches the part, or there are too few.
-    """
-    stands = rolled.status == COLLIDES
-    free = RollOuts(*(column[~stands] for column in rolled))
-    kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
-    subspaces = subspaces_of(free.width_mm, encoder)
-    stored = Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order)
-    return Models(
-        motion=KernelMotion(kcde, simulator.workers),
-        sensor=SensorModel.fit(free.final, free.width_mm, order),
-        collision=CollisionTree.fit(rolled.initial, stands, order),
-        subspaces=StoredSubspaces(subspaces, stored),
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,3 +67,39 @@ class StoredSubspaces:
     def project(self, poses: Array, label: IntArray) -> Array:
         """BeliefUpdateProjection: the nearest pose of its subspace for each pose, (n, 3) to (n, 3)."""
         return self.projection.project(poses, label)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Models:
+    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
+
+    motion: KernelMotion
+    sensor: SensorModel
+    collision: CollisionTree
+    subspaces: StoredSubspaces
+
+
+def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
+    """Fits all four models.
+
+    Args:
+        rolled: roll-outs, of which some touch the part and some collide with it.
+        simulator: what they were rolled out with.
+        encoder: what reads the widths.
+        rho_mm: what one radian weighs.
+        order: rotational order of the part.
+
+    Raises:
+        ValueError: no roll-out touches the part, or there are too few.
+    """
+    stands = rolled.status == COLLIDES
+    free = RollOuts(*(column[~stands] for column in rolled))
+    kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
+    subspaces = subspaces_of(free.width_mm, encoder)
+    stored = Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order)
+    return Models(
+        motion=KernelMotion(kcde, simulator.workers),
+        sensor=SensorModel.fit(free.final, free.width_mm, order),
+        collision=CollisionTree.fit(rolled.initial, stands, order),
+        subspaces=StoredSubspaces(subspaces, stored),
+    )

@@ -19,31 +19,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.frames import to_hand, to_world
+from planner.paper.models import CollisionTree, KernelMotion
 
 ALPHA = 0.75
 """A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""
 COLLIDING_SHARE = 0.005
 """Share of the belief that may lie under an open finger of an action that counts as free of collision."""
-
-
-class Motion(Protocol):
-    """ForwardMotionModel-KCDE, in the hand frame."""
-
-    def move(self, poses: Array, rng: np.random.Generator) -> Array:
-        """Draws a final pose for each initial one, both (n, 3) in the hand frame."""
-
-
-class Collision(Protocol):
-    """CollisionFree-DecisionTree, in the hand frame."""
-
-    def collides(self, poses: Array) -> BoolArray:
-        """Where an open finger would stand on the part; poses are (n, 3), the result (n,)."""
 
 
 class Sequence(NamedTuple):
@@ -83,8 +70,8 @@ class OpenLoop:
     """
 
     placements: Array
-    motion: Motion
-    collision: Collision
+    motion: KernelMotion
+    collision: CollisionTree
     ratio: Callable[[Array], float]
     depth: int
     alpha: float = ALPHA

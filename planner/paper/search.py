@@ -11,7 +11,6 @@ import dataclasses
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from planner.arrays import Array, IntArray
 from planner.belief.observation import COUNTS, Encoder, Partition
 from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world
-from planner.paper.open_loop import ALPHA, Collision, Motion, OpenLoop
+from planner.paper.models import Models
+from planner.paper.open_loop import ALPHA, OpenLoop
 from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
 from planner.search.expand import PlannedSqueeze, Progress, TreeNode
 
@@ -34,33 +34,6 @@ DEEPEST = 3
 SENSORLESS_DEPTH = 5
 SENSORLESS_BUDGET = 400
 """Beliefs expanded; four actions and five squeezes need 341, and the paper found no gain beyond four."""
-
-
-class Sensor(Protocol):
-    """SensorModel-RegressionTree, in the hand frame."""
-
-    def predict(self, poses: Array) -> Array:
-        """Expected widths (n,) of final poses (n, 3) [mm]."""
-
-
-class Subspaces(Protocol):
-    """The subspaces of final poses that a width stands for (paper V.A), in the hand frame."""
-
-    def label(self, widths_mm: Array) -> IntArray:
-        """Subspace of each width: (n,) to (n,)."""
-
-    def project(self, poses: Array, label: IntArray) -> Array:
-        """BeliefUpdateProjection: the nearest pose of its subspace for each pose, (n, 3) to (n, 3)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Models:
-    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
-
-    motion: Motion
-    sensor: Sensor
-    collision: Collision
-    subspaces: Subspaces
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -129,15 +129,15 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
         beliefs: of the same table.
         style: which way it grows.
     """
-    sketch = _Sketch(table, job, beliefs, style)
-    along = sketch.layout.rows * (PANEL + style.gap) + 2 * EDGE
-    across = sketch.layout.width + 2 * EDGE
+    panels = _TreePanels(table, job, beliefs, style)
+    along = panels.layout.rows * (PANEL + style.gap) + 2 * EDGE
+    across = panels.layout.width + 2 * EDGE
     return Drawing(
         width=along if style.sideways else across,
         height=across if style.sideways else along,
-        reach=sketch.reach,
-        panels=[*sketch.node_panels(), *sketch.leaf_panels()],
-        lines=sketch.lines(),
+        reach=panels.reach,
+        panels=[*panels.node_panels(), *panels.leaf_panels()],
+        lines=panels.lines(),
     )
 
 
@@ -181,7 +181,7 @@ def in_world(boxes: Array, node: Node) -> Array:
     return to_world(flat, placement_of(node.squeeze))[..., :2]
 
 
-class _Sketch:
+class _TreePanels:
     """What the panels of one table have in common."""
 
     def __init__(self, table: Table, job: Job, beliefs: Replay, style: Style) -> None:

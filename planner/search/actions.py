@@ -13,7 +13,7 @@ from planner.search.proposals import Proposals, proposals_of
 
 MAIN_MODES = 2
 LEAST_MODE = 0.1
-"""A mode that explains less of the belief than this is no reason for a placement."""
+"""Share of the belief below which no placement is proposed about a mode."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
-"""What is decided about a squeeze once its placement is chosen: opening, force, where the part is let go.
+"""What is decided about a squeeze once its placement is chosen: opening, force, where the part is released.
 
-None of this changes where a squeeze ends in the hand frame: fingers that close alike meet the part at the
-same place from any opening, and quasi-static contact does not know how strong they are.
+None of this changes where a squeeze ends in the hand frame: from any opening the fingers meet the part at
+the same place, and quasi-static contact does not depend on their force.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class Handling:
         return full, max(self._clearance(full, belief, placement), 0.0)
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
-        """The particles that no open finger comes down on; at the others the arm stops."""
+        """The particles clear of both open fingers; on the others the arm stops."""
         verdict = classify_contact(self.outline, self.jaws, to_hand(belief.poses, placement))
         return belief[verdict != STANDS_ON]
 
     def force_n(self, unstable: float) -> float:
-        """The strongest grip for a stable squeeze; the gentlest where parts may be thrown (paper VII.B)."""
+        """The greatest force for a stable squeeze; the least where a part may be thrown (paper VII.B)."""
         return self.forces_n[0] if unstable > STABLE else self.forces_n[-1]
 
     def release(self, outcomes: Outcomes) -> Array | None:
-        """Where to let go: at the area's middle if a held part might lie where the hand cannot follow it.
+        """Where to release: at the area's middle if a held part may lie where the hand cannot follow it.
 
         The paper's cell does the same near the edge of its table (VII.A).
 

@@ -1,10 +1,9 @@
-"""Hand placements relative to the belief: what a fixed set of squeezes cannot show.
+"""Hand placements relative to the belief: they distinguish poses that a fixed set of squeezes cannot.
 
 Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can tell
 apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
-opposite end. Plans are made offline, so nothing forbids placements that are computed from a node's own
-belief: the hand parallel to the part's stable sides, shifted along the fingers so that they cover all of it
-or only one end.
+opposite end. Placements are therefore computed from a node's own belief, too: the hand parallel to the
+part's stable sides, shifted along the fingers so that they cover all of it or only one end.
 """
 
 from __future__ import annotations

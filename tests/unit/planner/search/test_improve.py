@@ -73,7 +73,7 @@ def test_a_node_that_is_done_after_one_squeeze_is_left_alone(growth):
     improve(root, replace(growth, reference=Forbidden()), [1])
 
 
-def test_a_leaf_that_will_not_say_loses_all_its_parts(growth):
+def test_an_unresolved_leaf_counts_as_a_failure_of_all_its_parts(growth):
     metric = growth.objective.metric
     nearly = BELIEF[np.repeat([0, -1], [95, 5])]
     short = TreeNode(nearly, 0.5, metric.mode(nearly.poses))
@@ -119,7 +119,7 @@ def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
         assert before <= price(root, growth) + 1e-12
 
 
-def test_a_purer_belief_needs_fewer_squeezes_and_one_that_lacks_nothing_none():
+def test_a_purer_belief_needs_fewer_squeezes_and_one_within_the_goal_none():
     ratio = np.linspace(0.0, 1.0, 101)
     left = squeezes_left(ratio, SearchParams())
     assert np.all(np.diff(left) < 0.0)
