@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.observation import Encoder, Partition, partition
+from planner.belief.observation import Encoder, Partition, partition, resolution_of
 from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -104,14 +104,14 @@ def outcomes_of(
     hand = np.concatenate([to_hand(belief.poses, placement) for belief, placement in cases])
     friction = np.concatenate([belief.friction for belief, _ in cases])
     rolled = roll_out(hand, np.repeat(np.arange(len(cases)), size), friction)
-    counts = encoder.read(rolled.width_mm, rng)
+    counts, resolution = encoder.read(rolled.width_mm, rng), resolution_of(encoder)
     outcomes = []
     start = 0
     for belief, placement in cases:
         part = slice(start, start + len(belief))
         start = part.stop
         after = Belief(to_world(rolled.poses[part], placement), belief.friction)
-        clusters = partition(counts[part])
+        clusters = partition(counts[part], resolution)
         label = clusters.label[counts[part]]
         beliefs = [after[label == k] for k in range(len(clusters.mean))]
         unstable = float(np.mean(rolled.status[part] == JAMMED))

@@ -6,7 +6,7 @@ import numpy as np
 import problems
 import pytest
 
-from planner.belief.observation import encoder_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import (
     ROUGH,
     SLIPPERY,
@@ -16,8 +16,9 @@ from planner.belief.particles import (
     replenish,
     subsample,
 )
-from planner.belief.transition import Simulation
+from planner.belief.transition import Simulation, outcomes_of
 from planner.job import model as job_file
+from planner.mechanics.simulator import RollOut
 
 TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
@@ -71,3 +72,16 @@ def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
     slippery = ~np.isnan(after)
     assert np.mean(diagonal[~slippery]) > 0.02
     assert np.mean(diagonal[slippery]) < 0.2 * np.mean(diagonal[~slippery])
+
+
+def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
+    """Here 120 counts; a part of 2 mm reads 117, near enough to share a cluster if both were held."""
+    encoder = Encoder(85.0, 3, 120, 0.01)
+    width = np.repeat([0.0, 2.0], 50)
+
+    def roll_out(poses, case, friction):
+        return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))
+
+    case = (Belief.of(np.zeros((100, 3))), np.zeros(3))
+    (outcomes,) = outcomes_of([case], roll_out, encoder, np.random.default_rng(0))
+    assert outcomes.clusters.size.tolist() == [50, 50]
