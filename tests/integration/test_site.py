@@ -64,7 +64,13 @@ def test_the_start_page_is_the_readme(site):
 @pytest.mark.parametrize(
     "source",
     [
-        *("README.md", "CHANGELOG.md", "runtime/table/TABLE.md", "runtime/OUTCOMES.md", "drivers/sim/FAULTS.md"),
+        *(
+            "README.md",
+            "CHANGELOG.md",
+            "runtime/table/TABLE.md",
+            "runtime/OUTCOMES.md",
+            "drivers/sim/FAULTS.md",
+        ),
         *("drivers/abb/README.md", "drivers/camera/README.md"),
         *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "tools").glob("d*s/[!T]*.md"))),
     ],

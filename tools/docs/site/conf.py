@@ -23,6 +23,7 @@ include_patterns = [
     "tools/docs/*.rst",
     "tools/decisions/[0-9]*.md",
     "runtime/*.md",
+    "runtime/table/*.md",
     "drivers/**/*.md",
 ]
 exclude_patterns = ["out", ".*", "**/__pycache__", "build", "dist", "tests", "trees", "planner"]
@@ -77,7 +78,7 @@ drivers/sim/FAULTS
 :caption: Reference
 
 tools/docs/commands
-runtime/TABLE
+runtime/table/TABLE
 tools/docs/decisions
 CHANGELOG
 ```
