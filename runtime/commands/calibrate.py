@@ -15,14 +15,14 @@ from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError
-from runtime.execution import calibration, gauging
+from runtime.execution import calibration, gauging, held
 from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
-from runtime.table import GripperSpec
+from runtime.table import Calibration, GripperSpec
 
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
@@ -108,7 +108,10 @@ def run(
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
         with closing(gripper), fingers_stop(gripper):
-            if arguments.activate and not gripper.state().activated:
+            state = gripper.state()
+            if state.activated and (holds := held.look(state, Calibration.linear(LINEAR))):
+                ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
+            if arguments.activate and not state.activated:
                 ask("The fingers will open and close fully: clear the space between them and press Enter.")
                 gripper.activate()
             ready_gripper(gripper)

@@ -132,7 +132,9 @@ class ArcGripper:
 
     def __init__(self) -> None:
         self.block_mm, self.asked, self.forces = 0.0, [], []
-        self.now = SimpleNamespace(activated=False, moving=False, fault=0)
+        self.now = SimpleNamespace(
+            activated=False, moving=False, fault=0, position_counts=3, echo_counts=0, object_flag=3
+        )
         self.closed = False
 
     def state(self):
@@ -213,6 +215,19 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path)
     with pytest.raises(GripperStateError, match="without meeting the 5 mm block"):
         run(arguments(tmp_path), lambda port: gripper, lambda sentence: None)
     assert not (tmp_path / "g.json").exists()
+
+
+def test_what_the_fingers_hold_is_not_dropped_without_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    gripper = ArcGripper()
+    gripper.activate()
+    gripper.now.position_counts, gripper.now.echo_counts, gripper.now.object_flag = 174, 255, 2
+    with pytest.raises(ArgumentsError, match="run it in a terminal"):
+        run(arguments(tmp_path), lambda port: gripper)
+    assert "the fingers stand at count 174 (20.97 mm) and hold something" in capsys.readouterr().out
+    assert gripper.asked == []
 
 
 def test_without_a_terminal_nobody_can_press_enter(
