@@ -48,6 +48,7 @@ WORKERS = 4
 SCALE = 4.0
 UP_MM = small_table().limits.retreat_height_um / 1000
 STOPPED, FAULT = 40, 21
+STARTING = "Fatal Python error: init_"  # the interpreter itself was interrupted, before any line of ours
 STILL_S = 0.06
 REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
 PARTS = 2000
@@ -182,7 +183,7 @@ class Bench:
             yield f"the fingers stand at {last.position_counts}, stopped at {said}"
         if "NOT KNOWN" in told:
             yield "a state that is not known"
-        if "Traceback" in told and ended.code > 0:
+        if "Traceback" in told and ended.code > 0 and STARTING not in told:
             yield "a traceback"
 
     def _low(self, ended: Ended) -> Iterator[str]:
@@ -237,7 +238,7 @@ def _stopped(ended: Ended) -> Iterator[str]:
 
 def _stopped_or_never_begun(ended: Ended) -> Iterator[str]:
     """Before the handlers stand, a signal ends the process as it always does; nothing has moved then."""
-    if ended.code >= 0:
+    if ended.code >= 0 and STARTING not in ended.err:
         yield from _stopped(ended)
     elif ended.journal.exists():
         yield "killed with a journal"
