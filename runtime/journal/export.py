@@ -103,7 +103,7 @@ def write_parquet(
         arrays = [pyarrow.array([row[name] for row in listed], kinds.get(name)) for name in columns]
         with writing(path) as draft:
             parquet.write_table(pyarrow.table(arrays, list(columns)), draft)
-    except pyarrow.ArrowException as error:  # where a column holds words and numbers
+    except (pyarrow.ArrowException, OverflowError) as error:  # a column of words and numbers, or of huge ones
         raise ArgumentsError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 

@@ -18,6 +18,9 @@ from typing import Self
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 AGAIN_S = 0.01  # until a request that met the handling of an exception is tried again
+LOST_S = (
+    0.1  # until one that was raised where Python drops exceptions (a finalizer, a callback) is raised again
+)
 
 
 class _Request:
@@ -26,7 +29,7 @@ class _Request:
     Attributes:
         asked: whether a signal came.
         open: whether it may raise now.
-        over: whether it was raised, or can change nothing any more.
+        over: whether it was heard, or can change nothing any more.
     """
 
     asked = open = over = False
@@ -39,7 +42,8 @@ class _Request:
             # A driver may be about to try again, and the exception no fault at all.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             return
-        self.over = True
+        # Heard, it leaves what is stoppable.
+        signal.setitimer(signal.ITIMER_REAL, LOST_S)
         raise KeyboardInterrupt
 
 
@@ -52,6 +56,9 @@ def _region(*, opened: bool) -> Iterator[None]:
     _request.deliver()
     try:
         yield
+    except KeyboardInterrupt:
+        _request.over = True  # heard
+        raise
     finally:
         _request.open = before
         _request.deliver()

@@ -52,6 +52,23 @@ def test_each_signal_is_a_request_that_is_raised_once(
     assert capfd.readouterr().err == "stopping already\n"
 
 
+def test_a_request_that_python_drops_is_raised_again(recwarn: pytest.WarningsRecorder) -> None:
+    """In a finalizer an exception is printed and forgotten."""
+
+    class Finalized:
+        def __del__(self) -> None:
+            ask()
+            time.sleep(0.01)
+
+    def work() -> None:
+        with stoppable():
+            Finalized()
+            await_request()
+
+    with StopRequests(), pytest.raises(KeyboardInterrupt):
+        work()
+
+
 def test_a_request_waits_until_it_may_raise() -> None:
     with StopRequests():
         ask()
