@@ -53,8 +53,8 @@ _request = _Request()
 @contextlib.contextmanager
 def _region(*, opened: bool) -> Iterator[None]:
     before, _request.open = _request.open, opened
-    _request.deliver()
     try:
+        _request.deliver()
         yield
     except KeyboardInterrupt:
         _request.over = True  # heard

@@ -76,6 +76,15 @@ def test_a_request_waits_until_it_may_raise() -> None:
             stoppable().__enter__()
 
 
+def test_a_request_heard_on_entering_raises_nothing_afterwards() -> None:
+    """What follows from it, records and last words, is whole."""
+    with StopRequests(), whole():
+        ask()
+        with contextlib.suppress(KeyboardInterrupt), stoppable():
+            pass
+        time.sleep(3 * interrupts.LOST_S)
+
+
 def test_what_is_whole_is_left_before_a_request_raises() -> None:
     reached = []
 
