@@ -17,6 +17,7 @@ import pytest
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate, simulate
+from runtime.table import load
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
@@ -94,6 +95,29 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
     assert worlds[0]["set"] == {}
     assert len({world["world"] for world in worlds}) == len(worlds) >= 14
     assert all(world["trials"] == 200 for world in worlds)
+
+
+def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
+    kept = tmp_path / "study.json"
+    for _ in range(2):  # the second has nothing left to do
+        code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
+        told = json.loads(out)
+        assert code == 0
+        assert told["parts"] == 10_000
+        assert told["wrong_ppm"]["low"] <= told["wrong_ppm"]["rate"] <= told["wrong_ppm"]["high"] < 5000
+        assert len(told["leaves"]) == len(load(TABLE).table.leaves)
+    code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--resume", kept, "--until", 0.001)
+    assert code == 0
+    assert "0.001 ppm" in out
+    before = kept.read_bytes()
+    code, _, err = inside(evaluate, TABLE, "--ppm", "--seed", 5, "--resume", kept)
+    assert code == 3
+    assert one_line(err)
+    assert kept.read_bytes() == before
+    for words in (["--until", 5], ["--resume", kept], ["--ppm", "--sweep"], ["--ppm", "--resume", TABLE]):
+        code, _, err = inside(evaluate, TABLE, *words)
+        assert code == 2
+        assert one_line(err)
 
 
 def test_bad_worlds_are_refused_in_one_line():
