@@ -97,15 +97,10 @@ class ContactWorld:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactWorlds(Worlds):
-    """Stochastic contact worlds of one job.
+    """Stochastic contact worlds of one job."""
 
-    Attributes:
-        simulator: what they squeeze with; one worker, since the chunks already share the cores.
-        seed: of all their randomness.
-    """
-
-    simulator: Simulator
-    seed: int
+    simulator: Simulator  # what they squeeze with; one worker, since the chunks already share the cores
+    seed: int  # of all their randomness
 
     @classmethod
     def of_job(cls, job: Job, seed: int) -> Self:
@@ -129,17 +124,11 @@ def make(job: Job, seed: int) -> ContactWorld:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedWorlds(Worlds):
-    """Copies of a world by name: the factory is called for every chunk, each time with another seed.
+    """Copies of a world by name: the factory is called for every chunk, each time with another seed."""
 
-    Attributes:
-        name: "module:factory".
-        job: handed to the factory.
-        seed: the chunks' seeds are drawn from it.
-    """
-
-    name: str
-    job: Job
-    seed: int
+    name: str  # "module:factory"
+    job: Job  # handed to the factory
+    seed: int  # the chunks' seeds are drawn from it
 
     def world(self, chunk: int) -> World:
         """The world of a chunk."""

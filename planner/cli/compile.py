@@ -115,13 +115,13 @@ def _single(arguments: argparse.Namespace) -> int:
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
-        more = {"models": models.figures} if models else {}
+        more = {"models": models[0]} if models else {}
         figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
         shell.print_json(figures)
         return 0
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
     if models:
-        print(models.text)
+        print(models[1])
     return 0
 
 

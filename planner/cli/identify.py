@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from planner.cli import shell
-from planner.errors import UsageError
 from planner.identification import pushes
 from planner.identification.identify import Identified, Kind, Normalised, identify, normalise
 from planner.job import surface_file
@@ -25,18 +24,17 @@ KINDS: dict[str, tuple[Kind, ...]] = {
     "quartic": ("quartic",),
     "both": ("ellipsoid", "quartic"),
 }
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
-        _check_options(arguments.figure)
+        if arguments.figure is not None:
+            shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+            usable(arguments.figure, arguments.output, *arguments.logs)
         if arguments.output is not None:
             usable(arguments.output, *arguments.logs)
-        if arguments.figure is not None:
-            usable(arguments.figure, arguments.output, *arguments.logs)
         data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
         with shell.progress(arguments.json) as report:
             found = identify(
@@ -120,11 +118,6 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
         "seed": arguments.seed,
     }
     return surface_file.dumps(values, facts | figures)
-
-
-def _check_options(figure: Path | None) -> None:
-    if figure is not None and figure.suffix.lower() not in PICTURES:
-        raise UsageError(f"--figure {figure} must end in {', '.join(PICTURES)}")
 
 
 def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:

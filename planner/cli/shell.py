@@ -22,7 +22,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from planner.errors import InputFileError
+from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
@@ -35,6 +35,8 @@ from runtime.table import TableFile, load
 
 WIDTH = 98
 """Columns of what --help says."""
+PICTURES = (".png", ".svg", ".pdf")
+"""What matplotlib's pictures may end in."""
 ROLL_OUTS = "rollouts"
 """Folder of the roll-outs in the cache folder."""
 EXIT_CODES = """\
@@ -55,6 +57,17 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     )
     result.add_common()
     return result
+
+
+def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
+    """The path that an option names.
+
+    Raises:
+        UsageError: it ends in none of the suffixes.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
+    return path
 
 
 def seconds(text: str) -> float:

@@ -48,35 +48,21 @@ _UNFIT = re.compile(r"[^\w.+=,-]+")
 
 
 class Settings(NamedTuple):
-    """How every job of a sweep is compiled.
+    """How every job of a sweep is compiled."""
 
-    Attributes:
-        trials: parts squeezed to evaluate a table.
-        workers: threads for a job; all cores if None.
-        strip: leave the jobs out of the tables.
-        cache: folder of the roll-outs, on the machine that compiles; none are kept if None.
-        budget_s: for each job; its tree is left as it stands then.
-    """
-
-    trials: int
-    workers: int | None = None
-    strip: bool = False
-    cache: Path | None = None
-    budget_s: float = math.inf
+    trials: int  # parts squeezed to evaluate a table
+    workers: int | None = None  # threads for a job; all cores if None
+    strip: bool = False  # leave the jobs out of the tables
+    cache: Path | None = None  # folder of the roll-outs, on the machine that compiles; none are kept if None
+    budget_s: float = math.inf  # for each job; its tree is left as it stands then
 
 
 class Order(NamedTuple):
-    """One job of a sweep.
+    """One job of a sweep."""
 
-    Attributes:
-        overrides: names and values' texts that make it.
-        text: its canonical text; "" if it was refused.
-        error: why, and the exit code; None if it was not.
-    """
-
-    overrides: Overrides
-    text: str
-    error: tuple[str, int] | None = None
+    overrides: Overrides  # names and values' texts that make it
+    text: str  # its canonical text; "" if it was refused
+    error: tuple[str, int] | None = None  # why, and the exit code; None if it was not
 
     @property
     def label(self) -> str:
@@ -85,31 +71,19 @@ class Order(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What one job came to.
+    """What one job came to."""
 
-    Attributes:
-        table: the bytes of its decision table; None if there is none.
-        figures: what is known about the table, as `figures_of` returns it.
-        error: why there is no table, and the exit code.
-    """
-
-    table: bytes | None
-    figures: dict[str, Any]
-    error: tuple[str, int] | None
+    table: bytes | None  # the bytes of its decision table; None if there is none
+    figures: dict[str, Any]  # what is known about the table, as `figures_of` returns it
+    error: tuple[str, int] | None  # why there is no table, and the exit code
 
 
 class Result(NamedTuple):
-    """One job of a sweep, done.
+    """One job of a sweep, done."""
 
-    Attributes:
-        order: the job.
-        path: where its table is, or would be.
-        outcome: what it came to.
-    """
-
-    order: Order
-    path: Path
-    outcome: Outcome
+    order: Order  # the job
+    path: Path  # where its table is, or would be
+    outcome: Outcome  # what it came to
 
     def row(self) -> dict[str, Any]:
         """Return the job as one object of the summary."""

@@ -26,27 +26,18 @@ MOST_TRIALS = 5000
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """What limits a plan.
+    """What limits a plan."""
 
-    Attributes:
-        failing: share of the parts that are not located.
-        unresolved: share that ends in leaves from which no squeeze gained anything.
-        at_depth_limit: share that ends in unresolved leaves as deep as `search.max_depth` allows.
-        pairs: branches that the encoder may confuse, those that cost most first.
-        open_poses: the unresolved leaves that hold most parts, and what would resolve them.
-        gains: what each source of noise costs; empty if not asked for.
-        proposing: whether placements were proposed besides the stated ones.
-        delays: of a long plan, the nodes that many parts still come to late; empty without the tree.
-    """
-
-    failing: float
-    unresolved: float
-    at_depth_limit: float
-    pairs: list[ClosePair]
-    open_poses: list[Ambiguity]
-    gains: list[Gain]
-    proposing: bool
-    delays: list[Delay]
+    failing: float  # share of the parts that are not located
+    unresolved: float  # share that ends in leaves from which no squeeze gained anything
+    at_depth_limit: float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
+    pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
+    open_poses: list[Ambiguity]  # the unresolved leaves that hold most parts, and what would resolve them
+    gains: list[Gain]  # what each source of noise costs; empty if not asked for
+    proposing: bool  # whether placements were proposed besides the stated ones
+    delays: list[
+        Delay
+    ]  # of a long plan, the nodes that many parts still come to late; empty without the tree
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""

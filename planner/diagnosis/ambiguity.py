@@ -34,30 +34,18 @@ SEED_AMBIGUITY = 0x414D4249
 
 
 class Separator(NamedTuple):
-    """A squeeze that tells two poses apart by its width.
+    """A squeeze that tells two poses apart by its width."""
 
-    Attributes:
-        placement: (3,) the hand in the world [mm, mm, rad].
-        widths_mm: mean width at the one pose and at the other.
-    """
-
-    placement: Array
-    widths_mm: tuple[float, float]
+    placement: Array  # (3,) the hand in the world [mm, mm, rad]
+    widths_mm: tuple[float, float]  # mean width at the one pose and at the other
 
 
 class Whereabouts(NamedTuple):
-    """Where the parts of a leaf or a node lie.
+    """Where the parts of a leaf or a node lie."""
 
-    Attributes:
-        poses: (m, 3) their main poses, the likeliest first [mm, mm, rad].
-        shares: (m,) how many of them lie within the goal of each.
-        scatter: distance within which nearly all of them lie about a single pose, in units of the goal; 0 if
-            there are several poses.
-    """
-
-    poses: Array
-    shares: tuple[float, ...]
-    scatter: float = 0.0
+    poses: Array  # (m, 3) their main poses, the likeliest first [mm, mm, rad]
+    shares: tuple[float, ...]  # (m,) how many of them lie within the goal of each
+    scatter: float = 0.0  # distance within which nearly all of them lie about a single pose, in units of the goal; 0 if there are several poses
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -74,20 +62,14 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """A leaf in which a part may lie in several poses.
+    """A leaf in which a part may lie in several poses."""
 
-    Attributes:
-        leaf: its index.
-        share: of all parts that end there.
-        where: the poses of its parts.
-        separator: for the first two poses; None if no squeeze that was tried tells them apart, or where one
-            is all.
-    """
-
-    leaf: int
-    share: float
-    where: Whereabouts
-    separator: Separator | None
+    leaf: int  # its index
+    share: float  # of all parts that end there
+    where: Whereabouts  # the poses of its parts
+    separator: (
+        Separator | None
+    )  # for the first two poses; None if no squeeze that was tried tells them apart, or where one is all
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""

@@ -17,19 +17,12 @@ MOST_POSES = 2
 
 
 class Delay(NamedTuple):
-    """A node whose parts take one squeeze more.
+    """A node whose parts take one squeeze more."""
 
-    Attributes:
-        node: its index in the table.
-        made: squeezes before it.
-        share: of all parts that come to it.
-        where: the poses of these parts.
-    """
-
-    node: int
-    made: int
-    share: float
-    where: Whereabouts
+    node: int  # its index in the table
+    made: int  # squeezes before it
+    share: float  # of all parts that come to it
+    where: Whereabouts  # the poses of these parts
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""

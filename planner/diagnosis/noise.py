@@ -19,19 +19,12 @@ SEED_NOISE = 0x53454E53
 
 
 class Gain(NamedTuple):
-    """What one source of noise costs.
+    """What one source of noise costs."""
 
-    Attributes:
-        source: its name; `EVERYTHING` for the run without any.
-        success_rate: of the table without that source.
-        gain: how much higher that is than with all of them.
-        error: half-width of the gain's 95 % interval.
-    """
-
-    source: str
-    success_rate: float
-    gain: float
-    error: float
+    source: str  # its name; `EVERYTHING` for the run without any
+    success_rate: float  # of the table without that source
+    gain: float  # how much higher that is than with all of them
+    error: float  # half-width of the gain's 95 % interval
 
     @property
     def certain(self) -> bool:

@@ -32,17 +32,13 @@ EVERYTHING = "all of them"
 
 
 class Case(NamedTuple):
-    """One world.
+    """One world."""
 
-    Attributes:
-        name: what is different.
-        changes: of the job that the world gets, as `Job.replaced` takes them.
-        disturbance: errors of the cell.
-    """
-
-    name: str
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-    disturbance: Disturbance = NONE
+    name: str  # what is different
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+        {}
+    )  # of the job that the world gets, as `Job.replaced` takes them
+    disturbance: Disturbance = NONE  # errors of the cell
 
     def job(self, planned: Job) -> Job:
         """What parts and gripper are like in this world.

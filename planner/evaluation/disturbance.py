@@ -12,23 +12,19 @@ from planner.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """Errors of the cell that the plan was not told of.
+    """Errors of the cell that the plan was not told of."""
 
-    Attributes:
-        encoder_offset_mm: added to every width before it is read.
-        placement_mm: standard deviation of the hand's x and y, drawn for every squeeze.
-        placement_deg: standard deviation of its angle.
-        bias_mm: constant error of the hand's x and y in the world, the same for all squeezes.
-        bias_deg: constant error of its angle.
-        across_mm: constant error of its place along the closing direction, which turns with the hand.
-    """
-
-    encoder_offset_mm: float = 0.0
-    placement_mm: float = 0.0
-    placement_deg: float = 0.0
-    bias_mm: tuple[float, float] = (0.0, 0.0)
-    bias_deg: float = 0.0
-    across_mm: float = 0.0
+    encoder_offset_mm: float = 0.0  # added to every width before it is read
+    placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
+    placement_deg: float = 0.0  # standard deviation of its angle
+    bias_mm: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # constant error of the hand's x and y in the world, the same for all squeezes
+    bias_deg: float = 0.0  # constant error of its angle
+    across_mm: float = (
+        0.0  # constant error of its place along the closing direction, which turns with the hand
+    )
 
     def placed(self, placements: Array, rng: np.random.Generator) -> Array:
         """Where the arm puts the hand.

@@ -25,15 +25,10 @@ KIND, VERSION = "expected readings", 1
 
 
 class World(NamedTuple):
-    """What was read in one world.
+    """What was read in one world."""
 
-    Attributes:
-        name: as planned, or what is different.
-        readings: (nodes, 256) how often each count was read at each node.
-    """
-
-    name: str
-    readings: IntArray
+    name: str  # as planned, or what is different
+    readings: IntArray  # (nodes, 256) how often each count was read at each node
 
 
 def expected(

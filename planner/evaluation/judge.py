@@ -16,15 +16,12 @@ LEAST_SHARE = 0.1
 
 
 class Verdict(NamedTuple):
-    """How n parts lie to what their leaves say.
+    """How n parts lie to what their leaves say."""
 
-    Attributes:
-        error_mm: (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf.
-        within: (n,) whether that is within the goal.
-    """
-
-    error_mm: Array
-    within: BoolArray
+    error_mm: (
+        Array  # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
+    )
+    within: BoolArray  # (n,) whether that is within the goal
 
 
 def metric_of_table(table: Table) -> Metric:

@@ -36,27 +36,16 @@ def placement_of(squeeze: Squeeze) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """A table of N nodes as arrays.
+    """A table of N nodes as arrays."""
 
-    Attributes:
-        table: where they come from.
-        placement: (N, 3) the hand frame in the world [mm, mm, rad].
-        opening_mm: (N,) before the squeeze.
-        speed_mm_s: (N,) of closing.
-        branch: (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`.
-        target: (N, 512) where it leads: a node, ~leaf, or `DISMISSED`.
-        drag: (N, 2) how far the hand carries a held part before the jaws open [mm].
-        carries: (N, 512) readings at which it does so.
-    """
-
-    table: Table
-    placement: Array
-    opening_mm: Array
-    speed_mm_s: Array
-    branch: IntArray
-    target: IntArray
-    drag: Array
-    carries: BoolArray
+    table: Table  # where they come from
+    placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
+    opening_mm: Array  # (N,) before the squeeze
+    speed_mm_s: Array  # (N,) of closing
+    branch: IntArray  # (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`
+    target: IntArray  # (N, 512) where it leads: a node, ~leaf, or `DISMISSED`
+    drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
+    carries: BoolArray  # (N, 512) readings at which it does so
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -85,39 +74,23 @@ class Program:
 
 
 class Squeezed(NamedTuple):
-    """What a world made of n squeezes.
+    """What a world made of n squeezes."""
 
-    Attributes:
-        poses: (n, 3) final poses in the hand frame.
-        width_mm: (n,) true openings.
-        held: (n,) whether the part was between the fingers in the end.
-    """
-
-    poses: Array
-    width_mm: Array
-    held: BoolArray
+    poses: Array  # (n, 3) final poses in the hand frame
+    width_mm: Array  # (n,) true openings
+    held: BoolArray  # (n,) whether the part was between the fingers in the end
 
 
 class Step(NamedTuple):
-    """One squeeze of n parts, each at a node of its own, and what the table makes of it.
+    """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
 
-    Attributes:
-        after: (n, 3) poses in the world with the jaws closed [mm, mm, rad].
-        released: (n, 3) and where the jaws let go, after the drag of what is held.
-        drag: (n, 2) how far the hand went with its jaws closed [mm].
-        width_mm: (n,) true openings.
-        counts: (n,) what the encoder reads.
-        branch: (n,) which branch that means, or `REJECT`.
-        target: (n,) where it leads: a node, ~leaf, or `DISMISSED`.
-    """
-
-    after: Array
-    released: Array
-    drag: Array
-    width_mm: Array
-    counts: IntArray
-    branch: IntArray
-    target: IntArray
+    after: Array  # (n, 3) poses in the world with the jaws closed [mm, mm, rad]
+    released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
+    drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
+    width_mm: Array  # (n,) true openings
+    counts: IntArray  # (n,) what the encoder reads
+    branch: IntArray  # (n,) which branch that means, or `REJECT`
+    target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
 
 
 def step(

@@ -41,17 +41,11 @@ _FRICTION_ROUNDS = 5
 
 
 class Normalised(NamedTuple):
-    """Pairs in the units of `planner.mechanics.limit_surface`.
+    """Pairs in the units of `planner.mechanics.limit_surface`."""
 
-    Attributes:
-        F: (K, 3) [fx, fy, tau / rho], still in N.
-        V: (K, 3) unit [vx, vy, omega rho].
-        weights: (K,) with mean 1.
-    """
-
-    F: Array
-    V: Array
-    weights: Array
+    F: Array  # (K, 3) [fx, fy, tau / rho], still in N
+    V: Array  # (K, 3) unit [vx, vy, omega rho]
+    weights: Array  # (K,) with mean 1
 
     def take(self, rows: IntArray) -> Normalised:
         """Return some of the pairs."""
@@ -59,36 +53,22 @@ class Normalised(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """A surface with what it was fitted with.
+    """A surface with what it was fitted with."""
 
-    Attributes:
-        surface: the limit surface, of wrenches divided by `friction_n`.
-        friction_n: friction with the table at full slip, N.
-        ridge: pull towards the ellipsoid, in pairs; 0 for an ellipsoid.
-    """
-
-    surface: Surface
-    friction_n: float
-    ridge: float
+    surface: Surface  # the limit surface, of wrenches divided by `friction_n`
+    friction_n: float  # friction with the table at full slip, N
+    ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
-    """An identified limit surface and how well its kind predicts pushes that it was not fitted to.
+    """An identified limit surface and how well its kind predicts pushes that it was not fitted to."""
 
-    Attributes:
-        kind: "ellipsoid" or "quartic".
-        fit: to all pairs.
-        errors_rad: (splits,) mean angle between measured and predicted twist over the held-out half.
-        held_out: (K, 3) mean predicted unit twist of each pair while held out; nan if it never was.
-        fit_error_rad: the same of the final fit on its own pairs.
-    """
-
-    kind: Kind
-    fit: Fit
-    errors_rad: Array
-    held_out: Array
-    fit_error_rad: float
+    kind: Kind  # "ellipsoid" or "quartic"
+    fit: Fit  # to all pairs
+    errors_rad: Array  # (splits,) mean angle between measured and predicted twist over the held-out half
+    held_out: Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
+    fit_error_rad: float  # the same of the final fit on its own pairs
 
 
 def normalise(pairs: Pairs, rho_mm: float) -> Normalised:

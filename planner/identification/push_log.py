@@ -52,19 +52,12 @@ MOST = 1e30
 
 
 class Push(NamedTuple):
-    """One record of a push log, as logged.
+    """One record of a push log, as logged."""
 
-    Attributes:
-        before: (7,) pose of the marker frame, mm and quaternion.
-        after: (7,) the same, after the push.
-        forces: (K, 3) t s, fx N, fy N, sensor axes.
-        pusher: (P, 8) t s, pose of the pusher.
-    """
-
-    before: Array
-    after: Array
-    forces: Array
-    pusher: Array
+    before: Array  # (7,) pose of the marker frame, mm and quaternion
+    after: Array  # (7,) the same, after the push
+    forces: Array  # (K, 3) t s, fx N, fy N, sensor axes
+    pusher: Array  # (P, 8) t s, pose of the pusher
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:

@@ -24,17 +24,11 @@ WEIGHT = "weight"
 
 
 class Pairs(NamedTuple):
-    """Measured wrenches and the twists that answered them, in the part's frame.
+    """Measured wrenches and the twists that answered them, in the part's frame."""
 
-    Attributes:
-        wrenches: (K, 3) fx N, fy N, tau N mm.
-        twists: (K, 3) vx mm, vy mm, omega rad, of any magnitude but 0.
-        weights: (K,) positive.
-    """
-
-    wrenches: Array
-    twists: Array
-    weights: Array
+    wrenches: Array  # (K, 3) fx N, fy N, tau N mm
+    twists: Array  # (K, 3) vx mm, vy mm, omega rad, of any magnitude but 0
+    weights: Array  # (K,) positive
 
 
 def load(path: str | Path) -> Pairs:

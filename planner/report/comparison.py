@@ -31,23 +31,14 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A part in a world.
+    """A part in a world."""
 
-    Attributes:
-        name: what the row is called: an experiment of the paper, or a part.
-        part: folder of `trees/`.
-        materials: of finger and part, for people.
-        paper: success rate that the paper reports; None without one.
-        job: values of the job that differ from the file, each as "section.key=value".
-        world: values that differ in the world that judges, which the planner is not told.
-    """
-
-    name: str
-    part: str
-    materials: str = ""
-    paper: float | None = None
-    job: tuple[str, ...] = ()
-    world: tuple[str, ...] = ()
+    name: str  # what the row is called: an experiment of the paper, or a part
+    part: str  # folder of `trees/`
+    materials: str = ""  # of finger and part, for people
+    paper: float | None = None  # success rate that the paper reports; None without one
+    job: tuple[str, ...] = ()  # values of the job that differ from the file, each as "section.key=value"
+    world: tuple[str, ...] = ()  # values that differ in the world that judges, which the planner is not told
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from planner.report.details import leaf_details, node_details, runs
 from planner.report.models import Models
 from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.templating import template
+from planner.report.templating import points, template
 from planner.world import make
 from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
 
@@ -60,7 +60,7 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     beliefs = replay(table, job, trials, seed)
     drawing = tree.drawing(table, job, beliefs)
     data = {
-        "outline": tree.points(job.part.outline_mm),
+        "outline": points(job.part.outline_mm),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,

@@ -14,19 +14,12 @@ from runtime.table import Table
 
 
 class Sizes(NamedTuple):
-    """Half widths, and the distance between neighbours.
+    """Half widths, and the distance between neighbours."""
 
-    Attributes:
-        panel: half the width of a panel.
-        label: half the width of what is written at a branch.
-        text: half the width of what is written below a leaf.
-        margin: least distance between two of these.
-    """
-
-    panel: float
-    label: float
-    text: float
-    margin: float
+    panel: float  # half the width of a panel
+    label: float  # half the width of what is written at a branch
+    text: float  # half the width of what is written below a leaf
+    margin: float  # least distance between two of these
 
 
 class Spot(NamedTuple):
@@ -37,19 +30,12 @@ class Spot(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The places of all panels.
+    """The places of all panels."""
 
-    Attributes:
-        nodes: one a node of the table.
-        leaves: one a leaf.
-        rows: how many there are.
-        width: of the whole, from 0.
-    """
-
-    nodes: tuple[Spot, ...]
-    leaves: tuple[Spot, ...]
-    rows: int
-    width: float
+    nodes: tuple[Spot, ...]  # one a node of the table
+    leaves: tuple[Spot, ...]  # one a leaf
+    rows: int  # how many there are
+    width: float  # of the whole, from 0
 
 
 @dataclass(slots=True)

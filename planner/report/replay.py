@@ -22,23 +22,14 @@ from runtime.table import REJECT, Table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visit:
-    """The parts that came to one node.
+    """The parts that came to one node."""
 
-    Attributes:
-        before: (n, 3) their poses in the world before the squeeze [mm, mm, rad].
-        after: (n, 3) and after it, the jaws still closed.
-        released: (n, 3) where the jaws let go of them.
-        width_mm: (n,) true opening at which the fingers stopped.
-        counts: (n,) what the encoder reads of it.
-        branch: (n,) where the encoder's reading sends each, `REJECT` where it fits no branch.
-    """
-
-    before: Array
-    after: Array
-    released: Array
-    width_mm: Array
-    counts: IntArray
-    branch: IntArray
+    before: Array  # (n, 3) their poses in the world before the squeeze [mm, mm, rad]
+    after: Array  # (n, 3) and after it, the jaws still closed
+    released: Array  # (n, 3) where the jaws let go of them
+    width_mm: Array  # (n,) true opening at which the fingers stopped
+    counts: IntArray  # (n,) what the encoder reads of it
+    branch: IntArray  # (n,) where the encoder's reading sends each, `REJECT` where it fits no branch
 
     def through(self, branch: int) -> Array:
         """Poses (m, 3) of the parts that leave through one branch, or through `REJECT`."""
@@ -47,15 +38,10 @@ class Visit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
-    """All parts, node by node.
+    """All parts, node by node."""
 
-    Attributes:
-        visits: one for each node of the table.
-        leaves: for each leaf, the poses (m, 3) of the parts that ended there.
-    """
-
-    visits: tuple[Visit, ...]
-    leaves: tuple[Array, ...]
+    visits: tuple[Visit, ...]  # one for each node of the table
+    leaves: tuple[Array, ...]  # for each leaf, the poses (m, 3) of the parts that ended there
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:

@@ -48,21 +48,13 @@ class PartLog:
 
 
 class RunLog(NamedTuple):
-    """All parts of the runs of one table, in order.
+    """All parts of the runs of one table, in order."""
 
-    Attributes:
-        parts: one each.
-        runs: how many runs of this table.
-        others: runs of other tables in the same file, which are left out.
-        first: date of the first record.
-        last: and of the last.
-    """
-
-    parts: list[PartLog]
-    runs: int
-    others: int
-    first: str
-    last: str
+    parts: list[PartLog]  # one each
+    runs: int  # how many runs of this table
+    others: int  # runs of other tables in the same file, which are left out
+    first: str  # date of the first record
+    last: str  # and of the last
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
         """How often each node led to each target; None for rejected readings."""
