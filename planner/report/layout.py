@@ -1,8 +1,7 @@
-"""Where the panels of a plan stand: a tidy tree, the root on top.
+"""Where the panels of a plan stand: a tidy tree, the root on top (Reingold and Tilford, 1981).
 
-Subtrees are pushed together until their contours touch (Reingold and Tilford, Tidier Drawings of Trees,
-1981). Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the
-branches of a node, the text of a leaf) is kept apart too.
+Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the branches of
+a node, the text of a leaf) is kept apart too.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The quality of a job's learned models, as `plan-compile --models-report` measured it, read for a page.
-
-The file is the one that the command writes beside its picture, or what it prints with --json.
-"""
+"""What `plan-compile --models-report` wrote beside its picture, or printed with --json, read for a page."""
 
 from __future__ import annotations
 
@@ -27,11 +24,6 @@ def _number(told: Any) -> float:
     return value
 
 
-def _ratio(told: Any) -> float | None:
-    """A ratio, or None where it has none."""
-    return None if told is None else _number(told)
-
-
 SHAPE: Models = {
     "job_digest": str,
     "rollouts": int,
@@ -42,7 +34,8 @@ SHAPE: Models = {
     "actions": [
         {
             "x_mm": _number, "y_mm": _number, "theta_rad": _number, "model_mm": _number,
-            "simulator_mm": _number, "ratio": _ratio, "simulated": _number,
+            "simulator_mm": _number, "simulated": _number,
+            "ratio": lambda told: None if told is None else _number(told),
         }
     ],
     "actions_in_collision": int,
@@ -55,11 +48,7 @@ SHAPE: Models = {
 
 
 def read(path: Path, job_digest: str) -> Models:
-    """Reads a file of figures.
-
-    Args:
-        path: the file.
-        job_digest: of the table's job, hexadecimal: models of another job say nothing about this one.
+    """Reads a file of figures about the job of this digest (hexadecimal).
 
     Raises:
         InputFileError: it is missing, too large, no such file, or about another job.

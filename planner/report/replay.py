@@ -17,7 +17,7 @@ from planner.belief.particles import initial
 from planner.evaluation.trials import Program, step
 from planner.job.model import Job
 from planner.world import ContactWorld
-from runtime.table import REJECT, Table
+from runtime.table import Table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Visit:
     branch: IntArray  # (n,) where the encoder's reading sends each, `REJECT` where it fits no branch
 
     def through(self, branch: int) -> Array:
-        """Poses (m, 3) of the parts that leave through one branch, or through `REJECT`."""
+        """Poses (m, 3) of the parts that leave through one branch, or through `runtime.table.REJECT`."""
         return np.asarray(self.released[self.branch == branch])
 
 
@@ -45,23 +45,15 @@ class Replay:
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
-    """Sends parts through a table.
-
-    Args:
-        table: any; every node comes after the one that leads to it.
-        job: the job it was compiled from.
-        trials: number of parts.
-        seed: of their poses, the mechanics and the encoder's noise.
-    """
+    """Sends parts through the table of a job; the seed is that of poses, mechanics and encoder's noise."""
     rng = np.random.default_rng([seed, 0x5245504C])
     world, encoder = ContactWorld(job, seed), encoder_of(job)
     program = Program.of(table)
-    nobody = np.empty((0, 3))
-    arrivals = [nobody] * len(table.nodes)
-    leaves = [nobody] * len(table.leaves)
+    arrivals = [np.empty((0, 3))] * len(table.nodes)
+    leaves = [np.empty((0, 3))] * len(table.leaves)
     arrivals[0] = initial(job, trials, rng)
     visits = []
-    for index, node in enumerate(table.nodes):
+    for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
         before = arrivals[index]
         at = np.full(len(before), index)
         made = step(program, at, before, program.placement[at], world, encoder, rng)
@@ -73,6 +65,3 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
             else:
                 leaves[~branch.target] = visit.through(number)
     return Replay(tuple(visits), tuple(leaves))
-
-
-__all__ = ["REJECT", "Replay", "Visit", "replay"]

@@ -1,9 +1,7 @@
 """A compiled table as a tree of panels, after the paper's Figs 2 and 6: for a page, or a picture of its own.
 
-Every node shows the belief when it is reached, as outlines whose overlap darkens, and the fingers of the
-squeeze that led there, at their expected width. Arrow heads close along the next squeeze. Leaves, framed,
-show the predicted pose. Lengths are pixels; each panel is a small view of the world in mm, so that a browser
-draws the part once and places it wherever a pose says.
+Every node shows the belief when it is reached and the fingers of the squeeze that led there; arrow heads
+close along the next squeeze. Lengths are pixels; each panel is a small view of the world in mm.
 """
 
 from __future__ import annotations
