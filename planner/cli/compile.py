@@ -105,19 +105,16 @@ def _single(arguments: argparse.Namespace) -> int:
         plan = compile_job(
             job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
         )
-        models = None
-        if picture:
-            models = models_report.made(job, arguments.workers, store, scheduler, report, picture)
-        table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-        dump(table, output)
+        models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
+        dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
+        told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
         more = {"models": models[0]} if models else {}
-        figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
-        shell.print_json(figures)
+        shell.print_json({**told, **more, "advice": advice and advice.figures()})
         return 0
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
     if models:
@@ -156,27 +153,22 @@ def _sweep(arguments: argparse.Namespace) -> int:
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
-def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:
-    return {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-
-
 def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
-    figures = plan.evaluation.summary()
+    figures = figures_of(plan, seconds)
     low, high = figures["success_ci95"]
-    unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
-    leaves = f"{len(plan.table.leaves)} leaves" + (f", {unresolved} of them unresolved" if unresolved else "")
-    untried = (
-        f"\nbranches that no trial took, and that are REJECT now: {plan.untried}" if plan.untried else ""
-    )
-    tips_mm = job.cell.squeeze_height_mm
-    thickness = (
-        f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-        f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
-        if job.part.height_mm is None
-        else ""
-    )
+    leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
+    if figures["unresolved_leaves"]:
+        leaves += f", {figures['unresolved_leaves']} of them unresolved"
+    if plan.untried:
+        untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
+    if job.part.height_mm is None:
+        tips_mm = job.cell.squeeze_height_mm
+        thickness = (
+            f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
+            f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+        )
     return f"""\
-{job.part.name}: {len(plan.table.nodes)} squeezes planned, {leaves}{untried}
+{job.part.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,35 +29,30 @@ KINDS: dict[str, tuple[Kind, ...]] = {
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
+    return shell.run(parser(), argv, _identify)
 
-    def body(arguments: argparse.Namespace) -> int:
-        if arguments.figure is not None:
-            shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
-            usable(arguments.figure, arguments.output, *arguments.logs)
-        if arguments.output is not None:
-            usable(arguments.output, *arguments.logs)
-        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
-        with shell.progress(arguments.json) as report:
-            found = identify(
-                data,
-                arguments.rho_mm,
-                KINDS[arguments.kind],
-                splits=arguments.splits,
-                train_share=arguments.train_share,
-                seed=arguments.seed,
-                friction_n=arguments.friction_n,
-                report=report,
-            )
-        best = min(found, key=lambda result: float(result.errors_rad.mean()))
-        if arguments.output is not None:
-            with writing(arguments.output) as draft:
-                draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
-        if arguments.figure is not None:
-            _draw(data, found, arguments)
-        _print(data, found, best, arguments)
-        return 0
 
-    return shell.run(parser(), argv, body)
+def _identify(arguments: argparse.Namespace) -> int:
+    if arguments.figure is not None:
+        shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+        usable(arguments.figure, arguments.output, *arguments.logs)
+    if arguments.output is not None:
+        usable(arguments.output, *arguments.logs)
+    data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+    with shell.progress(arguments.json) as report:
+        found = identify(
+            data, arguments.rho_mm, KINDS[arguments.kind], splits=arguments.splits,
+            train_share=arguments.train_share, seed=arguments.seed, friction_n=arguments.friction_n,
+            report=report,
+        )  # fmt: skip
+    best = min(found, key=lambda result: float(result.errors_rad.mean()))
+    if arguments.output is not None:
+        with writing(arguments.output) as draft:
+            draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
+    if arguments.figure is not None:
+        _draw(data, found, arguments)
+    _print(data, found, best, arguments)
+    return 0
 
 
 def parser() -> Parser:
@@ -78,11 +74,9 @@ def parser() -> Parser:
         help="with both, the one that predicts better is written (default: %(default)s)",
     )  # fmt: skip
     built.add_argument(
-        "--rho-mm",
-        type=positive,
-        default=75.0,
+        "--rho-mm", type=positive, default=75.0,
         help="length that torques are divided by (default: %(default)g)",
-    )
+    )  # fmt: skip
     built.add_argument(
         "--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)"
     )
@@ -98,37 +92,33 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """Returns the surface file for one result."""
+    """The surface file for one result."""
     surface = result.fit.surface
+    values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):
-        values = {"rho_mm": surface.rho_mm, "ellipsoid": surface.A}
+        values["ellipsoid"] = surface.A
     else:
-        values = {
-            "rho_mm": surface.rho_mm,
-            "quartic": surface.coefficients,
-            "certificate": surface.certificate,
-        }
-    figures = _figures(result)
-    del figures["kind"]
+        values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
     facts = {
         "logs": [str(path) for path in arguments.logs],
         "pairs": len(data.F),
         "splits": arguments.splits,
         "train_share": arguments.train_share,
         "seed": arguments.seed,
+        **_figures(result),
     }
-    return surface_file.dumps(values, facts | figures)
+    del facts["kind"]
+    return surface_file.dumps(values, facts)
 
 
 def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:
     from planner.report import canvas, identification  # matplotlib takes a second
 
-    names = ", ".join(path.stem for path in arguments.logs)
-    title = f"{names}: {len(data.F)} pushes"
+    title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
     canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
 
 
-def _figures(result: Identified) -> dict[str, object]:
+def _figures(result: Identified) -> dict[str, Any]:
     errors = np.degrees(result.errors_rad)
     return {
         "kind": result.kind,
@@ -144,22 +134,15 @@ def _figures(result: Identified) -> dict[str, object]:
 def _print(
     data: Normalised, found: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
-    against = int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
+    pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
+    figures = [_figures(result) for result in found]
     if arguments.json:
-        shell.print_json(
-            {
-                "pairs": len(data.F),
-                "against_motion": against,
-                "splits": arguments.splits,
-                "surfaces": [_figures(result) for result in found],
-                "best": best.kind,
-                "written": written,
-            }
-        )
+        told = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
+        shell.print_json(told | {"surfaces": figures, "best": best.kind, "written": written})
         return
-    print(f"{len(data.F)} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
-    train = round(arguments.train_share * len(data.F))
+    print(f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
+    train = round(arguments.train_share * pairs)
     print(f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:")
     for result in found:
         errors = np.degrees(result.errors_rad)
@@ -171,11 +154,8 @@ def _print(
     if written:
         print(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
     if against:
-        print(
-            f"{NAME}: in {against} of {len(data.F)} pushes the wrench works against the motion; "
-            "check signs and frames",
-            file=sys.stderr,
-        )
+        words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"
+        print(f"{NAME}: {words}", file=sys.stderr)
 
 
 def _share(text: str) -> float:
