@@ -27,11 +27,9 @@ class Disturbance:
     )
 
     def placed(self, placements: Array, rng: np.random.Generator) -> Array:
-        """Where the arm puts the hand.
+        """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad].
 
-        Args:
-            placements: (n, 3) where it was told to [mm, mm, rad].
-            rng: as many numbers are drawn from it whatever the errors, so that trials compare one by one.
+        As many numbers are drawn whatever the errors are, so that trials compare one by one.
         """
         spread = np.array([self.placement_mm, self.placement_mm, math.radians(self.placement_deg)])
         bias = np.array([*self.bias_mm, math.radians(self.bias_deg)])

@@ -1,12 +1,12 @@
 """What a healthy cell's encoder reads at each node of a table, and what it would read at another friction.
 
-`grasp-audit report --expected` weighs the readings in journals by these shares: a change of friction then
-shows in a few dozen parts, often before any part is lost by it, and is called by its name.
+`grasp-audit report --expected` weighs the readings in journals by these shares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,20 +34,8 @@ class World(NamedTuple):
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[World]:
-    """Runs a table in each world.
-
-    Args:
-        table: the table.
-        job: it was compiled from.
-        trials: parts in each world.
-        seed: of the trials.
-        scheduler: does the work.
-        report: told of the progress.
-    """
-
-    def worlds(real: Job) -> ContactWorlds:
-        return ContactWorlds.of_job(real, seed)
-
+    """Runs a table in each world, with so many parts; the job is the one it was compiled from."""
+    worlds = partial(ContactWorlds.of_job, seed=seed)
     for line in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
         yield World(line.case.name, readings(line.evaluation, len(table.nodes)))
 
@@ -62,11 +50,7 @@ def readings(found: Evaluation, nodes: int) -> IntArray:
 def document(digest: str, worlds: list[World], trials: int, seed: int) -> dict[str, Any]:
     """What the file holds: for each world and node the counts read and how often, others left out.
 
-    Args:
-        digest: of the table's file, as `runtime.table.load` tells it.
-        worlds: what was read in each.
-        trials: parts in each.
-        seed: of the trials.
+    `digest` is that of the table's file, as `runtime.table.load` tells it.
     """
     return {
         "kind": KIND,

@@ -67,16 +67,11 @@ class Reliability:
 
 
 def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_VISITS) -> Reliability:
-    """Holds the leaves' predictions against fresh trials.
+    """Holds the leaves' predictions against fresh trials; leaves with fewer than `least_visits` are left out.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
     95 %.
-
-    Args:
-        table: states the predictions.
-        evaluation: trials it was not made from.
-        least_visits: leaves with fewer are left out.
     """
     from scipy.stats import betabinom  # takes a second
 
@@ -132,14 +127,9 @@ class Mistake(NamedTuple):
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
-    """The leaf whose pose is nearest to each true pose.
+    """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
 
-    Args:
-        table: the leaves.
-        poses: (n, 3) in the world.
-
-    Returns:
-        (n,) indices, `NO_LEAF` where none is within the goal.
+    `NO_LEAF` stands where none is within the goal.
     """
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)

@@ -13,7 +13,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
-from planner.evaluation.judge import main_poses, metric_of_table
+from planner.evaluation.judge import claimed, main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
@@ -28,6 +28,7 @@ from runtime.table import (
     Prediction,
     Table,
     decision_map,
+    predicted_pose,
     refuted,
 )  # fmt: skip
 
@@ -40,15 +41,9 @@ def with_figures(
 ) -> tuple[Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
-    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
-    are the further poses that parts had there.
-
-    Args:
-        table: the table.
-        evaluation: of this table, in the world that the job states.
-        others: of this table in other worlds: for leaves that no part came to in the stated one.
-        job: the job it was planned for.
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence) is
+    marked unresolved; its alternatives are the further poses that parts had there. `others` are evaluations
+    in other worlds, for leaves that no part came to in the stated one.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -60,10 +55,8 @@ def with_figures(
         _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
         for index, leaf in enumerate(table.leaves)
     )
-    known = np.array([leaf.resolved for leaf in leaves])
-    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
-    nodes = _measured(table, evaluation)
-    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
+    table = replace(table, nodes=_measured(table, evaluation), leaves=leaves)
+    return table, replace(evaluation, resolved=claimed(table, evaluation.leaf))
 
 
 def predicting(table: Table, evaluation: Evaluation) -> Table:
@@ -79,12 +72,7 @@ def predicting(table: Table, evaluation: Evaluation) -> Table:
 
 
 def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
-    """The branches of each node that trials took, and after which there was an outcome.
-
-    Args:
-        table: the table.
-        runs: evaluations of this table.
-    """
+    """The branches of each node that trials took in these runs, and after which there was an outcome."""
     took = [set[int]() for _ in table.nodes]
     for run in runs:
         passed = run.path >= 0
@@ -144,8 +132,7 @@ def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metr
 
 def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
     """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
-    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-    modes = main_poses(poses, metric)
+    modes, predicted = main_poses(poses, metric), np.array(predicted_pose(leaf))
     return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
 
 

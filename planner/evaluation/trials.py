@@ -1,13 +1,12 @@
 """Trials of a table in a world: parts are squeezed, read, and sent on, as the runtime would do it.
 
-All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at: the table is laid
-out as arrays, and a descent is one look-up for all.
+All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple, Self, cast
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import judge
+from planner.evaluation.judge import claimed, judge
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -73,14 +72,6 @@ class Program:
         )
 
 
-class Squeezed(NamedTuple):
-    """What a world made of n squeezes."""
-
-    poses: Array  # (n, 3) final poses in the hand frame
-    width_mm: Array  # (n,) true openings
-    held: BoolArray  # (n,) whether the part was between the fingers in the end
-
-
 class Step(NamedTuple):
     """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
 
@@ -94,15 +85,9 @@ class Step(NamedTuple):
 
 
 def step(
-    program: Program,
-    node: IntArray,
-    poses: Array,
-    placement: Array,
-    world: World,
-    encoder: Encoder,
-    rng: np.random.Generator,
-    encoder_offset_mm: float = 0.0,
-) -> Step:
+    program: Program, node: IntArray, poses: Array, placement: Array, world: World, encoder: Encoder,
+    rng: np.random.Generator, encoder_offset_mm: float = 0.0,
+) -> Step:  # fmt: skip
     """Squeezes parts once, reads, looks up and lets go, as the runtime would.
 
     Args:
@@ -115,29 +100,24 @@ def step(
         rng: of the encoder's noise.
         encoder_offset_mm: added to every width before it is read.
     """
-    squeezed = _squeeze_all(world, to_hand(poses, placement.T))
-    counts = encoder.read(squeezed.width_mm + encoder_offset_mm, rng)
-    reading = counts + COUNTS * (squeezed.width_mm > 0.0)  # jaws that something keeps apart feel it
+    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T))
+    counts = encoder.read(width_mm + encoder_offset_mm, rng)
+    reading = counts + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
     drag = np.where(program.carries[node, reading][:, None], program.drag[node], 0.0)
-    after = to_world(squeezed.poses, placement.T)
+    after = to_world(final, placement.T)
     released = after.copy()
-    released[:, :2] += np.where(squeezed.held[:, None], drag, 0.0)
+    released[:, :2] += np.where(held[:, None], drag, 0.0)
     branch, target = program.branch[node, reading], program.target[node, reading]
-    return Step(after, released, drag, squeezed.width_mm, counts, branch, target)
+    return Step(after, released, drag, width_mm, counts, branch, target)
 
 
 def run(
     program: Program, job: Job, world: World, trials: int, rng: np.random.Generator, disturbance: Disturbance
 ) -> Evaluation:
-    """Runs a table on a number of parts.
+    """Runs a table on a number of parts, at least 1.
 
-    Args:
-        program: the table.
-        job: what the parts and the gripper are like in truth: initial poses and encoder come from it.
-        world: where the parts are squeezed.
-        trials: number of parts, at least 1.
-        rng: of initial poses, encoder noise and the arm's errors; the world has its own.
-        disturbance: errors of the cell.
+    The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
+    the arm's errors, the world has its own.
     """
     state = _Trials(program, job, initial(job, trials, rng), disturbance)
     for _ in range(program.table.limits.max_depth):
@@ -152,58 +132,48 @@ class _Trials:
 
     def __init__(self, program: Program, job: Job, poses: Array, disturbance: Disturbance) -> None:
         n, depth = len(poses), program.table.limits.max_depth
-        self.program, self.job, self.disturbance = program, job, disturbance
-        self.encoder: Encoder = encoder_of(job)
+        self.program, self.disturbance, self.encoder = program, disturbance, encoder_of(job)
         self.reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-        self.initial, self.poses = poses, poses.copy()
         self.node: IntArray = np.zeros(n, np.int64)
-        self.leaf: IntArray = np.full(n, RUNNING, np.int64)
-        self.squeezes: IntArray = np.zeros(n, np.int64)
-        self.seconds, self.hand = np.zeros(n), np.zeros((n, 2))
-        self.path: IntArray = np.full((n, depth), NOWHERE, np.int64)
-        self.counts: IntArray = np.full((n, depth), NOWHERE, np.int64)
-        self.branch: IntArray = np.full((n, depth), NOWHERE, np.int64)
+        self.hand = np.zeros((n, 2))
         self.crashes = 0
+        self.found = Evaluation(
+            leaf=np.full(n, RUNNING, np.int64),
+            squeezes=np.zeros(n, np.int64),
+            seconds=np.zeros(n),
+            error_mm=np.zeros(n),
+            within=np.zeros(n, np.bool_),
+            resolved=np.zeros(n, np.bool_),
+            crashes=0,
+            poses=poses.copy(),
+            initial=poses,
+            path=np.full((n, depth), NOWHERE, np.int64),
+            counts=np.full((n, depth), NOWHERE, np.int64),
+            branch=np.full((n, depth), NOWHERE, np.int64),
+        )
 
     def squeeze(self, members: IntArray, world: World, rng: np.random.Generator) -> None:
-        """Squeezes the running trials once and looks up where each goes."""
-        node, program = self.node[members], self.program
+        """Squeezes the running trials once and looks up where each goes: a node, ~leaf, or a rejection."""
+        node, program, found = self.node[members], self.program, self.found
         placement = self.disturbance.placed(program.placement[node], rng)
-        poses, offset_mm = self.poses[members], self.disturbance.encoder_offset_mm
+        poses, offset_mm = found.poses[members], self.disturbance.encoder_offset_mm
         self._count_crashes(world, to_hand(poses, placement.T), program.opening_mm[node])
         made = step(program, node, poses, placement, world, self.encoder, rng, offset_mm)
-        self.poses[members] = made.released
+        found.poses[members] = made.released
         self._spend(members, made.width_mm, made.drag)
-        at = members, self.squeezes[members]
-        self.path[at], self.counts[at], self.branch[at] = node, made.counts, made.branch
-        self.squeezes[members] += 1
-        self._descend(members, made.target)
+        at = members, found.squeezes[members]
+        found.path[at], found.counts[at], found.branch[at] = node, made.counts, made.branch
+        found.squeezes[members] += 1
+        ended, target = made.target < 0, made.target
+        found.leaf[members[ended]] = np.where(target[ended] == DISMISSED, REJECTED, ~target[ended])
+        self.node[members] = np.maximum(target, NOWHERE)
 
     def evaluation(self) -> Evaluation:
         """The outcomes."""
-        table = self.program.table
-        error, within = judge(table, self.leaf, self.poses)
-        known = np.array([leaf.resolved for leaf in table.leaves])
-        return Evaluation(
-            leaf=self.leaf,
-            squeezes=self.squeezes,
-            seconds=self.seconds,
-            error_mm=error,
-            within=within,
-            resolved=np.where(self.leaf >= 0, known[self.leaf], False),
-            crashes=self.crashes,
-            poses=self.poses,
-            initial=self.initial,
-            path=self.path,
-            counts=self.counts,
-            branch=self.branch,
-        )
-
-    def _descend(self, members: IntArray, target: IntArray) -> None:
-        """Moves trials to where their look-up led: a node, a leaf (~leaf), or a rejection."""
-        ended = target < 0
-        self.leaf[members[ended]] = np.where(target[ended] == DISMISSED, REJECTED, ~target[ended])
-        self.node[members] = np.maximum(target, NOWHERE)
+        table, leaf = self.program.table, self.found.leaf
+        error, within = judge(table, leaf, self.found.poses)
+        resolved = claimed(table, leaf)
+        return replace(self.found, error_mm=error, within=within, resolved=resolved, crashes=self.crashes)
 
     def _count_crashes(self, world: World, hand: Array, opening_mm: Array) -> None:
         collides = getattr(world, "collides", None)
@@ -220,19 +190,22 @@ class _Trials:
         travel = np.hypot(*(target - self.hand[members]).T) + np.hypot(*drag.T)
         lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
         stroke = 2.0 * (program.opening_mm[node] - width_mm)
-        self.seconds[members] += (travel + lift) / (limits.arm_speed_um_s / 1e3)
-        self.seconds[members] += stroke / program.speed_mm_s[node]
+        moving = (travel + lift) / (limits.arm_speed_um_s / 1e3)
+        self.found.seconds[members] += moving + stroke / program.speed_mm_s[node]
         self.hand[members] = target + drag
 
 
-def _squeeze_all(world: World, hand: Array) -> Squeezed:
-    """Squeezes (n, 3) poses, in a batch where the world offers one."""
+def _squeeze_all(world: World, hand: Array) -> tuple[Array, Array, BoolArray]:
+    """Squeezes (n, 3) poses in the hand frame, in a batch where the world offers one.
+
+    Returns:
+        (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part was held in the end.
+    """
     many = getattr(world, "squeeze_many", None)
     if many is not None:
         rolled = many(hand)
-        held = (rolled.status == GRASPED) | (rolled.status == JAMMED)
-        return Squeezed(cast(Array, rolled.poses), cast(Array, rolled.width_mm), np.asarray(held))
+        return rolled.poses, rolled.width_mm, np.isin(rolled.status, (GRASPED, JAMMED))
     results = [world.squeeze((float(x), float(y), float(theta))) for x, y, theta in hand]
     final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
     width = np.array([result[1] for result in results], dtype=np.float64)
-    return Squeezed(final, width, np.array([result[2] in HOLDING for result in results]))
+    return final, width, np.array([result[2] in HOLDING for result in results])
