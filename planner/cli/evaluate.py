@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
-from typing import Any
 
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Line, evaluate, sweep
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.leaves import confusions, reliability, worst
 from planner.job.model import Job
 from planner.job.overrides import changes_of
@@ -129,31 +128,23 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """The standard set of worlds, a line each as it is done."""
-    _refuse_changes(arguments)
-    if not arguments.json:
-        print(text.SWEEP_HEAD)
-    lines = []
-    for line in sweep(
-        table, job, standard_cases(job),
-        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
-        arguments.trials, arguments.seed, scheduler,
-    ):  # fmt: skip
-        lines.append(line)
-        if not arguments.json:
-            print(text.sweep_row(line), flush=True)
-    if arguments.json:
-        shell.print_json({"worlds": [_figures(line) for line in lines]})
-
-
-def _figures(line: Line) -> dict[str, Any]:
-    return {"world": line.case.name, "set": line.case.stated(), **line.evaluation.summary()}
-
-
-def _refuse_changes(arguments: argparse.Namespace) -> None:
     if arguments.world_set or _disturbance(arguments) != Disturbance():
         raise UsageError(
             "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
         )
+    if not arguments.json:
+        print(text.SWEEP_HEAD)
+    told = []
+    for case, found in sweep(
+        table, job, standard_cases(job),
+        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
+        arguments.trials, arguments.seed, scheduler,
+    ):  # fmt: skip
+        told.append({"world": case.name, "set": case.stated(), **found.summary()})
+        if not arguments.json:
+            print(text.sweep_row(case.name, found), flush=True)
+    if arguments.json:
+        shell.print_json({"worlds": told})
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -167,8 +158,8 @@ def _disturbance(arguments: argparse.Namespace) -> Disturbance:
 
 
 def _name_of_world(arguments: argparse.Namespace) -> str:
-    disturbance = asdict(_disturbance(arguments))
-    errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
+    stated = asdict(_disturbance(arguments)).items()
+    errors = [f"{name} {value}" for name, value in stated if value not in (0.0, (0.0, 0.0))]
     return ", ".join([arguments.world, *arguments.world_set, *errors])
 
 

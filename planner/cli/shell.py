@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -147,14 +147,11 @@ def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Name
 def _warnings_in_one_line(name: str) -> Iterator[None]:
     """Prints what the store warns about as errors are printed, each time."""
 
-    def show(
-        message: Warning | str, category: type[Warning], filename: str, lineno: int,
-        file: TextIO | None = None, line: str | None = None,
-    ) -> None:  # fmt: skip
+    def show(message: Warning | str, category: type[Warning], *where: Any, **named: Any) -> None:
         if issubclass(category, StoreWarning):
             command.tell(name, f"warning: {message}")
         else:
-            usual(message, category, filename, lineno, file, line)
+            usual(message, category, *where, **named)
 
     with warnings.catch_warnings():
         usual = warnings.showwarning

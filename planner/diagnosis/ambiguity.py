@@ -45,7 +45,7 @@ class Whereabouts(NamedTuple):
 
     poses: Array  # (m, 3) their main poses, the likeliest first [mm, mm, rad]
     shares: tuple[float, ...]  # (m,) how many of them lie within the goal of each
-    scatter: float = 0.0  # distance within which nearly all of them lie about a single pose, in units of the goal; 0 if there are several poses
+    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -67,9 +67,7 @@ class Ambiguity(NamedTuple):
     leaf: int  # its index
     share: float  # of all parts that end there
     where: Whereabouts  # the poses of its parts
-    separator: (
-        Separator | None
-    )  # for the first two poses; None if no squeeze that was tried tells them apart, or where one is all
+    separator: Separator | None  # of the first two poses, if a squeeze that was tried is one
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -107,14 +105,7 @@ class Ambiguity(NamedTuple):
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """The unresolved leaves that hold most parts, and what would resolve them.
-
-    Args:
-        table: the table.
-        evaluation: of this table, for the poses that parts truly have in its leaves.
-        job: the job it was compiled from.
-        most: how many leaves at most.
-    """
+    """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
     metric = metric_of_table(table)
@@ -131,14 +122,10 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
+    """Where parts (n, 3), n >= 1, lie: their main poses, and the scatter about a single one.
 
     A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
     pose that few parts have, or the rim of the one.
-
-    Args:
-        here: (n, 3) true poses, n >= 1.
-        metric: of the goal.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:

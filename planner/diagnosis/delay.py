@@ -37,13 +37,7 @@ class Delay(NamedTuple):
 
 
 def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
-    """The nodes that most parts come to after `LATE` squeezes or more.
-
-    Args:
-        root: the tree, with its beliefs.
-        job: the job it was planned for.
-        most: how many at most.
-    """
+    """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     inner = [node for node in breadth_first(root) if node.children]
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_SHARE]

@@ -1,8 +1,4 @@
-"""How good the learned models of a job are, judged by what they were learned from: the squeeze itself.
-
-Motion by energy distance, in units of what two runs of the simulator differ by; the sensor on roll-outs held
-out; the collision detector on fresh placements; and the subspaces that widths stand for.
-"""
+"""How good the learned models of a job are, judged by what they were learned from: the squeeze itself."""
 
 from __future__ import annotations
 
@@ -70,17 +66,7 @@ class Quality:
 
 
 def quality(job: Job, model: LearnedModel, rolled: RollOuts, report: Report = silent) -> Quality:
-    """Judges the models of a job.
-
-    Args:
-        job: the checked job.
-        model: its motion model.
-        rolled: the roll-outs that this was learned from.
-        report: told about progress.
-
-    Returns:
-        The same for the same job, on any number of workers.
-    """
+    """Judges the motion model of a job and the roll-outs it was learned from."""
     rng = np.random.default_rng([job.seed, SEED])
     belief = initial(job, PARTICLES, rng)
     fixed = actions_of(job).placements

@@ -35,9 +35,7 @@ class Case(NamedTuple):
     """One world."""
 
     name: str  # what is different
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-        {}
-    )  # of the job that the world gets, as `Job.replaced` takes them
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # as `Job.replaced` takes them
     disturbance: Disturbance = NONE  # errors of the cell
 
     def job(self, planned: Job) -> Job:

@@ -17,14 +17,9 @@ class Disturbance:
     encoder_offset_mm: float = 0.0  # added to every width before it is read
     placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
     placement_deg: float = 0.0  # standard deviation of its angle
-    bias_mm: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # constant error of the hand's x and y in the world, the same for all squeezes
+    bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
     bias_deg: float = 0.0  # constant error of its angle
-    across_mm: float = (
-        0.0  # constant error of its place along the closing direction, which turns with the hand
-    )
+    across_mm: float = 0.0  # constant error of its place along the closing direction
 
     def placed(self, placements: Array, rng: np.random.Generator) -> Array:
         """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad].

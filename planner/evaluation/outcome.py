@@ -23,7 +23,7 @@ class Evaluation:
     squeezes: IntArray  # (n,) how many it took
     seconds: Array  # (n,) estimated time
     error_mm: Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
-    within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose, whatever kind the goal is
+    within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
     resolved: BoolArray  # (n,) whether the leaf claims to know the pose
     crashes: int  # placements at which an open finger would have stood on the part
     poses: Array  # (n, 3) true final poses in the world

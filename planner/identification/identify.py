@@ -2,18 +2,15 @@
 
 Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
 the force for which the fitted ellipsoid slides the part without turning it, averaged over the directions.
-The mechanics does not depend on it, only the residuals' weights do.
-
-The quartic is fitted robustly, and pulled towards the ellipsoid by a ridge that is chosen within the pairs of
-the fit alone, by cross-validation: the strongest whose error is within one standard error of the least
-(Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 7.10). With few or noisy pairs the
-result is close to the ellipsoid, and no worse.
+The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
+error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
+Learning", 7.10).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -25,10 +22,10 @@ from planner.identification.pushes import Pairs
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
+from planner.work.progress import Report, silent
 
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
-Report = Callable[[str, int, int], None]
 
 RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Pulls towards the ellipsoid to choose from, as numbers of pairs."""
@@ -80,22 +77,15 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 
 def identify(
-    data: Normalised,
-    rho_mm: float,
-    kinds: Sequence[Kind],
-    *,
-    splits: int,
-    train_share: float,
-    seed: int,
-    friction_n: float | None = None,
-    report: Report = lambda _stage, _done, _total: None,
-) -> list[Identified]:
-    """Fit limit surfaces to pairs, and judge each kind on random splits of them.
+    data: Normalised, rho_mm: float, kinds: Sequence[Kind], *, splits: int, train_share: float, seed: int,
+    friction_n: float | None = None, report: Report = silent,
+) -> list[Identified]:  # fmt: skip
+    """Fit limit surfaces to pairs, and judge each kind on the same random splits of them.
 
     Args:
         data: the pairs.
         rho_mm: the length they are normalised with.
-        kinds: what to fit; all kinds see the same splits.
+        kinds: what to fit.
         splits: number of random splits.
         train_share: share of the pairs that a split fits to, 0 to 1; the rest is held out.
         seed: of the splits and folds.
@@ -126,7 +116,14 @@ def identify(
             errors[kind][split] = np.average(angles(twists, unseen.V), weights=unseen.weights)
             predicted[kind][order[train:]] += twists
     report("fitting all pairs", splits, splits)
-    return [_final(data, rho_mm, kind, seed, friction_n, errors[kind], predicted[kind]) for kind in kinds]
+    found = []
+    for kind in kinds:
+        fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
+        own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
+        length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
+        mean = np.divide(predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0)
+        found.append(Identified(kind, fitted, errors[kind], mean, float(own)))
+    return found
 
 
 def fit(
@@ -191,19 +188,3 @@ def angles(first: Array, second: Array) -> Array:
 
 def _quartic(data: Normalised, rho_mm: float, ridge: float) -> QuarticSurface:
     return quartic_fit.fit(data.F, data.V, rho_mm, data.weights, ridge=ridge, robust=True)
-
-
-def _final(
-    data: Normalised,
-    rho_mm: float,
-    kind: Kind,
-    seed: int,
-    friction_n: float | None,
-    errors: Array,
-    predicted: Array,
-) -> Identified:
-    fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
-    own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
-    length = np.linalg.norm(predicted, axis=1, keepdims=True)
-    mean = np.divide(predicted, length, out=np.full_like(predicted, np.nan), where=length > 0.0)
-    return Identified(kind, fitted, errors, mean, float(own))

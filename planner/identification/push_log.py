@@ -13,12 +13,8 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
   force of the whole record are not contact.
 - The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
   the mean over the contact readings of the force and its torque in the part's frame as it then lies, the
-  twist the constant one, in the part's frame, that takes the one pose to the other (eq. 1 is about both in
-  the part's frame at the same time). Only the direction of a twist matters.
-- The tip of the pusher lies to the side of the logged position, by a fraction of a millimetre that is found
-  from where it ends on the block's faces (`tip_offset`). It matters for supports that are close together.
-
-With these facts wrench . twist > 0 for every push of the two public files; with other signs it is not.
+  twist the constant one there that takes the one pose to the other (eq. 1 is about both in that frame).
+- The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A table is CSV with the columns `COLUMNS` and optionally `weight`: the wrench on the part and the twist it
 answered with, about the origin of the part's frame (its area centroid) and along its axes. Only the direction
-of a twist matters, so a displacement over a short push does as well as a velocity.
+of a twist matters.
 """
 
 from __future__ import annotations
