@@ -1,7 +1,5 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
-from __future__ import annotations
-
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np

@@ -3,8 +3,6 @@
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

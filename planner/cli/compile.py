@@ -1,7 +1,5 @@
 """plan-compile: job file in, decision table out."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import math
@@ -123,7 +121,6 @@ def _single(arguments: argparse.Namespace) -> int:
 
 
 def _baseline(arguments: argparse.Namespace) -> int:
-    """Plans without sensors and says what that achieves."""
     job = _job(arguments)
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
@@ -140,7 +137,6 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    """Compiles the job with every combination of the swept values."""
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)

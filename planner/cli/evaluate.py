@@ -1,7 +1,5 @@
 """plan-evaluate: a table against a world, over many fresh trials."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import asdict
@@ -127,7 +125,6 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
 
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """The standard set of worlds, a line each as it is done."""
     if arguments.world_set or _disturbance(arguments) != Disturbance():
         raise UsageError(
             "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."

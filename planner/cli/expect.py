@@ -1,7 +1,5 @@
 """plan-expect: what a cell's encoder should read at each node of a table, for the charts of grasp-audit."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

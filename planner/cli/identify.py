@@ -1,7 +1,5 @@
 """plan-identify: measured pushes in, limit surface out, with the error on pushes it has not seen."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -1,7 +1,5 @@
 """plan-init: a job file from a drawing and a few answers."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
@@ -112,7 +110,6 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 
 
 def _show(imported: Imported) -> None:
-    """What was found, for comparison with the part."""
     width, height = imported.size_mm
     order = imported.symmetry
     told = "none" if order == 1 else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
@@ -122,11 +119,6 @@ def _show(imported: Imported) -> None:
 
 
 def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:
-    """The flags, and questions for what they leave out.
-
-    Raises:
-        UsageError: something is left out, and there is nobody to ask.
-    """
     needed = ("radius", "gripper", "fingers")
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
     if missing and not asking:
@@ -161,7 +153,6 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
 
 
 def _choice(question: str, choices: Iterable[str]) -> str:
-    """One of some words, asked for until it is one."""
     names = list(choices)
 
     def parse(text: str) -> str:

@@ -1,7 +1,5 @@
 """What plan-compile --models-report says about the learned models of a job."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

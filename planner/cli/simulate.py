@@ -1,7 +1,5 @@
 """plan-simulate: single squeezes, rolled out from a list of poses."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import io

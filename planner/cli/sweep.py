@@ -4,8 +4,6 @@ Each table is the one that its job alone compiles to. A combination that cannot 
 one outcome among the others.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import itertools
@@ -246,7 +244,6 @@ def _fit(text: str) -> str:
 
 
 def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
-    """Prints the summary: a table on a terminal, a line for each job in a pipe."""
     console = Console()
     table = Table(*rows[0]["overrides"], "success", "squeezes", "leaves", "s", "table")
     for order, row in zip(orders, rows, strict=True):

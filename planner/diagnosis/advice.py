@@ -1,7 +1,5 @@
 """What to change where a plan falls short: the measures of this package, put together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -60,7 +58,6 @@ class Advice:
         ]
 
     def _shares(self) -> list[str]:
-        """What the parts that are not located are due to."""
         if self.failing == 0.0:
             return ["every part was located"]
         lines = [f"{self.failing:.2%} of the parts are not located"]

@@ -1,7 +1,5 @@
 """Poses that a plan leaves open, and the squeeze that would tell them apart, if there is one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -97,7 +95,6 @@ class Ambiguity(NamedTuple):
         )
 
     def _nearby(self) -> str:
-        """Why one pose is not enough."""
         scatter = self.where.scatter
         if scatter < 1.0:
             return "the plan was less sure of it than its trials: more particles of [search] may be"

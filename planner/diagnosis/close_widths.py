@@ -1,7 +1,5 @@
 """Neighbouring branches of a node whose widths the encoder may take for one another."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What keeps a plan from being shorter: nodes that many parts still come to late, and what is open there."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from planner.belief.metric import metric_of

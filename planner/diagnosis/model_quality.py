@@ -1,7 +1,5 @@
 """How good the learned models of a job are, judged by what they were learned from: the squeeze itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -110,7 +108,6 @@ def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.
 
 
 def _judged(model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator) -> ActionQuality:
-    """The motion model under one action."""
     reference = Simulation(model.simulator, model.encoder)
     rho, order = model.motion.rho_mm, model.motion.order
     (comparison,) = compare(model, reference, [belief] * 2 * RUNS, placement[None], rho, order, rng)

@@ -1,7 +1,5 @@
 """What a job's sources of noise cost its plan: success of the table with one after another switched off."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Worlds that are not what the plan believes, as lists of named cases: one for each use."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """What goes wrong between the table and the world, besides the mechanics: the encoder's zero, the arm."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The trials run the table as the runtime does; nothing of the planner's belief enters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

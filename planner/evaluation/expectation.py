@@ -3,8 +3,6 @@
 `grasp-audit report --expected` weighs the readings in journals by these shares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from typing import Any, NamedTuple

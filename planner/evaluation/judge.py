@@ -1,7 +1,5 @@
 """Whether a leaf is right about a part: the one place that knows the kinds of goals a table may state."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

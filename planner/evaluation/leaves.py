@@ -1,7 +1,5 @@
 """A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 What no trial took is never claimed: its widths become REJECT.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -116,7 +114,6 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
 
 
 def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
-    """A leaf with what its parts came to."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:
@@ -137,7 +134,6 @@ def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, 
 
 
 def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
-    """The nodes, the shares of their branches as parts took them."""
     nodes = []
     for index, node in enumerate(table.nodes):
         taken = evaluation.branch[evaluation.path == index]

@@ -1,7 +1,5 @@
 """What came of the trials: one row a part, and the figures for all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """Intervals for rates (Wilson 1927) and quantiles of samples, as the evaluation reports them."""
 
-from __future__ import annotations
-
 import math
 
 Z95 = 1.959963984540054

@@ -4,8 +4,6 @@ In the planned world a leaf may be right although no squeeze ever looked at one 
 encoder that reads short or a finger that lags disturbs it there: the search then looks at such leaves again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An evaluation in words and columns, for people."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

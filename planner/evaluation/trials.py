@@ -3,8 +3,6 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -169,7 +167,6 @@ class _Trials:
         self.node[members] = np.maximum(target, NOWHERE)
 
     def evaluation(self) -> Evaluation:
-        """The outcomes."""
         table, leaf = self.program.table, self.found.leaf
         error, within = judge(table, leaf, self.found.poses)
         resolved = claimed(table, leaf)

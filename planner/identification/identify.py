@@ -7,12 +7,10 @@ error is within one standard error of the least (Hastie, Tibshirani and Friedman
 Learning", 7.10).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -44,9 +42,9 @@ class Normalised(NamedTuple):
     V: Array  # (K, 3) unit [vx, vy, omega rho]
     weights: Array  # (K,) with mean 1
 
-    def take(self, rows: IntArray) -> Normalised:
+    def take(self, rows: IntArray) -> Self:
         """Return some of the pairs."""
-        return Normalised(self.F[rows], self.V[rows], self.weights[rows])
+        return self._replace(F=self.F[rows], V=self.V[rows], weights=self.weights[rows])
 
 
 class Fit(NamedTuple):

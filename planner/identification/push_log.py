@@ -17,8 +17,6 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
 - The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -147,7 +145,6 @@ def _wrench(push: Push, sideways: float) -> Array:
 
 
 def _contact(measured: Array) -> BoolArray:
-    """Return which of the readings (K, 2), offset taken off, show contact."""
     strength = np.hypot(measured[:, 0], measured[:, 1])
     contact = strength >= max(float(np.hypot(*measured.mean(axis=0))), 1e-9)
     contact[: int(APPROACH * len(measured))] = False
@@ -160,7 +157,6 @@ def _origin(pose: Array) -> Array:
 
 
 def _turned(push: Push) -> float:
-    """Return how far the block turned, rad."""
     return math.remainder(float(_yaw(push.after[3:]) - _yaw(push.before[3:])), math.tau)
 
 

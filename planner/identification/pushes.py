@@ -5,8 +5,6 @@ answered with, about the origin of the part's frame (its area centroid) and alon
 of a twist matters.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import NamedTuple

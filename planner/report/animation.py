@@ -1,7 +1,5 @@
 """Squeezes that move: a GIF of one, or a page with a slider for several."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

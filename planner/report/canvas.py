@@ -1,7 +1,5 @@
 """What the pictures share: colours that colour-blind readers tell apart, outlines, fingers, whole files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Charts of the figures kept in `tests/bench/results`: this planner beside the paper and other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -95,7 +93,6 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
 
 
 def _bars(axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str) -> None:
-    """Bars with their values above them."""
     drawn = axes.bar(at, values, 0.94 * width, color=colour, label=label, zorder=2)
     axes.bar_label(drawn, [label_of(value) for value in values], fontsize=SMALL - 1.0, padding=2.5)
 

@@ -3,8 +3,6 @@
 The judge is the stochastic contact world of the row, with fresh seeds, whatever the planner believed in.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

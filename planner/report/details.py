@@ -3,8 +3,6 @@
 Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import groupby
 from typing import Any, cast

@@ -4,8 +4,6 @@ Nothing comes from elsewhere, and the page tells the browser so (Content-Securit
 seed give the same bytes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import dataclass
@@ -93,7 +91,6 @@ def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
 
 
 def _width_function(job: Job) -> dict[str, Any]:
-    """The extent of the part against its angle: (n, 2) points [deg, mm], as a path, and its minima."""
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
     top = 1.08 * max(widths)
@@ -117,7 +114,6 @@ def _job_text(job: Job) -> str:
 
 
 def _log(log: RunLog) -> dict[str, Any]:
-    """A journal for the page."""
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])

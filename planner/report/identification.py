@@ -1,7 +1,5 @@
 """What was identified from pushes: the limit surface among its data, predicted against measured twists."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -81,7 +79,6 @@ def _twists(
     axes: Axes, what: str, limit: float, angle: Callable[[Array], Array], V: Array,
     found: Sequence[Identified],
 ) -> None:  # fmt: skip
-    """An angle of the predicted twists over that of the measured ones."""
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
     for result in found:
         axes.scatter(
@@ -94,7 +91,6 @@ def _twists(
 
 
 def _errors(axes: Axes, data: Normalised, found: Sequence[Identified]) -> None:
-    """Share of the pairs whose twist is predicted within an angle."""
     for result in found:
         seen = np.isfinite(result.held_out[:, 0])
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))

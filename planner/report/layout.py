@@ -4,8 +4,6 @@ Every depth has two slots, the panels and the gap below them, so that what stand
 a node, the text of a leaf) is kept apart too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -43,7 +41,7 @@ class _Subtree:
 
     target: int
     contour: dict[int, tuple[float, float]]
-    children: list[tuple[float, _Subtree]] = field(default_factory=list)
+    children: list[tuple[float, "_Subtree"]] = field(default_factory=list)
 
 
 def tidy(table: Table, sizes: Sizes) -> Layout:

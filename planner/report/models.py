@@ -1,7 +1,5 @@
 """What `plan-compile --models-report` wrote beside its picture, or printed with --json, read for a page."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,7 +15,6 @@ Models: TypeAlias = dict[str, Any]
 
 
 def _number(told: Any) -> float:
-    """A finite number."""
     value = float(told)
     if not math.isfinite(value):
         raise ValueError(told)
@@ -74,7 +71,6 @@ def read(path: Path, job_digest: str) -> Models:
 
 
 def _shaped(told: Any, shape: Any) -> Any:
-    """What was told, read as a shape says."""
     if isinstance(shape, dict):
         return {name: _shaped(told[name], inner) for name, inner in shape.items()}
     if isinstance(shape, list):

@@ -1,7 +1,5 @@
 """The paper's Figs 1, 3 and 4, drawn from this planner's own squeezes; Figs 2 and 6 are trees of tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import ceil
 from typing import NamedTuple

@@ -5,8 +5,6 @@ needs the beliefs again, and finds them as the table was judged: many parts, squ
 each sent on by the encoder count it would read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

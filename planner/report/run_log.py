@@ -4,8 +4,6 @@ JSON lines, each with the SHA-256 of itself without that field and that of the l
 Whether every decision follows from its counts is what `grasp-journal replay` tells.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from dataclasses import dataclass, field
@@ -99,7 +97,6 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:
-    """All records, each checked against its digest and the line before."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=str(path))

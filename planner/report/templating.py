@@ -1,7 +1,5 @@
 """The templates of pages and pictures: jinja2, escaping what it fills in."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Squeezes as the paper's Fig. 3 shows them: initial, intermediate and final, and the centre's trace."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import ceil
 from typing import NamedTuple
@@ -97,7 +95,6 @@ def frame(axes: Axes, half: tuple[float, float]) -> None:
 
 
 def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
-    """Black, grey and red states over each other, and the centre's trace."""
     begun = touch(states)
     between = along(states, np.linspace(begun, states[-1, 3], BETWEEN + 2)[:-1])
     for rows, color, width, order in (

@@ -4,8 +4,6 @@ Every node shows the belief when it is reached and the fingers of the squeeze th
 close along the next squeeze. Lengths are pixels; each panel is a small view of the world in mm.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -139,7 +137,6 @@ class _Tree:
         )
 
     def node(self, index: int) -> Panel:
-        """The panel of a node."""
         node, arrivals = self.table.nodes[index], self.beliefs.visits[index].before
         angle = float(np.degrees(node.squeeze.angle_urad / 1e6))
         seen = f"{percent(len(arrivals) / self.trials)} of the parts"
@@ -151,7 +148,6 @@ class _Tree:
         return self._panel(index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None)
 
     def leaf(self, index: int) -> Panel:
-        """The panel of a leaf."""
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
         lines = leaf_lines(leaf)
         text = (32.0, 74.0, "middle")
@@ -162,7 +158,6 @@ class _Tree:
         return self._panel(~index, kind, leaf_label(index, leaf), poses, lines, text, NOTHING, predicted)
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
-        """The line of a branch, the one of a node and number."""
         index, number = step
         branch = self.table.nodes[index].branches[number]
         share = len(self.beliefs.visits[index].through(number)) / self.trials
@@ -196,7 +191,6 @@ class _Tree:
         return canvas.placed(boxes, placement_of(node.squeeze))
 
     def _middle(self, target: int) -> tuple[float, float]:
-        """The middle of a target's panel."""
         spot = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
         along = EDGE + spot.depth * (PANEL + self.style.gap) + 0.5 * PANEL
         return (along, EDGE + spot.x) if self.style.sideways else (EDGE + spot.x, along)
