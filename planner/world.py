@@ -26,8 +26,7 @@ SEED_COPY = 0x434F5059
 class World(Protocol):
     """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Two methods more are used where a world has them: `squeeze_many(poses (n, 3))`, which returns `poses`,
-    `width_mm` and `status` as `RollOut` does, and `collides(pose_hand, opening_mm)`.
+    Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:

@@ -38,34 +38,33 @@ def parser() -> Parser:
         f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
         f"{NAME} job.toml --baseline sensorless",
     )
-    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    built.add_argument(
+    add = built.add_argument
+    add("job", type=Path, metavar="JOB.toml", help="the job file")
+    add(
         "-o", "--output", type=Path, metavar="TREE.msgpack",
         help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
-    built.add_argument("--seed", type=natural, help="instead of the job's seed")
-    built.add_argument(
+    add("--seed", type=natural, help="instead of the job's seed")
+    add(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
         help="stop searching after so long, with the best tree so far (default: search until done)",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
-    built.add_argument("--strip", action="store_true", help="leave the job out of the table")
-    built.add_argument(
-        "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
-    )
-    built.add_argument(
+    add("--strip", action="store_true", help="leave the job out of the table")
+    add("--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds")
+    add(
         "--baseline", choices=["sensorless"],
         help="no table, but Goldberg's plan without sensors, and what it achieves",
     )  # fmt: skip

@@ -61,38 +61,31 @@ def parser() -> Parser:
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
+    add = group.add_argument
+    add(
         "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
         help="where the parts are squeezed (default: %(default)s)",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-copies", action="store_true",
         help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE",
         help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
     )  # fmt: skip
-    group.add_argument(
-        "--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change"
-    )
-    group.add_argument(
-        "--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width"
-    )
-    group.add_argument(
+    add("--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change")
+    add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
+    add(
         "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
         help="standard deviation of the hand's x and y, drawn for every squeeze",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle"
-    )
-    group.add_argument(
+    add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
+    add(
         "--placement-bias-mm", type=number, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
         help="constant error of the hand's place in the world",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle"
-    )
+    add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:

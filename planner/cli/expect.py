@@ -31,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
         told = document(digest, worlds, arguments.trials, arguments.seed)
         with writing(arguments.output) as draft:
             draft.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
-        names = [world.name for world in worlds]
+        names = [world["name"] for world in worlds]
         if arguments.json:
             shell.print_json({"worlds": names, "trials": arguments.trials, "written": str(arguments.output)})
         else:

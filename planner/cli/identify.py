@@ -62,30 +62,25 @@ def parser() -> Parser:
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
     )
-    built.add_argument(
-        "logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)"
-    )
-    built.add_argument("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
-    built.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
-    built.add_argument(
+    add = built.add_argument
+    add("logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
+    add(
         "--kind", choices=tuple(KINDS), default="both",
         help="with both, the one that predicts better is written (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--rho-mm", type=positive, default=75.0,
         help="length that torques are divided by (default: %(default)g)",
     )  # fmt: skip
-    built.add_argument(
-        "--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)"
-    )
-    built.add_argument(
-        "--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)"
-    )
-    built.add_argument(
+    add("--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)")
+    add("--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)")
+    add(
         "--train-share", type=_share, default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )  # fmt: skip
-    built.add_argument("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
+    add("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
     return built
 
 

@@ -34,12 +34,11 @@ def made(
 ) -> tuple[dict[str, Any], str]:
     """Learns and judges the models of a job; writes the picture and, beside it, the figures for plan-report.
 
-    Returns:
-        The report for machines and for people.
+    Returns the report for machines and for people.
 
     Raises:
         ClusterError: the cluster was lost.
-        InputFileError: a file cannot be written.
+        OutputError: a file cannot be written.
     """
     from planner.report import canvas, paper_figures  # matplotlib takes a second
 

@@ -70,45 +70,33 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
         f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
     )
-    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    built.add_argument(
-        "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
-    )
-    built.add_argument(
+    add = built.add_argument
+    add("job", type=Path, metavar="JOB.toml", help="the job file")
+    add("--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}")
+    add(
         "-o", "--output", type=Path, required=True, metavar="OUT.csv",
         help="the results; - for standard output",
     )  # fmt: skip
-    built.add_argument(
-        "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
-    )
-    built.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
-    built.add_argument("--seed", type=natural, help="of the scatter (default: the job's)")
-    built.add_argument(
+    add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
+    add("--mu", type=float, help="friction between finger and part, with --nominal")
+    add("--seed", type=natural, help="of the scatter (default: the job's)")
+    add(
         "--step-mm", type=float, default=DEFAULT_STEP_MM,
         help="closing step of a finger (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument("--workers", type=positive_int, help="threads (default: cores)")
-    built.add_argument(
-        "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
-    )
-    built.add_argument("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
-    built.add_argument(
-        "--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12"
-    )
+    add("--workers", type=positive_int, help="threads (default: cores)")
+    add("--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)")
+    add("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
+    add("--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12")
     return built
 
 
 def draw(
     pictures: dict[str, Path], simulator: Simulator, poses: Array, parameters: Parameters, title: str
 ) -> None:
-    """Squeezes the first poses once more, step by step, and draws what was asked for.
+    """Squeezes the first poses (n, 3), n >= 1, once more, step by step, and draws what was asked for.
 
-    Args:
-        pictures: the files, by the names of `PICTURES`.
-        simulator: the same as for the results.
-        poses: (n, 3) in the hand frame, n >= 1 [mm, mm, rad].
-        parameters: one set for each pose, the same as for the results.
-        title: of the page.
+    The files go by the names of `PICTURES`; the simulator and the parameters are those of the results.
     """
     from planner.report import animation, canvas, trajectory  # matplotlib takes its time
 

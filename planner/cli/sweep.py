@@ -1,7 +1,6 @@
 """plan-compile --sweep: one job file, every combination of some values, one table each and a summary of all.
 
-Each table is the one that its job alone compiles to. A combination that cannot be used, or has no plan, is
-one outcome among the others.
+A combination that cannot be used, or has no plan, is one outcome among the others.
 """
 
 import dataclasses
@@ -76,12 +75,9 @@ class Outcome(NamedTuple):
 
 
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
-    """One order for every combination of the swept values, the last name's values changing fastest.
+    """One order for every combination of the swept values of a job file, the last name's changing fastest.
 
-    Args:
-        path: the job file.
-        sweeps: texts "section.key=value,value".
-        common: overrides of all jobs, applied first.
+    `sweeps` are texts "section.key=value,value"; the common overrides are applied first.
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
@@ -161,13 +157,7 @@ def run(
 ) -> int:  # fmt: skip
     """Compiles all orders, writes each table as soon as it is there, and the summary last.
 
-    Args:
-        orders: the jobs.
-        output: a folder, or a pattern with every swept name in braces.
-        read: the job file, and what it names.
-        settings: how to compile.
-        scheduler: a cluster, or this machine.
-        as_json: print the summary as JSON.
+    `output` is as in `paths_of`; `read` are the job file and what it names.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
@@ -206,12 +196,7 @@ def run(
 
 
 def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
-    """Where the tables go.
-
-    Args:
-        orders: the jobs.
-        output: a folder, whose files are named after the overrides; or, where it ends in .msgpack, a name
-            such as "r{uncertainty.radius_mm}.msgpack".
+    """Where the tables go: into a folder, or by a pattern such as "r{uncertainty.radius_mm}.msgpack".
 
     Raises:
         UsageError: a placeholder names no swept value, one is missing, or names coincide.

@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,20 +22,15 @@ from runtime.table import Table
 KIND, VERSION = "expected readings", 1
 
 
-class World(NamedTuple):
-    """What was read in one world."""
-
-    name: str  # as planned, or what is different
-    readings: IntArray  # (nodes, 256) how often each count was read at each node
-
-
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
-) -> Iterator[World]:
-    """Runs a table in each world, with so many parts; the job is the one it was compiled from."""
+) -> Iterator[dict[str, Any]]:
+    """The name of each world and, for each node, the counts read there by so many parts and how often."""
     worlds = partial(ContactWorlds.of_job, seed=seed)
-    for line in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
-        yield World(line.case.name, readings(line.evaluation, len(table.nodes)))
+    for case, found in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
+        rows = readings(found, len(table.nodes))
+        told = [{str(count): int(row[count]) for count in np.flatnonzero(row)} for row in rows]
+        yield {"name": case.name, "readings": told}
 
 
 def readings(found: Evaluation, nodes: int) -> IntArray:
@@ -45,22 +40,9 @@ def readings(found: Evaluation, nodes: int) -> IntArray:
     return np.asarray(totals.reshape(nodes, 256), np.int64)
 
 
-def document(digest: str, worlds: list[World], trials: int, seed: int) -> dict[str, Any]:
-    """What the file holds: for each world and node the counts read and how often, others left out.
-
-    `digest` is that of the table's file, as `runtime.table.load` tells it.
-    """
+def document(digest: str, worlds: list[dict[str, Any]], trials: int, seed: int) -> dict[str, Any]:
+    """What the file of a table holds, by its digest as `runtime.table.load` tells it."""
     return {
-        "kind": KIND,
-        "version": VERSION,
-        "table_sha256": digest,
-        "trials": trials,
-        "seed": seed,
-        "worlds": [
-            {"name": world.name, "readings": [_row(row) for row in world.readings]} for world in worlds
-        ],
-    }
-
-
-def _row(row: IntArray) -> dict[str, int]:
-    return {str(count): int(row[count]) for count in np.flatnonzero(row)}
+        "kind": KIND, "version": VERSION, "table_sha256": digest, "trials": trials, "seed": seed,
+        "worlds": worlds,
+    }  # fmt: skip

@@ -84,15 +84,10 @@ def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
 
 
 def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Table:
-    """Leaves out branches and all that follows them, in the table and in the tree that it was lowered from.
+    """Leaves out branches, all but those `kept` at each node, and what follows them.
 
-    Args:
-        table: the table.
-        root: of its tree; changed.
-        kept: the numbers of the branches that stay at each node; some at the root.
-
-    Returns:
-        The table. The widths of what was left out are REJECT: the branches beside it get none.
+    This changes the tree under the root, from which the table was lowered. Returns the table, in which the
+    widths of what was left out are REJECT: the branches beside it get none.
     """
     for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
         assert node.squeeze is not None

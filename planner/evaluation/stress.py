@@ -78,14 +78,8 @@ def doubtful(run: Evaluation, leaves: int) -> list[int]:
 def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Doubt]:
     """Unsettles the leaves that are wrong too often in runs of its table, so that the tree grows on there.
 
-    Args:
-        root: the tree, modified in place: the beliefs of these leaves are joined by the poses of the parts
-            that were wrong there in the runs, amplified.
-        runs: evaluations of its table.
-        metric: of the goal.
-
-    Returns:
-        The leaves, with what they were before.
+    The tree is modified in place: the beliefs of these leaves are joined by the poses of the parts that were
+    wrong there, amplified. Returns the leaves, with what they were before.
     """
     ends = [node for node in breadth_first(root) if not node.children]
     found = []

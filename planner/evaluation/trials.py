@@ -73,13 +73,18 @@ class Program:
 class Step(NamedTuple):
     """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
 
-    after: Array  # (n, 3) poses in the world with the jaws closed [mm, mm, rad]
+    before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
+    after: Array  # (n, 3) and after it, with the jaws closed
     released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
     drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
     width_mm: Array  # (n,) true openings
     counts: IntArray  # (n,) what the encoder reads
     branch: IntArray  # (n,) which branch that means, or `REJECT`
     target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
+
+    def through(self, branch: int) -> Array:
+        """Poses (m, 3) of the released parts that leave through one branch, or through `REJECT`."""
+        return np.asarray(self.released[self.branch == branch])
 
 
 def step(
@@ -106,7 +111,7 @@ def step(
     released = after.copy()
     released[:, :2] += np.where(held[:, None], drag, 0.0)
     branch, target = program.branch[node, reading], program.target[node, reading]
-    return Step(after, released, drag, width_mm, counts, branch, target)
+    return Step(poses, after, released, drag, width_mm, counts, branch, target)
 
 
 def run(
@@ -117,79 +122,65 @@ def run(
     The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
     the arm's errors, the world has its own.
     """
-    state = _Trials(program, job, initial(job, trials, rng), disturbance)
-    for _ in range(program.table.limits.max_depth):
-        if not np.any(state.node >= 0):
+    depth, encoder = program.table.limits.max_depth, encoder_of(job)
+    poses = initial(job, trials, rng)
+    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    hand, crashes = np.zeros((trials, 2)), 0
+    node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
+    found = Evaluation(
+        leaf=np.full(trials, RUNNING, np.int64),
+        squeezes=np.zeros(trials, np.int64),
+        seconds=np.zeros(trials),
+        error_mm=np.zeros(trials),
+        within=np.zeros(trials, np.bool_),
+        resolved=np.zeros(trials, np.bool_),
+        crashes=0,
+        poses=poses.copy(),
+        initial=poses,
+        path=np.full((trials, depth), NOWHERE, np.int64),
+        counts=np.full((trials, depth), NOWHERE, np.int64),
+        branch=np.full((trials, depth), NOWHERE, np.int64),
+    )
+    for _ in range(depth):
+        members = np.flatnonzero(node >= 0)
+        if not len(members):
             break
-        state.squeeze(np.flatnonzero(state.node >= 0), world, rng)
-    return state.evaluation()
-
-
-class _Trials:
-    """The state of all trials; `node` is the node each stands at, negative once it has ended."""
-
-    def __init__(self, program: Program, job: Job, poses: Array, disturbance: Disturbance) -> None:
-        n, depth = len(poses), program.table.limits.max_depth
-        self.program, self.disturbance, self.encoder = program, disturbance, encoder_of(job)
-        self.reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-        self.node: IntArray = np.zeros(n, np.int64)
-        self.hand = np.zeros((n, 2))
-        self.crashes = 0
-        self.found = Evaluation(
-            leaf=np.full(n, RUNNING, np.int64),
-            squeezes=np.zeros(n, np.int64),
-            seconds=np.zeros(n),
-            error_mm=np.zeros(n),
-            within=np.zeros(n, np.bool_),
-            resolved=np.zeros(n, np.bool_),
-            crashes=0,
-            poses=poses.copy(),
-            initial=poses,
-            path=np.full((n, depth), NOWHERE, np.int64),
-            counts=np.full((n, depth), NOWHERE, np.int64),
-            branch=np.full((n, depth), NOWHERE, np.int64),
-        )
-
-    def squeeze(self, members: IntArray, world: World, rng: np.random.Generator) -> None:
-        """Squeezes the running trials once and looks up where each goes: a node, ~leaf, or a rejection."""
-        node, program, found = self.node[members], self.program, self.found
-        placement = self.disturbance.placed(program.placement[node], rng)
-        poses, offset_mm = found.poses[members], self.disturbance.encoder_offset_mm
-        self._count_crashes(world, to_hand(poses, placement.T), program.opening_mm[node])
-        made = step(program, node, poses, placement, world, self.encoder, rng, offset_mm)
+        at, lying, offset_mm = node[members], found.poses[members], disturbance.encoder_offset_mm
+        placement = disturbance.placed(program.placement[at], rng)
+        crashes += _crashes(world, to_hand(lying, placement.T), program.opening_mm[at], reach)
+        made = step(program, at, lying, placement, world, encoder, rng, offset_mm)
         found.poses[members] = made.released
-        self._spend(members, made.width_mm, made.drag)
-        at = members, found.squeezes[members]
-        found.path[at], found.counts[at], found.branch[at] = node, made.counts, made.branch
+        found.seconds[members] += _seconds(program, at, hand[members], made)
+        hand[members] = program.placement[at, :2] + made.drag
+        row = members, found.squeezes[members]
+        found.path[row], found.counts[row], found.branch[row] = at, made.counts, made.branch
         found.squeezes[members] += 1
-        ended, target = made.target < 0, made.target
-        found.leaf[members[ended]] = np.where(target[ended] == DISMISSED, REJECTED, ~target[ended])
-        self.node[members] = np.maximum(target, NOWHERE)
+        ended = made.target < 0
+        leaf = np.where(made.target == DISMISSED, REJECTED, ~made.target)
+        found.leaf[members[ended]] = leaf[ended]
+        node[members] = np.maximum(made.target, NOWHERE)
+    error, within = judge(program.table, found.leaf, found.poses)
+    resolved = claimed(program.table, found.leaf)
+    return replace(found, error_mm=error, within=within, resolved=resolved, crashes=crashes)
 
-    def evaluation(self) -> Evaluation:
-        table, leaf = self.program.table, self.found.leaf
-        error, within = judge(table, leaf, self.found.poses)
-        resolved = claimed(table, leaf)
-        return replace(self.found, error_mm=error, within=within, resolved=resolved, crashes=self.crashes)
 
-    def _count_crashes(self, world: World, hand: Array, opening_mm: Array) -> None:
-        collides = getattr(world, "collides", None)
-        if collides is not None:
-            near = np.abs(hand[:, 1]) + self.reach > 0.5 * opening_mm
-            pairs = zip(hand[near], opening_mm[near], strict=True)
-            self.crashes += sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
+def _crashes(world: World, hand: Array, opening_mm: Array, reach_mm: float) -> int:
+    """How many of the open hands would stand on the part, where the world can tell."""
+    collides = getattr(world, "collides", None)
+    if collides is None:
+        return 0
+    near = np.abs(hand[:, 1]) + reach_mm > 0.5 * opening_mm
+    pairs = zip(hand[near], opening_mm[near], strict=True)
+    return sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
 
-    def _spend(self, members: IntArray, width_mm: Array, drag: Array) -> None:
-        """Adds the time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
-        program, limits = self.program, self.program.table.limits
-        node = self.node[members]
-        target = program.placement[node, :2]
-        travel = np.hypot(*(target - self.hand[members]).T) + np.hypot(*drag.T)
-        lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
-        stroke = 2.0 * (program.opening_mm[node] - width_mm)
-        moving = (travel + lift) / (limits.arm_speed_um_s / 1e3)
-        self.found.seconds[members] += moving + stroke / program.speed_mm_s[node]
-        self.hand[members] = target + drag
+
+def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array:
+    """The time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
+    limits = program.table.limits
+    travel = np.hypot(*(program.placement[node, :2] - hand).T) + np.hypot(*made.drag.T)
+    lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
+    stroke = 2.0 * (program.opening_mm[node] - made.width_mm)
+    return np.asarray((travel + lift) / (limits.arm_speed_um_s / 1e3) + stroke / program.speed_mm_s[node])
 
 
 def _squeeze_all(world: World, hand: Array) -> tuple[Array, Array, BoolArray]:

@@ -142,10 +142,10 @@ def fit(
 
 
 def friction(data: Normalised) -> float:
-    """Estimate mu N: the mean force that slides the part without turning it, N.
+    """Estimate mu N [N]: the mean force that slides the part without turning it.
 
-    For the ellipsoid A the wrench that answers a unit twist v does power sqrt(v^T A^-1 v); for a translation
-    that is the force along it, 1 in normalised units.
+    The wrench that answers a unit twist v of the ellipsoid A does power sqrt(v^T A^-1 v), which is 1 for a
+    translation.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):

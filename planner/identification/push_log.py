@@ -85,11 +85,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     sideways = tip_offset(pushes)
     wrenches = np.array([_wrench(push, sideways) for push in pushes])
     twists = np.array([_twist(push) for push in pushes])
-    for index in range(len(pushes)):
-        if not twists[index].any() or not wrenches[index, :2].any():
-            still = not twists[index].any()
-            lacks = "the block does not move" if still else "no force reading shows contact"
-            raise ValueRangeError(f"push {index + 1} of {len(pushes)}: {lacks}; drop this push", where=where)
+    for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
+        if not twist.any() or not wrench[:2].any():
+            lacks = "no force reading shows contact" if twist.any() else "the block does not move"
+            raise ValueRangeError(f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where)
     return wrenches, twists
 
 

@@ -1,7 +1,7 @@
 """What the pictures share: colours that colour-blind readers tell apart, outlines, fingers, whole files."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,11 +48,9 @@ UNSIGNED = {
 """What to leave out of a file, by suffix, so that it does not change with the day."""
 
 
-@contextmanager
-def style() -> Iterator[None]:
+def style() -> AbstractContextManager[None]:
     """The look of all pictures, for as long as one is drawn and saved."""
-    with mpl.rc_context(STYLE):
-        yield
+    return mpl.rc_context(STYLE)
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:

@@ -79,14 +79,7 @@ def zoo_rows(trees: Path) -> list[Row]:
 
 
 def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None = None) -> Figures:
-    """Compiles a row with a method and judges the table.
-
-    Args:
-        row: job and world.
-        method: how to plan.
-        trees: the folder with the parts.
-        trials: parts squeezed by the judge, and by the compiler's own evaluation.
-        workers: threads; all cores if None.
+    """Compiles a row of the folder `trees` with a method and judges the table with so many trials.
 
     Returns:
         Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie

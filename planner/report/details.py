@@ -12,7 +12,8 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.evaluation.statistics import wilson_interval
-from planner.report.replay import Replay, Visit
+from planner.evaluation.trials import Step
+from planner.report.replay import Replay
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
 
 MOST = 60
@@ -46,7 +47,7 @@ def _most(table: Table) -> int:
     return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
 
 
-def _node(node: Node, visit: Visit, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
+def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
     squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
     return {
         "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],

@@ -172,15 +172,10 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
 def subspaces(
     found: Subspaces, label: IntArray, final: Array, outline: Array, jaws: Array, titles: Sequence[str]
 ) -> Figure:
-    """Fig. 4: the subspaces of final poses that widths tell apart, a panel and an SVG group each.
+    """Fig. 4: the subspaces that widths tell apart, a panel, a title and an SVG group each.
 
-    Args:
-        found: the subspaces.
-        label: (n,) which one each pose is in.
-        final: (n, 3) the poses in the hand frame [mm, mm, rad].
-        outline: (N, 2) of the part [mm].
-        jaws: (4,) those of `planner.mechanics.clearance.jaws_of`.
-        titles: what each is called.
+    Shown are final poses (n, 3) in the hand frame [mm, mm, rad] by their labels (n,), as an outline (N, 2)
+    between jaws (4,) as of `planner.mechanics.clearance.jaws_of` [mm].
     """
     columns = min(COLUMNS, len(found))
     rows = ceil(len(found) / columns)

@@ -1,44 +1,26 @@
 """Parts sent through a table, with their poses kept: the beliefs that the table itself does not hold.
 
-A table stores decisions only (paper, Fig. 2: "no belief distribution needs to be stored"). A picture of it
-needs the beliefs again, and finds them as the table was judged: many parts, squeezed in the stochastic world,
-each sent on by the encoder count it would read.
+They are found as the table was judged: many parts, squeezed in the stochastic world, each sent on by the
+encoder count it would read.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
-from planner.evaluation.trials import Program, step
+from planner.evaluation.trials import Program, Step, step
 from planner.job.model import Job
 from planner.world import ContactWorld
 from runtime.table import Table
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visit:
-    """The parts that came to one node."""
-
-    before: Array  # (n, 3) their poses in the world before the squeeze [mm, mm, rad]
-    after: Array  # (n, 3) and after it, the jaws still closed
-    released: Array  # (n, 3) where the jaws let go of them
-    width_mm: Array  # (n,) true opening at which the fingers stopped
-    counts: IntArray  # (n,) what the encoder reads of it
-    branch: IntArray  # (n,) where the encoder's reading sends each, `REJECT` where it fits no branch
-
-    def through(self, branch: int) -> Array:
-        """Poses (m, 3) of the parts that leave through one branch, or through `runtime.table.REJECT`."""
-        return np.asarray(self.released[self.branch == branch])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Replay:
+class Replay(NamedTuple):
     """All parts, node by node."""
 
-    visits: tuple[Visit, ...]  # one for each node of the table
+    visits: tuple[Step, ...]  # one for each node of the table
     leaves: tuple[Array, ...]  # for each leaf, the poses (m, 3) of the parts that ended there
 
 
@@ -52,14 +34,12 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     arrivals[0] = initial(job, trials, rng)
     visits = []
     for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
-        before = arrivals[index]
-        at = np.full(len(before), index)
-        made = step(program, at, before, program.placement[at], world, encoder, rng)
-        visit = Visit(before, made.after, made.released, made.width_mm, made.counts, made.branch)
-        visits.append(visit)
+        at = np.full(len(arrivals[index]), index)
+        made = step(program, at, arrivals[index], program.placement[at], world, encoder, rng)
+        visits.append(made)
         for number, branch in enumerate(node.branches):
             if branch.target >= 0:
-                arrivals[branch.target] = visit.through(number)
+                arrivals[branch.target] = made.through(number)
             else:
-                leaves[~branch.target] = visit.through(number)
+                leaves[~branch.target] = made.through(number)
     return Replay(tuple(visits), tuple(leaves))
