@@ -1,19 +1,16 @@
 """plan-evaluate: a table against a world, over many fresh trials."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Line, evaluate, sweep
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.leaves import confusions, reliability, worst
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.trials import Program
@@ -91,38 +88,31 @@ def _add_rare(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
+    add = group.add_argument
+    add(
         "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
         help="where the parts are squeezed (default: %(default)s)",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-copies", action="store_true",
         help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE",
         help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
     )  # fmt: skip
-    group.add_argument(
-        "--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change"
-    )
-    group.add_argument(
-        "--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width"
-    )
-    group.add_argument(
+    add("--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change")
+    add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
+    add(
         "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
         help="standard deviation of the hand's x and y, drawn for every squeeze",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle"
-    )
-    group.add_argument(
+    add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
+    add(
         "--placement-bias-mm", type=number, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
         help="constant error of the hand's place in the world",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle"
-    )
+    add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
@@ -178,24 +168,6 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     print("\n".join([f"{sums.parts} parts in {_name_of_world(arguments)}", *found.lines(arguments.until)]))
 
 
-def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """The standard set of worlds, a line each as it is done."""
-    _refuse_changes(arguments)
-    if not arguments.json:
-        print(text.SWEEP_HEAD)
-    lines = []
-    for line in sweep(
-        table, job, standard_cases(job),
-        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
-        arguments.trials or DEFAULT_TRIALS, arguments.seed, scheduler,
-    ):  # fmt: skip
-        lines.append(line)
-        if not arguments.json:
-            print(text.sweep_row(line), flush=True)
-    if arguments.json:
-        shell.print_json({"worlds": [_figures(line) for line in lines]})
-
-
 def _check_usage(arguments: argparse.Namespace) -> None:
     if arguments.ppm and arguments.sweep:
         raise UsageError("--ppm and --sweep are two studies; run one after the other")
@@ -206,15 +178,24 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         usable(arguments.resume, arguments.tree, arguments.job)
 
 
-def _figures(line: Line) -> dict[str, Any]:
-    return {"world": line.case.name, "set": line.case.stated(), **line.evaluation.summary()}
-
-
-def _refuse_changes(arguments: argparse.Namespace) -> None:
+def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     if arguments.world_set or _disturbance(arguments) != Disturbance():
         raise UsageError(
             "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
         )
+    if not arguments.json:
+        print(text.SWEEP_HEAD)
+    told = []
+    for case, found in sweep(
+        table, job, standard_cases(job),
+        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
+        arguments.trials or DEFAULT_TRIALS, arguments.seed, scheduler,
+    ):  # fmt: skip
+        told.append({"world": case.name, "set": case.stated(), **found.summary()})
+        if not arguments.json:
+            print(text.sweep_row(case.name, found), flush=True)
+    if arguments.json:
+        shell.print_json({"worlds": told})
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -228,8 +209,8 @@ def _disturbance(arguments: argparse.Namespace) -> Disturbance:
 
 
 def _name_of_world(arguments: argparse.Namespace) -> str:
-    disturbance = asdict(_disturbance(arguments))
-    errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
+    stated = asdict(_disturbance(arguments)).items()
+    errors = [f"{name} {value}" for name, value in stated if value not in (0.0, (0.0, 0.0))]
     return ", ".join([arguments.world, *arguments.world_set, *errors])
 
 

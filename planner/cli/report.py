@@ -1,7 +1,5 @@
 """plan-report: a table as one page of HTML that needs no network."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging
@@ -10,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -22,7 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from planner.errors import InputFileError
+from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
@@ -35,6 +33,8 @@ from runtime.table import TableFile, load
 
 WIDTH = 98
 """Columns of what --help says."""
+PICTURES = (".png", ".svg", ".pdf")
+"""What matplotlib's pictures may end in."""
 ROLL_OUTS = "rollouts"
 """Folder of the roll-outs in the cache folder."""
 EXIT_CODES = """\
@@ -55,6 +55,17 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     )
     result.add_common()
     return result
+
+
+def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
+    """The path that an option names.
+
+    Raises:
+        UsageError: it ends in none of the suffixes.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
+    return path
 
 
 def seconds(text: str) -> float:
@@ -134,14 +145,11 @@ def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Name
 def _warnings_in_one_line(name: str) -> Iterator[None]:
     """Prints what the store warns about as errors are printed, each time."""
 
-    def show(
-        message: Warning | str, category: type[Warning], filename: str, lineno: int,
-        file: TextIO | None = None, line: str | None = None,
-    ) -> None:  # fmt: skip
+    def show(message: Warning | str, category: type[Warning], *where: Any, **named: Any) -> None:
         if issubclass(category, StoreWarning):
             command.tell(name, f"warning: {message}")
         else:
-            usual(message, category, filename, lineno, file, line)
+            usual(message, category, *where, **named)
 
     with warnings.catch_warnings():
         usual = warnings.showwarning

@@ -1,7 +1,5 @@
 """Poses that a plan leaves open, and the squeeze that would tell them apart, if there is one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -34,30 +32,18 @@ SEED_AMBIGUITY = 0x414D4249
 
 
 class Separator(NamedTuple):
-    """A squeeze that tells two poses apart by its width.
+    """A squeeze that tells two poses apart by its width."""
 
-    Attributes:
-        placement: (3,) the hand in the world [mm, mm, rad].
-        widths_mm: mean width at the one pose and at the other.
-    """
-
-    placement: Array
-    widths_mm: tuple[float, float]
+    placement: Array  # (3,) the hand in the world [mm, mm, rad]
+    widths_mm: tuple[float, float]  # mean width at the one pose and at the other
 
 
 class Whereabouts(NamedTuple):
-    """Where the parts of a leaf or a node lie.
+    """Where the parts of a leaf or a node lie."""
 
-    Attributes:
-        poses: (m, 3) their main poses, the likeliest first [mm, mm, rad].
-        shares: (m,) how many of them lie within the goal of each.
-        scatter: distance within which nearly all of them lie about a single pose, in units of the goal; 0 if
-            there are several poses.
-    """
-
-    poses: Array
-    shares: tuple[float, ...]
-    scatter: float = 0.0
+    poses: Array  # (m, 3) their main poses, the likeliest first [mm, mm, rad]
+    shares: tuple[float, ...]  # (m,) how many of them lie within the goal of each
+    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -74,20 +60,12 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """A leaf in which a part may lie in several poses.
+    """A leaf in which a part may lie in several poses."""
 
-    Attributes:
-        leaf: its index.
-        share: of all parts that end there.
-        where: the poses of its parts.
-        separator: for the first two poses; None if no squeeze that was tried tells them apart, or where one
-            is all.
-    """
-
-    leaf: int
-    share: float
-    where: Whereabouts
-    separator: Separator | None
+    leaf: int  # its index
+    share: float  # of all parts that end there
+    where: Whereabouts  # the poses of its parts
+    separator: Separator | None  # of the first two poses, if a squeeze that was tried is one
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -117,7 +95,6 @@ class Ambiguity(NamedTuple):
         )
 
     def _nearby(self) -> str:
-        """Why one pose is not enough."""
         scatter = self.where.scatter
         if scatter < 1.0:
             return "the plan was less sure of it than its trials: more particles of [search] may be"
@@ -125,14 +102,7 @@ class Ambiguity(NamedTuple):
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """The unresolved leaves that hold most parts, and what would resolve them.
-
-    Args:
-        table: the table.
-        evaluation: of this table, for the poses that parts truly have in its leaves.
-        job: the job it was compiled from.
-        most: how many leaves at most.
-    """
+    """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
     metric = metric_of_table(table)
@@ -149,14 +119,10 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
+    """Where parts (n, 3), n >= 1, lie: their main poses, and the scatter about a single one.
 
     A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
     pose that few parts have, or the rim of the one.
-
-    Args:
-        here: (n, 3) true poses, n >= 1.
-        metric: of the goal.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:

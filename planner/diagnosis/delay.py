@@ -1,7 +1,5 @@
 """What keeps a plan from being shorter: nodes that many parts still come to late, and what is open there."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from planner.belief.metric import metric_of
@@ -17,19 +15,12 @@ MOST_POSES = 2
 
 
 class Delay(NamedTuple):
-    """A node whose parts take one squeeze more.
+    """A node whose parts take one squeeze more."""
 
-    Attributes:
-        node: its index in the table.
-        made: squeezes before it.
-        share: of all parts that come to it.
-        where: the poses of these parts.
-    """
-
-    node: int
-    made: int
-    share: float
-    where: Whereabouts
+    node: int  # its index in the table
+    made: int  # squeezes before it
+    share: float  # of all parts that come to it
+    where: Whereabouts  # the poses of these parts
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -44,13 +35,7 @@ class Delay(NamedTuple):
 
 
 def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
-    """The nodes that most parts come to after `LATE` squeezes or more.
-
-    Args:
-        root: the tree, with its beliefs.
-        job: the job it was planned for.
-        most: how many at most.
-    """
+    """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     inner = [node for node in breadth_first(root) if node.children]
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_SHARE]

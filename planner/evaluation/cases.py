@@ -1,7 +1,5 @@
 """Worlds that are not what the plan believes, as lists of named cases: one for each use."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 from types import MappingProxyType
@@ -32,17 +30,11 @@ EVERYTHING = "all of them"
 
 
 class Case(NamedTuple):
-    """One world.
+    """One world."""
 
-    Attributes:
-        name: what is different.
-        changes: of the job that the world gets, as `Job.replaced` takes them.
-        disturbance: errors of the cell.
-    """
-
-    name: str
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-    disturbance: Disturbance = NONE
+    name: str  # what is different
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # as `Job.replaced` takes them
+    disturbance: Disturbance = NONE  # errors of the cell
 
     def job(self, planned: Job) -> Job:
         """What parts and gripper are like in this world.
@@ -164,17 +156,11 @@ def friction(low: float, high: float) -> Case:
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
-    """Fingers that do not move alike.
+    """Fingers that do not move alike: the upper one makes this share of the closing motion instead.
 
-    They meet off where the plan has them meet, by (planned share - share) (opening - width). No width tells
-    of that: it is a fault of the cell's calibration, and every pose is off by it. Centred, the hand is
-    calibrated where the fingers meet on the part's narrowest side, and what is left is how an uneven squeeze
-    moves the part.
-
-    Args:
-        job: what is planned.
-        share: of the closing motion that the upper finger makes instead.
-        centred: whether the hand is calibrated so.
+    They meet off where the plan has them meet, by (planned share - share) (opening - width), which no width
+    tells. Centred, the hand is calibrated where the fingers meet on the part's narrowest side, and what is
+    left is how an uneven squeeze moves the part.
     """
     off = (job.gripper.upper_finger_share - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
     # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.

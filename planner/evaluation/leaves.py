@@ -1,7 +1,5 @@
 """A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -21,25 +19,15 @@ JEFFREYS = 0.5
 
 
 class LeafRecord(NamedTuple):
-    """One leaf's account.
+    """One leaf's account."""
 
-    Attributes:
-        leaf: its index.
-        visits: trials that ended there.
-        hits: trials of these in which its pose was within the goal.
-        predicted: success probability that the table states.
-        trials: on how many trials the table's figure rests.
-        low: least number of hits that 95 % of such counts lie within, if the prediction is right.
-        high: greatest.
-    """
-
-    leaf: int
-    visits: int
-    hits: int
-    predicted: float
-    trials: int
-    low: int
-    high: int
+    leaf: int  # its index
+    visits: int  # trials that ended there
+    hits: int  # trials of these in which its pose was within the goal
+    predicted: float  # success probability that the table states
+    trials: int  # on how many trials the table's figure rests
+    low: int  # least number of hits that 95 % of such counts lie within, if the prediction is right
+    high: int  # greatest
 
     @property
     def holds(self) -> bool:
@@ -49,15 +37,10 @@ class LeafRecord(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reliability:
-    """The reliability table.
+    """The reliability table."""
 
-    Attributes:
-        rows: leaves with enough visits, in the order of the table.
-        gap: mean distance of observed from predicted probability over these leaves, weighted by visits.
-    """
-
-    rows: tuple[LeafRecord, ...]
-    gap: float
+    rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table
+    gap: float  # mean distance of observed from predicted probability over these leaves, weighted by visits
 
     @property
     def share(self) -> float:
@@ -82,16 +65,11 @@ class Reliability:
 
 
 def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_VISITS) -> Reliability:
-    """Holds the leaves' predictions against fresh trials.
+    """Holds the leaves' predictions against fresh trials; leaves with fewer than `least_visits` are left out.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
     95 %.
-
-    Args:
-        table: states the predictions.
-        evaluation: trials it was not made from.
-        least_visits: leaves with fewer are left out.
     """
     from scipy.stats import betabinom  # takes a second
 
@@ -113,43 +91,25 @@ def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_
 
 
 class Confusion(NamedTuple):
-    """Parts that ended in one leaf while they lay as another says.
+    """Parts that ended in one leaf while they lay as another says."""
 
-    Attributes:
-        leaf: where they ended.
-        truth: the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal.
-        trials: how many.
-        share: of all trials.
-        resolved: whether the leaf claimed to know the pose.
-    """
-
-    leaf: int
-    truth: int
-    trials: int
-    share: float
-    resolved: bool
+    leaf: int  # where they ended
+    truth: int  # the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal
+    trials: int  # how many
+    share: float  # of all trials
+    resolved: bool  # whether the leaf claimed to know the pose
 
 
 class Mistake(NamedTuple):
-    """One trial that ended far from its leaf's pose.
+    """One trial that ended far from its leaf's pose."""
 
-    Attributes:
-        initial: (3,) true pose before the first squeeze [mm, mm, rad].
-        final: (3,) true pose in the end.
-        predicted: (3,) what the leaf says.
-        error_mm: audit metric between the two.
-        leaf: where it ended.
-        path: the nodes passed.
-        counts: the encoder's readings there.
-    """
-
-    initial: Array
-    final: Array
-    predicted: Array
-    error_mm: float
-    leaf: int
-    path: tuple[int, ...]
-    counts: tuple[int, ...]
+    initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
+    final: Array  # (3,) true pose in the end
+    predicted: Array  # (3,) what the leaf says
+    error_mm: float  # audit metric between the two
+    leaf: int  # where it ended
+    path: tuple[int, ...]  # the nodes passed
+    counts: tuple[int, ...]  # the encoder's readings there
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -165,14 +125,9 @@ class Mistake(NamedTuple):
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
-    """The leaf whose pose is nearest to each true pose.
+    """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
 
-    Args:
-        table: the leaves.
-        poses: (n, 3) in the world.
-
-    Returns:
-        (n,) indices, `NO_LEAF` where none is within the goal.
+    `NO_LEAF` stands where none is within the goal.
     """
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)

@@ -3,8 +3,6 @@
 What no trial took is never claimed: its widths become REJECT.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,7 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
-from planner.evaluation.judge import main_poses, metric_of_table
+from planner.evaluation.judge import claimed, main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
@@ -28,6 +26,7 @@ from runtime.table import (
     Prediction,
     Table,
     decision_map,
+    predicted_pose,
     refuted,
 )  # fmt: skip
 
@@ -40,15 +39,9 @@ def with_figures(
 ) -> tuple[Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
-    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
-    are the further poses that parts had there.
-
-    Args:
-        table: the table.
-        evaluation: of this table, in the world that the job states.
-        others: of this table in other worlds: for leaves that no part came to in the stated one.
-        job: the job it was planned for.
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence) is
+    marked unresolved; its alternatives are the further poses that parts had there. `others` are evaluations
+    in other worlds, for leaves that no part came to in the stated one.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -60,10 +53,8 @@ def with_figures(
         _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
         for index, leaf in enumerate(table.leaves)
     )
-    known = np.array([leaf.resolved for leaf in leaves])
-    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
-    nodes = _measured(table, evaluation)
-    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
+    table = replace(table, nodes=_measured(table, evaluation), leaves=leaves)
+    return table, replace(evaluation, resolved=claimed(table, evaluation.leaf))
 
 
 def predicting(table: Table, evaluation: Evaluation) -> Table:
@@ -79,12 +70,7 @@ def predicting(table: Table, evaluation: Evaluation) -> Table:
 
 
 def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
-    """The branches of each node that trials took, and after which there was an outcome.
-
-    Args:
-        table: the table.
-        runs: evaluations of this table.
-    """
+    """The branches of each node that trials took in these runs, and after which there was an outcome."""
     took = [set[int]() for _ in table.nodes]
     for run in runs:
         passed = run.path >= 0
@@ -98,15 +84,10 @@ def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
 
 
 def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Table:
-    """Leaves out branches and all that follows them, in the table and in the tree that it was lowered from.
+    """Leaves out branches, all but those `kept` at each node, and what follows them.
 
-    Args:
-        table: the table.
-        root: of its tree; changed.
-        kept: the numbers of the branches that stay at each node; some at the root.
-
-    Returns:
-        The table. The widths of what was left out are REJECT: the branches beside it get none.
+    This changes the tree under the root, from which the table was lowered. Returns the table, in which the
+    widths of what was left out are REJECT: the branches beside it get none.
     """
     for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
         assert node.squeeze is not None
@@ -128,7 +109,6 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
 
 
 def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
-    """A leaf with what its parts came to."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:
@@ -144,13 +124,11 @@ def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metr
 
 def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
     """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
-    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-    modes = main_poses(poses, metric)
+    modes, predicted = main_poses(poses, metric), np.array(predicted_pose(leaf))
     return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
 
 
 def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
-    """The nodes, the shares of their branches as parts took them."""
     nodes = []
     for index, node in enumerate(table.nodes):
         taken = evaluation.branch[evaluation.path == index]

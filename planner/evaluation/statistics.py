@@ -1,20 +1,12 @@
 """Intervals for rates (Wilson 1927) and quantiles of samples, as the evaluation reports them."""
 
-from __future__ import annotations
-
 import math
 
 Z95 = 1.959963984540054
 
 
 def wilson_interval(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
-    """Confidence interval of a rate.
-
-    Args:
-        successes: 0 to `trials`.
-        trials: at least 0; without any the interval is all of [0, 1].
-        z: half-width in standard deviations; 1.96 for 95 %.
-    """
+    """Confidence interval of a rate, `z` standard deviations to each side; [0, 1] without any trials."""
     if trials == 0:
         return 0.0, 1.0
     rate = successes / trials

@@ -1,12 +1,9 @@
 """An evaluation in words and columns, for people."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
-from planner.evaluation.evaluate import Line
 from planner.evaluation.leaves import LEAST_VISITS, NO_LEAF, Confusion, Mistake, Reliability
 from planner.evaluation.outcome import Evaluation
 from runtime.table import Table
@@ -78,11 +75,11 @@ def furthest(mistakes: list[Mistake]) -> list[str]:
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
-def sweep_row(line: Line) -> str:
+def sweep_row(world: str, evaluation: Evaluation) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`."""
-    figures = line.evaluation.summary()
+    figures = evaluation.summary()
     return (
-        f"{line.case.name:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
+        f"{world:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
         f"{figures['reject_rate']:6.2%} {figures['unresolved_rate']:10.2%} {figures['mean_squeezes']:8.2f} "
         f"{figures['mean_seconds']:7.1f}"
     )

@@ -13,15 +13,9 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
   force of the whole record are not contact.
 - The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
   the mean over the contact readings of the force and its torque in the part's frame as it then lies, the
-  twist the constant one, in the part's frame, that takes the one pose to the other (eq. 1 is about both in
-  the part's frame at the same time). Only the direction of a twist matters.
-- The tip of the pusher lies to the side of the logged position, by a fraction of a millimetre that is found
-  from where it ends on the block's faces (`tip_offset`). It matters for supports that are close together.
-
-With these facts wrench . twist > 0 for every push of the two public files; with other signs it is not.
+  twist the constant one there that takes the one pose to the other (eq. 1 is about both in that frame).
+- The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -52,19 +46,12 @@ MOST = 1e30
 
 
 class Push(NamedTuple):
-    """One record of a push log, as logged.
+    """One record of a push log, as logged."""
 
-    Attributes:
-        before: (7,) pose of the marker frame, mm and quaternion.
-        after: (7,) the same, after the push.
-        forces: (K, 3) t s, fx N, fy N, sensor axes.
-        pusher: (P, 8) t s, pose of the pusher.
-    """
-
-    before: Array
-    after: Array
-    forces: Array
-    pusher: Array
+    before: Array  # (7,) pose of the marker frame, mm and quaternion
+    after: Array  # (7,) the same, after the push
+    forces: Array  # (K, 3) t s, fx N, fy N, sensor axes
+    pusher: Array  # (P, 8) t s, pose of the pusher
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
@@ -98,11 +85,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     sideways = tip_offset(pushes)
     wrenches = np.array([_wrench(push, sideways) for push in pushes])
     twists = np.array([_twist(push) for push in pushes])
-    for index in range(len(pushes)):
-        if not twists[index].any() or not wrenches[index, :2].any():
-            still = not twists[index].any()
-            lacks = "the block does not move" if still else "no force reading shows contact"
-            raise ValueRangeError(f"push {index + 1} of {len(pushes)}: {lacks}; drop this push", where=where)
+    for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
+        if not twist.any() or not wrench[:2].any():
+            lacks = "no force reading shows contact" if twist.any() else "the block does not move"
+            raise ValueRangeError(f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where)
     return wrenches, twists
 
 
@@ -158,7 +144,6 @@ def _wrench(push: Push, sideways: float) -> Array:
 
 
 def _contact(measured: Array) -> BoolArray:
-    """Return which of the readings (K, 2), offset taken off, show contact."""
     strength = np.hypot(measured[:, 0], measured[:, 1])
     contact = strength >= max(float(np.hypot(*measured.mean(axis=0))), 1e-9)
     contact[: int(APPROACH * len(measured))] = False
@@ -171,7 +156,6 @@ def _origin(pose: Array) -> Array:
 
 
 def _turned(push: Push) -> float:
-    """Return how far the block turned, rad."""
     return math.remainder(float(_yaw(push.after[3:]) - _yaw(push.before[3:])), math.tau)
 
 

@@ -3,17 +3,17 @@
 Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
 """
 
-from __future__ import annotations
-
+from collections import Counter
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, cast
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.evaluation.statistics import wilson_interval
-from planner.report.replay import Replay, Visit
+from planner.evaluation.trials import Step
+from planner.report.replay import Replay
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
 
 MOST = 60
@@ -22,18 +22,9 @@ BUDGET = 30_000
 """Outlines of all beliefs together: at some 15 bytes each, half a MB."""
 
 
-class Run(NamedTuple):
-    """Neighbouring encoder counts with one meaning: `branch` is an index or `REJECT`."""
-
-    first: int
-    last: int
-    branch: int
-
-
 def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
     """One object a node: its squeeze, branches, belief, and counts read in the replay."""
-    most = _most(table)
-    calibration = Calibration.linear(table.gripper)
+    most, calibration = _most(table), Calibration.linear(table.gripper)
     return [
         _node(node, visit, by_count(decision_map(node, calibration)), most)
         for node, visit in zip(table.nodes, beliefs.visits, strict=True)
@@ -46,21 +37,18 @@ def leaf_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
     return [_leaf(leaf, poses, most) for leaf, poses in zip(table.leaves, beliefs.leaves, strict=True)]
 
 
-def runs(outcome: tuple[int, ...]) -> list[Run]:
-    """A node's map of counts in short: neighbours of one meaning together, from count 0 on."""
-    found = []
-    for branch, group in groupby(enumerate(outcome), key=lambda entry: entry[1]):
-        counts = [count for count, _ in group]
-        found.append(Run(counts[0], counts[-1], branch))
-    return found
+def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """Neighbouring encoder counts of one meaning: the first, the last, and the branch's index or `REJECT`."""
+    groups = (list(group) for _, group in groupby(range(len(outcome)), key=outcome.__getitem__))
+    return [(counts[0], counts[-1], outcome[counts[0]]) for counts in groups]
 
 
 def _most(table: Table) -> int:
     return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
 
 
-def _node(node: Node, visit: Visit, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
-    squeeze = node.squeeze
+def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
+    squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
     return {
         "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
         "opening": squeeze.opening_um,
@@ -73,13 +61,13 @@ def _node(node: Node, visit: Visit, outcome: tuple[int, ...], most: int) -> dict
         "branches": [
             [
                 branch.low_um, branch.expected_um, branch.high_um, branch.probability_ppm, branch.target,
-                int(np.sum(visit.branch == number)),
+                taken[number],
             ]
             for number, branch in enumerate(node.branches)
         ],
-        "rejected": int(np.sum(visit.branch == REJECT)),
-        "map": [list(run) for run in runs(outcome) if run.branch != REJECT],
-        "seen": _histogram(visit.counts),
+        "rejected": taken[REJECT],
+        "map": [run for run in runs(outcome) if run[2] != REJECT],
+        "seen": sorted(Counter(visit.counts.tolist()).items()),
     }  # fmt: skip
 
 
@@ -87,25 +75,17 @@ def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
     success = round(leaf.success_ppm * leaf.trials / PPM)
     return {
         "pose": [leaf.x_um, leaf.y_um, leaf.theta_urad],
-        "covariance": list(leaf.covariance),
+        "covariance": leaf.covariance,
         "success": leaf.success_ppm,
         "interval": [round(bound, 5) for bound in wilson_interval(success, leaf.trials)],
         "trials": leaf.trials,
         "resolved": leaf.resolved,
-        "alternatives": [list(pose) for pose in leaf.alternatives],
+        "alternatives": leaf.alternatives,
         "visits": len(poses),
         "belief": _poses(poses, most),
     }
 
 
 def _poses(poses: Array, most: int) -> list[list[int]]:
-    if most == 0:
-        return []
     scaled = np.rint(subsample(poses, most) * (100.0, 100.0, 1000.0))
-    return [list(map(int, pose)) for pose in scaled]
-
-
-def _histogram(counts: IntArray) -> list[list[int]]:
-    """Pairs of a count and how many read it."""
-    values, numbers = np.unique(counts, return_counts=True)
-    return [[int(value), int(number)] for value, number in zip(values, numbers, strict=True)]
+    return cast(list[list[int]], scaled.astype(np.int64).tolist())

@@ -1,7 +1,5 @@
 """Squeezes as the paper's Fig. 3 shows them: initial, intermediate and final, and the centre's trace."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import ceil
 from typing import NamedTuple
@@ -27,28 +25,14 @@ WIDTH_IN = 2.1
 
 
 class Squeezed(NamedTuple):
-    """One squeeze, step by step.
+    """One squeeze, step by step."""
 
-    Attributes:
-        states: (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], k >= 2; the first row open, the last
-            final.
-        status: one of the simulator's words.
-    """
-
-    states: Array
-    status: str
+    states: Array  # (k, 4) x, y, theta, width [mm, mm, rad, mm], k >= 2: the first row open, the last final
+    status: str  # one of the simulator's words
 
 
 def along(states: Array, widths_mm: Array) -> Array:
-    """The squeeze at given widths, interpolated between its steps.
-
-    Args:
-        states: (k, 4) as in `Squeezed`.
-        widths_mm: (n,) falling or equal, within the squeeze.
-
-    Returns:
-        (n, 4) states.
-    """
+    """The states (n, 4) of a squeeze (k, 4) at widths (n,) within it, interpolated between its steps."""
     latest = states[::-1]
     rising, rows = np.unique(latest[:, 3], return_index=True)  # of states at one width, the last
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
@@ -71,18 +55,15 @@ def trail(centres: Array) -> Array:
 
 
 def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
-    """Draws one panel for each squeeze, a group `squeeze-1`, ... in an SVG.
+    """Draws a panel for each of 1 to `MOST_PANELS` squeezes, a group `squeeze-1`, ... in an SVG.
 
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        traces: 1 to `MOST_PANELS` squeezes.
+    `outline` (N, 2) is the part [mm], `jaws` (4,) those of `planner.mechanics.clearance.jaws_of`.
     """
     half = extent(outline, jaws, traces)
     columns = min(COLUMNS_IF_TALL if half[1] > TALL * half[0] else COLUMNS, len(traces))
     rows = ceil(len(traces) / columns)
-    size = (columns * WIDTH_IN + 0.35, rows * (WIDTH_IN * half[1] / half[0] + 0.22) + 0.3)
-    result = Figure(figsize=size, facecolor="white", layout="constrained")
+    panel_in = WIDTH_IN * half[1] / half[0] + 0.22
+    result = canvas.blank(columns * WIDTH_IN + 0.35, rows * panel_in + 0.3)
     grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[len(traces) :]:
         axes.remove()
@@ -91,8 +72,7 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
         frame(axes, half)
         _draw(axes, outline, jaws, trace.states)
         axes.set_title(f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0)
-    result.supxlabel("x / mm, along the fingers", fontsize=8.0)
-    result.supylabel("y / mm, closing", fontsize=8.0)
+    canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", 8.0)
     return result
 
 
@@ -111,12 +91,10 @@ def frame(axes: Axes, half: tuple[float, float]) -> None:
     axes.set_xticks([-20, 0, 20])
     axes.set_yticks([-40, -20, 0, 20, 40])
     axes.tick_params(labelsize=7.0)
-    axes.grid(color="#ececec", linewidth=0.5)
-    axes.set_axisbelow(True)
+    canvas.faint_grid(axes)
 
 
 def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
-    """Black, grey and red states over each other, and the centre's trace."""
     begun = touch(states)
     between = along(states, np.linspace(begun, states[-1, 3], BETWEEN + 2)[:-1])
     for rows, color, width, order in (
