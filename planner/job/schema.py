@@ -16,12 +16,6 @@ MOST_FRICTION = 2.0
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
-class FileName(Text):
-    """A path to a file, relative to the job file."""
-
-    longest = 1_000
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
     """The part on the table.
@@ -109,11 +103,6 @@ class Uncertainty:
 
     radius_mm: Annotated[float, Number(0, MM)]
     orientation_halfwidth_deg: Annotated[float, Number(0, 180, default=None)]
-
-    @property
-    def orientation(self) -> str:
-        """Say "unknown" if the part may lie at any angle, else "bounded"."""
-        return "unknown" if self.orientation_halfwidth_deg >= 180.0 else "bounded"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,7 +295,7 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
         "points_mm": Numbers(PLACE, columns=2, least=2),
         "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
     },
-    "identified": {"surface_file": FileName(default=None), **LIMIT_SURFACE},
+    "identified": {"surface_file": Text(longest=1_000, default=None), **LIMIT_SURFACE},
     "stated": {
         "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3),
         "rho_mm": Number(0, MM, above=True),
