@@ -18,25 +18,15 @@ DECIMALS = 4
 
 
 class Answers(NamedTuple):
-    """What a drawing does not tell.
+    """What a drawing does not tell."""
 
-    Attributes:
-        name: of the part.
-        radius_mm: its centroid lies in this disc.
-        turn_deg: it is turned by at most this, or None for any angle.
-        gripper: one of `GRIPPERS`.
-        fingers: one of `FINGERS`.
-        distance_mm: the goal.
-        height_mm: the part's thickness; None where nobody knows it.
-    """
-
-    name: str
-    radius_mm: float
-    turn_deg: float | None
-    gripper: str
-    fingers: str
-    distance_mm: float = 3.0
-    height_mm: float | None = None
+    name: str  # of the part
+    radius_mm: float  # its centroid lies in this disc
+    turn_deg: float | None  # it is turned by at most this, or None for any angle
+    gripper: str  # one of `GRIPPERS`
+    fingers: str  # one of `FINGERS`
+    distance_mm: float = 3.0  # the goal
+    height_mm: float | None = None  # the part's thickness; None where nobody knows it
 
 
 def draft(imported: Imported, source: str, answers: Answers) -> str:

@@ -81,15 +81,10 @@ class Gripper:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it.
+    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it."""
 
-    Attributes:
-        shift_mm: standard deviation of x and of y.
-        turn_deg: standard deviation of the angle.
-    """
-
-    shift_mm: Annotated[float, Number(0, 10, default=0.0)]
-    turn_deg: Annotated[float, Number(0, 45, default=0.0)]
+    shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # standard deviation of x and of y
+    turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # standard deviation of the angle
 
 
 @dataclass(frozen=True, slots=True)

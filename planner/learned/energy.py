@@ -22,17 +22,11 @@ from planner.kernel import kernel
 
 
 class Comparison(NamedTuple):
-    """A model's push-forward of a belief beside the simulator's, after some squeezes.
+    """A model's push-forward of a belief beside the simulator's, after some squeezes."""
 
-    Attributes:
-        squeezes: how many squeezes.
-        model_mm: energy distance between a run of the model and one of the simulator, mean over all pairs.
-        simulator_mm: energy distance between two runs of the simulator, mean over all pairs.
-    """
-
-    squeezes: int
-    model_mm: float
-    simulator_mm: float
+    squeezes: int  # how many squeezes
+    model_mm: float  # energy distance of a run of the model from one of the simulator, mean of all pairs
+    simulator_mm: float  # the same between two runs of the simulator
 
     @property
     def ratio(self) -> float:

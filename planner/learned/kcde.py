@@ -41,51 +41,29 @@ HALF_TURN = np.array([-1.0, -1.0, 1.0])
 
 
 class Sampled(NamedTuple):
-    """Draws from the estimate, one for each pose asked about.
+    """Draws from the estimate, one for each pose asked about."""
 
-    Attributes:
-        poses: (n, 3) in the hand frame [mm, mm, rad].
-        width_mm: (n,) opening at which the fingers stopped; 0 where they missed the part, and their full
-            opening where they came down on it.
-        source: (n,) the roll-out drawn, -1 where the fingers do not touch the part, or came down on it.
-        nearest_mm: (n,) distance of the nearest roll-out, 0 where none was needed.
-    """
-
-    poses: Array
-    width_mm: Array
-    source: IntArray
-    nearest_mm: Array
+    poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
+    width_mm: Array  # (n,) where the fingers stopped; 0: missed the part, full opening: came down on it
+    source: IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
+    nearest_mm: Array  # (n,) distance of the nearest roll-out, 0 where none was needed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kcde:
-    """The estimate, ready to draw from; M roll-outs, in order of their cells.
+    """The estimate, ready to draw from; M roll-outs, in order of their cells."""
 
-    Attributes:
-        grid: their normalised initial poses.
-        initial: (M, 3) initial poses in the hand frame [mm, mm, rad].
-        end: (M, 4) final poses and widths [mm, mm, rad, mm].
-        source: (M,) which of the roll-outs each is.
-        outline: (N, 2) the part [mm].
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-        h1_mm: bandwidth of initial poses.
-        h2_mm: bandwidth of final poses.
-        most: how many of the nearest roll-outs count; 0 for all.
-    """
-
-    grid: Grid
-    initial: Array
-    end: Array
-    source: IntArray
-    outline: Array
-    jaws: Array
-    rho_mm: float
-    order: int
-    h1_mm: float
-    h2_mm: float
-    most: int
+    grid: Grid  # their normalised initial poses
+    initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]
+    end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
+    source: IntArray  # (M,) which of the roll-outs each is
+    outline: Array  # (N, 2) the part [mm]
+    jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share
+    rho_mm: float  # what one radian weighs
+    order: int  # rotational order of the part
+    h1_mm: float  # bandwidth of initial poses
+    h2_mm: float  # bandwidth of final poses
+    most: int  # how many of the nearest roll-outs count; 0 for all
 
     @classmethod
     def fit(

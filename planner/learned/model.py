@@ -40,21 +40,13 @@ belief averages over its particles by itself. Its energy distance from the simul
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedModel:
-    """Motion and sensor model, interchangeable with `planner.belief.transition.MotionModel`.
+    """Motion and sensor model, interchangeable with `planner.belief.transition.MotionModel`."""
 
-    Attributes:
-        simulator: what the roll-outs were made with, for particles that they do not cover.
-        encoder: what reads the widths.
-        motion: the estimate.
-        status: (n,) status of each of the estimate's roll-outs.
-        farthest_mm: distance of the nearest roll-out up to which the estimate is used.
-    """
-
-    simulator: Simulator
-    encoder: Encoder
-    motion: Kcde
-    status: IntArray
-    farthest_mm: float
+    simulator: Simulator  # what the roll-outs were made with, for particles that they do not cover
+    encoder: Encoder  # what reads the widths
+    motion: Kcde  # the estimate
+    status: IntArray  # (n,) status of each of the estimate's roll-outs
+    farthest_mm: float  # distance of the nearest roll-out up to which the estimate is used
 
     @classmethod
     def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:

@@ -20,25 +20,15 @@ LARGEST_GRID = 4_000_000
 
 
 class Grid(NamedTuple):
-    """Points in the cells of a grid.
+    """Points in the cells of a grid."""
 
-    Attributes:
-        points: (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm].
-        row: (N,) the row each had before.
-        first: (cells + 1,) the first point of each cell.
-        corner: (2,) least x and y of the grid [mm].
-        size: (3,) sides of a cell [mm].
-        shape: (3,) number of cells along each axis.
-        period: of the last coordinate [mm].
-    """
-
-    points: Array
-    row: IntArray
-    first: IntArray
-    corner: Array
-    size: Array
-    shape: IntArray
-    period: float
+    points: Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
+    row: IntArray  # (N,) the row each had before
+    first: IntArray  # (cells + 1,) the first point of each cell
+    corner: Array  # (2,) least x and y of the grid [mm]
+    size: Array  # (3,) sides of a cell [mm]
+    shape: IntArray  # (3,) number of cells along each axis
+    period: float  # of the last coordinate [mm]
 
     @property
     def spacing_mm(self) -> float:

@@ -54,20 +54,12 @@ ROW = np.dtype(
 
 
 class RollOuts(NamedTuple):
-    """Squeezes from all over the region, in the order of their rings.
+    """Squeezes from all over the region, in the order of their rings."""
 
-    Attributes:
-        initial: (n, 3) poses before, in the hand frame [mm, mm, rad].
-        final: (n, 3) poses after.
-        width_mm: (n,) opening at which the fingers stopped.
-        status: (n,) index into `planner.mechanics.simulator.STATUS_NAMES`; or `COLLIDES` where an open finger
-            would stand on the part: final is then initial, and width_mm the opening.
-    """
-
-    initial: Array
-    final: Array
-    width_mm: Array
-    status: IntArray
+    initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
+    final: Array  # (n, 3) poses after
+    width_mm: Array  # (n,) opening at which the fingers stopped
+    status: IntArray  # (n,) index into `STATUS_NAMES`; or `COLLIDES`: final = initial, width_mm = opening
 
 
 class Block(NamedTuple):

@@ -34,15 +34,10 @@ COLLIDING_SHARE = 0.005
 
 
 class Sequence(NamedTuple):
-    """A sequence of actions and what it comes to.
+    """A sequence of actions and what it comes to."""
 
-    Attributes:
-        actions: indices of placements; empty if every first action collides or is pruned.
-        ratio: singleton ratio of the belief afterwards.
-    """
-
-    actions: tuple[int, ...]
-    ratio: float
+    actions: tuple[int, ...]  # indices of placements; empty if every first action collides or is pruned
+    ratio: float  # singleton ratio of the belief afterwards
 
 
 class _Element(NamedTuple):
@@ -55,28 +50,16 @@ class _Element(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenLoop:
-    """The search for a sequence of actions.
+    """The search for a sequence of actions."""
 
-    Attributes:
-        placements: (k, 3) the actions: the hand frame in the world.
-        motion: forward motion model.
-        collision: collision detector.
-        ratio: singleton ratio of a belief (n, 3).
-        depth: d, the longest sequence.
-        alpha: share of its ratio that a belief must keep.
-        enough: a sequence that exceeds this ratio ends the search; above 1, none does.
-        budget: beliefs expanded before the search ends with the best sequence so far: the paper's time
-            budget, counted rather than clocked so that a plan can be repeated.
-    """
-
-    placements: Array
-    motion: KernelMotion
-    collision: CollisionTree
-    ratio: Callable[[Array], float]
-    depth: int
-    alpha: float = ALPHA
-    enough: float = 2.0
-    budget: int | None = None
+    placements: Array  # (k, 3) the actions: the hand frame in the world
+    motion: KernelMotion  # forward motion model
+    collision: CollisionTree  # collision detector
+    ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
+    depth: int  # d, the longest sequence
+    alpha: float = ALPHA  # share of its ratio that a belief must keep
+    enough: float = 2.0  # a sequence that exceeds this ratio ends the search; above 1, none does
+    budget: int | None = None  # beliefs expanded before the search ends, in place of the paper's time limit
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
         """Algorithm 2 up to the choice of a*: the sequence with the largest singleton ratio.

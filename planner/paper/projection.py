@@ -24,19 +24,12 @@ STILL_MM = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """The subspaces of one part, as final poses in the hand frame.
+    """The subspaces of one part, as final poses in the hand frame."""
 
-    Attributes:
-        poses: for each subspace the (n_k, 3) poses seen in it; the first is free space, and empty.
-        trees: for each of them its search tree, None for free space.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-    """
-
-    poses: list[Array]
-    trees: list[cKDTree | None]
-    rho_mm: float
-    order: int
+    poses: list[Array]  # for each subspace the (n_k, 3) poses seen in it; the first is free space, and empty
+    trees: list[cKDTree | None]  # for each of them its search tree, None for free space
+    rho_mm: float  # what one radian weighs
+    order: int  # rotational order of the part
 
     @classmethod
     def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:

@@ -28,18 +28,11 @@ ALIKE_RAD = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SqueezeFunction:
-    """Where a frictionless squeeze takes a closing direction: a step function.
+    """Where a frictionless squeeze takes a closing direction: a step function."""
 
-    Attributes:
-        maxima: (k,) directions where a step begins, in one period, rising; the last step ends at the first
-            one, a period on.
-        minima: (k,) where each step leads, between its maximum and the next.
-        period: the function repeats, turned along, after this angle: pi, or less for a symmetric hull.
-    """
-
-    maxima: Array
-    minima: Array
-    period: float
+    maxima: Array  # (k,) directions where a step begins, in one period, rising
+    minima: Array  # (k,) where each step leads, between its maximum and the next
+    period: float  # the function repeats, turned along, after this angle: pi, or less for a symmetric hull
 
     @classmethod
     def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
@@ -86,35 +79,21 @@ def _repeats(steps: Array, after: int) -> bool:
 
 
 class Interval(NamedTuple):
-    """A run of steps of the squeeze function.
+    """A run of steps of the squeeze function."""
 
-    Attributes:
-        start: direction at which it begins.
-        length: how far it goes.
-        image: least direction it is squeezed to.
-        spread: length of the smallest interval that holds all it is squeezed to.
-    """
-
-    start: float
-    length: float
-    image: float
-    spread: float
+    start: float  # direction at which it begins
+    length: float  # how far it goes
+    image: float  # least direction it is squeezed to
+    spread: float  # length of the smallest interval that holds all it is squeezed to
 
 
 class SqueezePlan(NamedTuple):
-    """A sensorless plan.
+    """A sensorless plan."""
 
-    Attributes:
-        angles: (k,) of the hand in the world, one for each squeeze, the first one 0 [rad].
-        final: angle of the part in the world after the last one, if the theory holds, modulo `period`.
-        period: what the plan cannot tell apart: pi, or less for a symmetric hull [rad].
-        slack: least margin of an intermediate direction to where it would go elsewhere [rad].
-    """
-
-    angles: Array
-    final: float
-    period: float
-    slack: float
+    angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
+    final: float  # angle of the part in the world after the last one, if the theory holds, modulo `period`
+    period: float  # what the plan cannot tell apart: pi, or less for a symmetric hull [rad]
+    slack: float  # least margin of an intermediate direction to where it would go elsewhere [rad]
 
 
 def chain(function: SqueezeFunction) -> list[Interval]:

@@ -21,17 +21,11 @@ PRINTED_ORDER = 2
 
 
 class Tolerances(NamedTuple):
-    """The box about the average pose: plus and minus each of these (paper, VII).
+    """The box about the average pose: plus and minus each of these (paper, VII)."""
 
-    Attributes:
-        x_mm: along x of the world.
-        y_mm: along y of the world.
-        theta_rad: orientation, under the part's symmetry.
-    """
-
-    x_mm: float = 2.5
-    y_mm: float = 2.5
-    theta_rad: float = math.radians(5.0)
+    x_mm: float = 2.5  # along x of the world
+    y_mm: float = 2.5  # along y of the world
+    theta_rad: float = math.radians(5.0)  # orientation, under the part's symmetry
 
 
 def average_pose(poses: Array, order: int = PRINTED_ORDER) -> Array:

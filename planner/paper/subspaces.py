@@ -26,27 +26,16 @@ ONE_WIDTH_MM = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspaces:
-    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there.
+    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there."""
 
-    Attributes:
-        low_mm: (k,) least width in each.
-        mean_mm: (k,) mean width.
-        high_mm: (k,) greatest width.
-        size: (k,) roll-outs that ended in it.
-        edges_mm: (k - 1,) widths between neighbours.
-        merged_mm: (m, 2) mean widths of the pairs of clusters that were made one, narrower first.
-        apart_mm: least distance of two mean widths that the encoder tells apart.
-        overlooked: roll-outs that ended held at a width that reads like an empty hand; they count as free.
-    """
-
-    low_mm: Array
-    mean_mm: Array
-    high_mm: Array
-    size: IntArray
-    edges_mm: Array
-    merged_mm: Array
-    apart_mm: float
-    overlooked: int
+    low_mm: Array  # (k,) least width in each
+    mean_mm: Array  # (k,) mean width
+    high_mm: Array  # (k,) greatest width
+    size: IntArray  # (k,) roll-outs that ended in it
+    edges_mm: Array  # (k - 1,) widths between neighbours
+    merged_mm: Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
+    apart_mm: float  # least distance of two mean widths that the encoder tells apart
+    overlooked: int  # roll-outs that ended held at a width that reads like an empty hand; they count as free
 
     def __len__(self) -> int:
         return len(self.mean_mm)

@@ -33,19 +33,12 @@ class Extrema(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WidthFunction:
-    """The width of a part in every direction.
+    """The width of a part in every direction."""
 
-    Attributes:
-        knots: (m,) the normals of the hull's edges, reduced to [0, pi), rising.
-        chords: (m, 2) from each knot to the next, the vector between the two vertices that touch [mm].
-        minima: (k,) directions of the local minima, in [0, pi), rising.
-        maxima: (k,) and of the local maxima; between two of them lies one minimum.
-    """
-
-    knots: Array
-    chords: Array
-    minima: Array
-    maxima: Array
+    knots: Array  # (m,) the normals of the hull's edges, reduced to [0, pi), rising
+    chords: Array  # (m, 2) from each knot to the next, the vector between the two vertices that touch [mm]
+    minima: Array  # (k,) directions of the local minima, in [0, pi), rising
+    maxima: Array  # (k,) and of the local maxima; between two of them lies one minimum
 
     def __call__(self, direction: Array) -> Array:
         """Widths in some directions [rad] -> [mm]."""

@@ -26,15 +26,10 @@ CENTRED = 1e-6
 
 
 class Canonical(NamedTuple):
-    """A checked outline and where it came from.
+    """A checked outline and where it came from."""
 
-    Attributes:
-        outline_mm: (N, 2), counter-clockwise, area centroid at the origin, read-only.
-        shift_mm: (2,), what was added to the drawing's coordinates: other points of the drawing move along.
-    """
-
-    outline_mm: Outline
-    shift_mm: Array
+    outline_mm: Outline  # (N, 2), counter-clockwise, area centroid at the origin, read-only
+    shift_mm: Array  # (2,), what was added to the drawing's coordinates
 
 
 def canonical(points: ArrayLike) -> Canonical:

@@ -44,13 +44,9 @@ class Scheduler(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process: for functions that spend their time in kernels.
+    """Threads of this process: for functions that spend their time in kernels."""
 
-    Attributes:
-        workers: how many; all cores unless told otherwise.
-    """
-
-    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)  # all cores unless told otherwise
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """Yield results in the order of the items; see `Scheduler.map`."""
