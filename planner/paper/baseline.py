@@ -62,12 +62,9 @@ class Baseline(NamedTuple):
 
 
 def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
-    """Plans without sensors and runs the plan.
+    """Plans without sensors and runs the plan on `trials` parts; the hand is always placed at the origin.
 
-    Args:
-        job: the job; its actions are not used, its hand is always placed at the origin.
-        trials: number of parts.
-        scheduler: who squeezes them; all cores if None. The result does not depend on it.
+    The result does not depend on the scheduler: all cores if None.
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)

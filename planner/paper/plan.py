@@ -29,9 +29,9 @@ def plan_paper(
 ) -> TreeNode:
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
-    The paper's own numbers are used throughout: of the job's [search] only the method, the number of
-    particles (6000 by default, as in the paper) and the longest path count; of its [actions] the angles and
-    centres.
+    The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
+    longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
+    free of collision, or none keeps the ratio.
 
     Args:
         job: the checked job.
@@ -39,9 +39,6 @@ def plan_paper(
         store: where roll-outs are kept.
         scheduler: who rolls out.
         report: told about progress.
-
-    Returns:
-        The tree. It has one node if no first squeeze is free of collision, or none keeps the ratio.
     """
     say = report or silent
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)

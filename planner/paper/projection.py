@@ -1,9 +1,8 @@
 """Projection of particles onto the subspace that their width stands for (paper V.C).
 
 A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The subspaces
-are kept as the final poses that roll-outs ended in, and a particle moves to the nearest of those of its own
-subspace. Free space has all three dimensions, so nothing is moved there. Whatever limit surface the roll-outs
-were made with, the poses are theirs.
+are kept as the final poses of roll-outs, and a particle moves to the nearest of its own subspace. Free space
+has all three dimensions, so nothing is moved there.
 """
 
 from __future__ import annotations
@@ -33,13 +32,7 @@ class Projection:
 
     @classmethod
     def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:
-        """Stores final poses by subspace.
-
-        Args:
-            final: (n, 3) final poses in the hand frame [mm, mm, rad].
-            label: (n,) the subspace of each, as `planner.paper.subspaces.Subspaces.label` has it.
-            rho_mm: what one radian weighs, above 0.
-            order: rotational order of the part.
+        """Stores final poses (n, 3) in the hand frame by the subspaces (n,) that `Subspaces.label` says.
 
         Raises:
             ValueError: a subspace has no pose, though one with a higher number has.
@@ -55,15 +48,9 @@ class Projection:
         return cls(poses, trees, rho_mm, order)
 
     def project(self, poses: Array, label: IntArray) -> Array:
-        """Moves particles onto their subspaces.
+        """BeliefUpdateProjection: the nearest stored poses for particles (n, 3) of subspaces `label` (n,).
 
-        Args:
-            poses: (n, 3) in the hand frame [mm, mm, rad]; not modified.
-            label: (n,) the subspace of each.
-
-        Returns:
-            The nearest stored poses, at that of their equal angles which is nearest to the particle's; free
-            particles as they are. Projecting twice is the same as once.
+        At that of their equal angles which is nearest to the particle's; free particles stay. Idempotent.
         """
         result = np.array(poses, dtype=np.float64)
         for k in range(1, len(self.trees)):
@@ -73,7 +60,6 @@ class Projection:
         return result
 
     def _onto(self, k: int, start: Array) -> Array:
-        """The stored poses of subspace k that are nearest to poses (m, 3)."""
         tree = self.trees[k]
         assert tree is not None
         distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
@@ -90,5 +76,4 @@ def _points(poses: Array, rho_mm: float, order: int) -> Array:
 
 
 def _period_mm(rho_mm: float, order: int) -> float:
-    """Length of a period: angles are compared as rho theta."""
     return rho_mm * math.tau / order

@@ -1,8 +1,6 @@
 """The sensor model: which width the fingers show at a final pose (paper V.B: a regression tree).
 
-The width is a function of the final pose alone, since the pose in the hand frame tells where both fingers
-touch. The tree sees x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: turns
-that nobody can tell apart are one place, without a seam.
+The tree sees x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: without a seam.
 """
 
 from __future__ import annotations
@@ -42,12 +40,7 @@ class SensorModel:
 
     @classmethod
     def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
-        """Learns from roll-outs.
-
-        Args:
-            final: (n, 3) final poses in the hand frame [mm, mm, rad].
-            width_mm: (n,) opening at which the fingers stopped.
-            order: rotational order of the part.
+        """Learns from final poses (n, 3) in the hand frame and the widths (n,) seen there [mm].
 
         Raises:
             ValueError: there are fewer than `HELD_OUT` roll-outs.

@@ -36,12 +36,7 @@ class SqueezeFunction:
 
     @classmethod
     def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
-        """The squeeze function of a part.
-
-        Args:
-            outline: (N, 2) counter-clockwise [mm].
-            ripple_mm: shallower minima are left out.
-        """
+        """The squeeze function of a part (N, 2) [mm]; minima shallower than `ripple_mm` are left out."""
         minima, maxima = width_function(outline).extrema(ripple_mm)
         if minima[0] < maxima[0]:
             minima = np.append(minima[1:], minima[0] + math.pi)
@@ -74,7 +69,6 @@ class SqueezeFunction:
 
 
 def _repeats(steps: Array, after: int) -> bool:
-    """Whether a cyclic list of steps (k, 2) is the same after so many of them."""
     return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
 
 
@@ -116,11 +110,7 @@ def chain(function: SqueezeFunction) -> list[Interval]:
 
 
 def plan(outline: Outline) -> SqueezePlan:
-    """The shortest sequence of squeezes that orients a part up to the symmetry of its hull, without friction.
-
-    Args:
-        outline: (N, 2) counter-clockwise [mm].
-    """
+    """The shortest sequence of squeezes that orients a part (N, 2) [mm], in theory without friction."""
     function = SqueezeFunction.of(outline)
     intervals = chain(function)
     angles, slack = [0.0], 0.5 * function.period

@@ -1,7 +1,6 @@
 """SingletonRatio as the paper prints it (VI.1): the share of a belief in a box about its average pose.
 
-The average of a belief of two modes lies between them, so its ratio is near 0 whatever one does; and
-averaging cos and sin of 2 theta is right for parts of rotational order 2 only, as the paper's are.
+The average of a belief of two modes lies between them, so its ratio is near 0 whatever one does.
 `planner.belief.metric` has the mode ratio that the default method uses instead.
 """
 
@@ -29,15 +28,7 @@ class Tolerances(NamedTuple):
 
 
 def average_pose(poses: Array, order: int = PRINTED_ORDER) -> Array:
-    """Average of x, y, cos(n theta) and sin(n theta), mapped back to a pose.
-
-    Args:
-        poses: (m, 3), m >= 1 [mm, mm, rad].
-        order: n, the part's rotational order.
-
-    Returns:
-        (3,), the orientation within half a period of zero.
-    """
+    """Average (3,) of x, y, cos(n theta), sin(n theta) of poses (m, 3), mapped back; n is the order."""
     x, y = poses[:, 0].mean(), poses[:, 1].mean()
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
@@ -53,12 +44,6 @@ def within(poses: Array, pose: Array, tolerances: Tolerances, order: int = PRINT
 
 
 def singleton(poses: Array, tolerances: Tolerances, order: int = PRINTED_ORDER) -> Mode:
-    """SingletonRatio(X, eps): the average pose and the share of the belief within the box about it.
-
-    Args:
-        poses: (m, 3) particles, m >= 1 [mm, mm, rad].
-        tolerances: eps.
-        order: the part's rotational order; the paper's parts have 2.
-    """
+    """SingletonRatio(X, eps): the average pose of particles (m, 3), and the share in the box about it."""
     pose = average_pose(poses, order)
     return Mode(pose, float(within(poses, pose, tolerances, order).mean()))

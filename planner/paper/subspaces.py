@@ -68,13 +68,7 @@ class Subspaces:
 
 
 def subspaces_of(width_mm: Array, encoder: Encoder, explained: float = EXPLAINED) -> Subspaces:
-    """Clusters the widths of all roll-outs of a part.
-
-    Args:
-        width_mm: (n,) opening at which the fingers stopped, 0 where they closed on nothing.
-        encoder: what will read the widths.
-        explained: share of the variance of held widths that must lie between clusters, 0 to 1.
-    """
+    """Clusters the widths (n,) of all roll-outs of a part [mm]; 0 where the fingers closed on nothing."""
     resolution = resolution_of(encoder)
     apart_mm = resolution.apart * encoder.mm_per_count
     free_mm = max(float(encoder.width_mm(np.asarray(resolution.free - 0.5))), BIN_MM)
