@@ -12,6 +12,7 @@ from planner.job import model as job_file
 from planner.job.checks import place_tips
 from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Imported
+from planner.part.outline import reach
 
 DECIMALS = 4
 """Of a vertex: 0.1 um, far below any tolerance of a drawing."""
@@ -73,7 +74,7 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
     Negative where the part, turned, is wider than the jaws open.
     """
-    return 0.5 * gripper.opening_mm - float(np.max(np.hypot(*imported.outline_mm.T)))
+    return 0.5 * gripper.opening_mm - reach(imported.outline_mm)
 
 
 def _one_line(text: str) -> str:

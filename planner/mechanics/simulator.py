@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -30,7 +30,8 @@ from planner.mechanics.squeeze import (
     squeeze_workspace,
 )
 from planner.mechanics.surface import Surface
-from planner.part.outline import simplified
+from planner.part.outline import reach, simplified
+from planner.work.scheduler import Threads
 
 DEFAULT_STEP_MM = 0.4
 SIMPLIFY_MM = 0.005
@@ -113,8 +114,7 @@ class Simulator:
             and the status.
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
-        reach = float(np.max(np.hypot(*self.outline.T)))
-        body = Body(self.outline, reach, surface, self.surface.rho_mm)
+        body = Body(self.outline, reach(self.outline), surface, self.surface.rho_mm)
         grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
         indices = np.zeros(n, np.int64), np.zeros(n, np.int64)
         scratch = Scratch(np.zeros((n, 2)), *indices, squeeze_workspace())
@@ -145,21 +145,10 @@ class Simulator:
                 squeeze_workspace(),
             )  # fmt: skip
 
-        starts = range(0, n, CHUNK)
-        if self.workers == 1 or n <= CHUNK:
-            for start in starts:
-                run(start)
-        else:
-            with ThreadPoolExecutor(self.workers) as pool:
-                try:
-                    list(pool.map(run, starts))
-                except BaseException:  # Ctrl-C must not wait for what has not begun
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    raise
+        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
         if parameters.release is not None:
-            final += (
-                np.where((status == GRASPED) | (status == JAMMED), 1.0, 0.0)[:, None] * parameters.release
-            )
+            held = (status == GRASPED) | (status == JAMMED)
+            final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
 

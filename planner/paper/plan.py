@@ -25,7 +25,7 @@ def plan_paper(
     simulator: Simulator,
     store: Store | None = None,
     scheduler: Scheduler | None = None,
-    report: Report | None = None,
+    report: Report = silent,
 ) -> TreeNode:
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
@@ -40,8 +40,7 @@ def plan_paper(
         scheduler: who rolls out.
         report: told about progress.
     """
-    say = report or silent
-    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)
+    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
     placements = actions_of(job).placements
     planner = PaperPlanner(
@@ -57,4 +56,4 @@ def plan_paper(
         order=job.part.symmetry,
     )
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
-    return planner.plan(belief, [job.seed], lambda done, waiting: say("search", done, done + waiting))
+    return planner.plan(belief, [job.seed], lambda done, waiting: report("search", done, done + waiting))

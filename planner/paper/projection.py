@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from planner.arrays import Array, IntArray
 from planner.frames import wrap
+from planner.learned.neighbours import wrap_up
 
 STILL_MM = 1e-6
 """A particle this near to a stored pose is that pose already."""
@@ -43,7 +44,7 @@ class Projection:
             if not len(members):
                 raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
             poses.append(members)
-            box = [0.0, 0.0, _period_mm(rho_mm, order)]
+            box = [0.0, 0.0, rho_mm * math.tau / order]
             trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
         return cls(poses, trees, rho_mm, order)
 
@@ -70,10 +71,4 @@ class Projection:
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:
     """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
-    turned = rho_mm * np.mod(poses[:, 2], math.tau / order)
-    turned[turned >= _period_mm(rho_mm, order)] = 0.0  # a tiny negative angle rounds up to the period itself
-    return np.column_stack([poses[:, :2], turned])
-
-
-def _period_mm(rho_mm: float, order: int) -> float:
-    return rho_mm * math.tau / order
+    return np.column_stack([poses[:, :2], wrap_up(rho_mm * poses[:, 2], rho_mm * math.tau / order)])

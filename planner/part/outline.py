@@ -118,6 +118,11 @@ def diameter(outline: Outline) -> float:
     return float(np.sqrt((differences**2).sum(axis=2).max()))
 
 
+def reach(outline: Outline) -> float:
+    """Largest distance of a vertex from the origin, mm."""
+    return float(np.max(np.hypot(*outline.T)))
+
+
 def width(outline: Outline, angle: float) -> float:
     """Return the extent of the outline along the direction at `angle` (rad), mm."""
     along = outline @ np.array([math.cos(angle), math.sin(angle)])
