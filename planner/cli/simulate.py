@@ -151,9 +151,7 @@ def _number(text: str | None, name: str, where: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueRangeError(
-            f"line {line}: {text!r} is not a finite number", where=where, key=name, value=text
-        )
+        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name)
     return value
 
 

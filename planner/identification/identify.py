@@ -101,7 +101,7 @@ def identify(
             f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
             f"{LEAST_PAIRS // 2} of them, but not all"
         )
-        raise ValueRangeError(problem, key="train_share", value=train_share)
+        raise ValueRangeError(problem, key="train_share")
     errors = {kind: np.empty(splits) for kind in kinds}
     predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):

@@ -183,7 +183,7 @@ def finite(text: str | None, place: str, where: str) -> float:
         value = math.nan
     if not abs(value) < MOST:
         what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
-        raise ValueRangeError(f"{place}: {what}; correct the file", where=where, value=text)
+        raise ValueRangeError(f"{place}: {what}; correct the file", where=where)
     return value
 
 

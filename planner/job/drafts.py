@@ -12,31 +12,22 @@ from planner.job import model as job_file
 from planner.job.checks import place_tips
 from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Imported
+from planner.part.outline import reach
 
 DECIMALS = 4
 """Of a vertex: 0.1 um, far below any tolerance of a drawing."""
 
 
 class Answers(NamedTuple):
-    """What a drawing does not tell.
+    """What a drawing does not tell."""
 
-    Attributes:
-        name: of the part.
-        radius_mm: its centroid lies in this disc.
-        turn_deg: it is turned by at most this, or None for any angle.
-        gripper: one of `GRIPPERS`.
-        fingers: one of `FINGERS`.
-        distance_mm: the goal.
-        height_mm: the part's thickness; None where nobody knows it.
-    """
-
-    name: str
-    radius_mm: float
-    turn_deg: float | None
-    gripper: str
-    fingers: str
-    distance_mm: float = 3.0
-    height_mm: float | None = None
+    name: str  # of the part
+    radius_mm: float  # its centroid lies in this disc
+    turn_deg: float | None  # it is turned by at most this, or None for any angle
+    gripper: str  # one of `GRIPPERS`
+    fingers: str  # one of `FINGERS`
+    distance_mm: float = 3.0  # the goal
+    height_mm: float | None = None  # the part's thickness; None where nobody knows it
 
 
 def draft(imported: Imported, source: str, answers: Answers) -> str:
@@ -83,7 +74,7 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
     Negative where the part, turned, is wider than the jaws open.
     """
-    return 0.5 * gripper.opening_mm - float(np.max(np.hypot(*imported.outline_mm.T)))
+    return 0.5 * gripper.opening_mm - reach(imported.outline_mm)
 
 
 def _one_line(text: str) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.errors import JobError
 from planner.job import checks as job_checks
 from planner.job import documents, surface_file
 from planner.job.schema import (
@@ -118,7 +119,7 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
         changes: values that take the place of the file's, as `Job.replaced` takes them.
 
     Raises:
-        TomlError: not valid TOML; line and column are attributes.
+        TomlError: not valid TOML.
         KeyNameError: an unknown or missing key or section.
         ValueRangeError: a value of the wrong type, out of range, or in conflict with another.
         OutlineError: the outline is not a simple polygon.
@@ -140,21 +141,27 @@ def from_canonical(text: str, where: str = "job text") -> Job:
 
 
 def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Check a document and freeze it; only an outline as drawn is moved to its centroid.
+    """Checks a document and freezes it; only an outline as drawn is moved to its centroid.
 
     Raises:
         JobError: as `parse`.
     """
-    values = documents.checked(document, where)
-    part = values["part"]
-    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], where, drawn)
+    try:
+        return _of_document(document, where, drawn)
+    except JobError as error:
+        raise error.at(where) from error.__cause__
+
+
+def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    values = documents.checked(document)
+    part, actions, cell = values["part"], values["actions"], values["cell"]
+    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
     surface_file.resolve(values["pressure"], where, drawn)
-    job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
-    job_checks.place_tips(part["height_mm"], values["cell"])
-    job_checks.check_conflicts(values, where)
-    actions, cell = values["actions"], values["cell"]
+    job_checks.place_supports(values["pressure"], part["outline_mm"], shift)
+    job_checks.place_tips(part["height_mm"], cell)
+    job_checks.check_conflicts(values)
     for key in ("angles_deg", "openings_mm", "forces_n"):
         actions[key] = tuple(actions[key].tolist())
     values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())

@@ -16,12 +16,6 @@ MOST_FRICTION = 2.0
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
-class FileName(Text):
-    """A path to a file, relative to the job file."""
-
-    longest = 1_000
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
     """The part on the table.
@@ -87,15 +81,10 @@ class Gripper:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it.
+    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it."""
 
-    Attributes:
-        shift_mm: standard deviation of x and of y.
-        turn_deg: standard deviation of the angle.
-    """
-
-    shift_mm: Annotated[float, Number(0, 10, default=0.0)]
-    turn_deg: Annotated[float, Number(0, 45, default=0.0)]
+    shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # standard deviation of x and of y
+    turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # standard deviation of the angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +98,6 @@ class Uncertainty:
 
     radius_mm: Annotated[float, Number(0, MM)]
     orientation_halfwidth_deg: Annotated[float, Number(0, 180, default=None)]
-
-    @property
-    def orientation(self) -> str:
-        """Say "unknown" if the part may lie at any angle, else "bounded"."""
-        return "unknown" if self.orientation_halfwidth_deg >= 180.0 else "bounded"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,7 +290,7 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
         "points_mm": Numbers(PLACE, columns=2, least=2),
         "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
     },
-    "identified": {"surface_file": FileName(default=None), **LIMIT_SURFACE},
+    "identified": {"surface_file": Text(longest=1_000, default=None), **LIMIT_SURFACE},
     "stated": {
         "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3),
         "rho_mm": Number(0, MM, above=True),

@@ -1,8 +1,7 @@
 """Which training points lie near a pose: cells of a grid, searched without a branch of a tree.
 
 Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
-rotational order. Points are stored cell by cell, cells with the angle fastest: what lies near in angle lies
-in a row, and a search scans a few rows.
+rotational order. Cells are stored with the angle fastest, so that a search scans a few rows.
 """
 
 from __future__ import annotations
@@ -20,25 +19,15 @@ LARGEST_GRID = 4_000_000
 
 
 class Grid(NamedTuple):
-    """Points in the cells of a grid.
+    """Points in the cells of a grid."""
 
-    Attributes:
-        points: (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm].
-        row: (N,) the row each had before.
-        first: (cells + 1,) the first point of each cell.
-        corner: (2,) least x and y of the grid [mm].
-        size: (3,) sides of a cell [mm].
-        shape: (3,) number of cells along each axis.
-        period: of the last coordinate [mm].
-    """
-
-    points: Array
-    row: IntArray
-    first: IntArray
-    corner: Array
-    size: Array
-    shape: IntArray
-    period: float
+    points: Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
+    row: IntArray  # (N,) the row each had before
+    first: IntArray  # (cells + 1,) the first point of each cell
+    corner: Array  # (2,) least x and y of the grid [mm]
+    size: Array  # (3,) sides of a cell [mm]
+    shape: IntArray  # (3,) number of cells along each axis
+    period: float  # of the last coordinate [mm]
 
     @property
     def spacing_mm(self) -> float:
@@ -47,12 +36,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(points: Array, period: float) -> Grid:
-    """Sorts points into a grid.
-
-    Args:
-        points: (N, 3) normalised, N >= 1; the last coordinate is wrapped here [mm].
-        period: of the last coordinate [mm].
-    """
+    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is that of the last coordinate [mm]."""
     wrapped = np.array(points, dtype=np.float64)
     wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
     corner = wrapped[:, :2].min(axis=0)
@@ -71,13 +55,12 @@ def grid_of(points: Array, period: float) -> Grid:
 
 def wrap_up(coordinate: Array, period: float) -> Array:
     """Coordinates reduced to [0, period)."""
-    wrapped = np.mod(coordinate, period)
+    wrapped = np.mod(coordinate, period)  # a tiny negative one rounds up to the period itself
     return np.asarray(np.where(wrapped >= period, 0.0, wrapped))
 
 
 @kernel
 def _gap(coordinate: float, low: float, size: float) -> float:
-    """Distance of a coordinate from the interval [low, low + size]."""
     return max(low - coordinate, coordinate - low - size, 0.0)
 
 
@@ -100,17 +83,14 @@ def _scan(
 
 @kernel
 def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) -> int:
-    """Finds all points within `reach` of a pose.
+    """Finds all points within `reach` [mm] of a pose; returns how many.
 
     Args:
         grid: the points.
         q: (3,) normalised, the last coordinate in [0, period) [mm].
         reach: distance [mm].
-        place: (N + 1,) receives where in the grid they stand, in order; modified in place.
-        squares: (N + 1,) receives their squared distances [mm^2]; modified in place.
-
-    Returns:
-        How many there are.
+        place: (N + 1,) receives where in the grid they stand, in order.
+        squares: (N + 1,) receives their squared distances [mm^2].
     """
     nx, ny, nz = grid.shape
     sx, sy, sz = grid.size
@@ -153,7 +133,7 @@ def nearest_within(
         q: (3,) normalised, the last coordinate in [0, period) [mm].
         start: distance to look at first [mm]; a good guess saves a second look.
         spread: what is added to the nearest point's squared distance [mm^2].
-        place: (N + 1,) receives where in the grid they stand; modified in place.
+        place: (N + 1,) receives where in the grid they stand.
         squares: (N + 1,) receives by how much each squared distance exceeds the least [mm^2].
 
     Returns:
@@ -180,16 +160,9 @@ def nearest_within(
 
 @kernel
 def keep_least(place: IntArray, squares: Array, found: int, most: int) -> int:
-    """Moves the `most` points of least squared distance to the front (quickselect, Hoare 1961).
+    """Moves the `most` of `found` points of least squared distance to the front (quickselect, Hoare 1961).
 
-    Args:
-        place: (N + 1,) points found; modified in place.
-        squares: (N + 1,) their squared distances; modified in place.
-        found: how many there are.
-        most: how many to keep, at least 1.
-
-    Returns:
-        How many are left.
+    `place` and `squares` (N + 1,) are modified in place. Returns how many are left.
     """
     low, high = 0, found - 1
     while low < high and most < found:
@@ -212,6 +185,3 @@ def keep_least(place: IntArray, squares: Array, found: int, most: int) -> int:
         else:
             break
     return min(found, most)
-
-
-__all__ = ["Grid", "grid_of", "keep_least", "nearest_within", "within", "wrap_up"]

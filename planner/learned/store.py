@@ -1,8 +1,8 @@
 """A folder of finished work, named by what it depends on.
 
 An entry is written beside its place and moved there whole. It carries a digest of its name and content, which
-is verified when it is read: what a full disk, a power cut or a curious editor left behind is never used, and
-needs no flushing to be safe from. Several processes may share a folder; equal names mean equal content.
+is verified when it is read: what a full disk or a power cut left behind is never used. Several processes may
+share a folder; equal names mean equal content.
 """
 
 from __future__ import annotations
@@ -30,23 +30,14 @@ class StoreWarning(UserWarning):
 
 
 class Store:
-    """Entries in a folder. Each kind of trouble is warned about once, however often it happens.
-
-    Attributes:
-        folder: where the entries lie, in folders named after the first two letters of their names; made when
-            the first is written.
-    """
+    """Entries in a folder, made when the first is written. Each kind of trouble is warned about once."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._warned: set[str] = set()
 
     def get(self, key: str) -> bytes | None:
-        """Return an entry, or None if it is not there, damaged or unreadable (with a warning).
-
-        Args:
-            key: its name, in lower-case hexadecimal.
-        """
+        """An entry by its name in lower-case hexadecimal; None if absent or unusable (with a warning)."""
         path = self._path(key)
         try:
             content = path.read_bytes()
@@ -64,11 +55,9 @@ class Store:
         return data
 
     def put(self, key: str, data: bytes) -> None:
-        """Write an entry, whole or not at all; where the folder refuses, warn and go on without.
+        """Writes an entry, whole or not at all; where the folder refuses, warns and goes on without.
 
-        Args:
-            key: its name, in lower-case hexadecimal.
-            data: its content; whatever writes the same name must write the same content.
+        Whatever writes the same key (lower-case hexadecimal) must write the same data.
         """
         path = self._path(key)
         if "write" in self._warned:
@@ -89,7 +78,7 @@ class Store:
                     os.unlink(draft)  # noqa: PTH108
 
     def trim(self, limit_bytes: int = LIMIT_BYTES) -> None:
-        """Remove what was not used for longest beyond `limit_bytes`, and drafts that nobody will finish."""
+        """Removes what was not used for longest beyond `limit_bytes`, and drafts that nobody will finish."""
         entries, now = [], time.time()
         for path in self.folder.glob("??/*"):
             with suppress(OSError):

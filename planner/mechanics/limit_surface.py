@@ -38,15 +38,10 @@ _UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LimitSurface:
-    """An ellipsoid limit surface.
+    """An ellipsoid limit surface."""
 
-    Attributes:
-        A: (3, 3) symmetric positive definite, F^T A F = 1 on the surface; read-only.
-        rho_mm: the length that torques are divided and angular velocities multiplied by.
-    """
-
-    A: Array
-    rho_mm: float
+    A: Array  # (3, 3) symmetric positive definite, F^T A F = 1 on the surface; read-only
+    rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 
 
 def of_job(job: Job) -> LimitSurface:

@@ -41,17 +41,11 @@ from planner.part.quartic_form import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarticSurface:
-    """A convex quartic limit surface.
+    """A convex quartic limit surface."""
 
-    Attributes:
-        coefficients: (15,) of the monomials `EXPONENTS`; read-only.
-        certificate: (9, 9) symmetric positive definite Q of the convexity; read-only.
-        rho_mm: the length that torques are divided and angular velocities multiplied by.
-    """
-
-    coefficients: Array
-    certificate: Array
-    rho_mm: float
+    coefficients: Array  # (15,) of the monomials `EXPONENTS`; read-only
+    certificate: Array  # (9, 9) symmetric positive definite Q of the convexity; read-only
+    rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 
     def value(self, F: Array) -> Array:
         """Return H at wrenches F (..., 3)."""
@@ -103,17 +97,11 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 
 
 class Draws(NamedTuple):
-    """Random quartics.
+    """Random quartics."""
 
-    Attributes:
-        coefficients: (n, 15).
-        certificates: (n, 9, 9), positive definite: each draw is convex.
-        drawn_in: number of draws that had to be moved towards the nominal quartic to be certified.
-    """
-
-    coefficients: Array
-    certificates: Array
-    drawn_in: int
+    coefficients: Array  # (n, 15)
+    certificates: Array  # (n, 9, 9), positive definite: each draw is convex
+    drawn_in: int  # number of draws that had to be moved towards the nominal quartic to be certified
 
 
 def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) -> Draws:

@@ -70,59 +70,34 @@ def squeeze_workspace() -> SqueezeWork:
 
 
 class Body(NamedTuple):
-    """A part, in its own frame.
+    """A part, in its own frame."""
 
-    Attributes:
-        outline: (N, 2) counter-clockwise [mm].
-        reach: largest distance of a vertex from the part's origin [mm].
-        surface: (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table.
-        rho: length that normalises rotations [mm].
-    """
-
-    outline: Array
-    reach: float
-    surface: Array
-    rho: float
+    outline: Array  # (N, 2) counter-clockwise [mm]
+    reach: float  # largest distance of a vertex from the part's origin [mm]
+    surface: Array  # (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table
+    rho: float  # length that normalises rotations [mm]
 
 
 class Grip(NamedTuple):
-    """How the fingers close.
+    """How the fingers close."""
 
-    Attributes:
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
-        opening: of the jaws [mm].
-        h: half the finger's length [mm].
-        thickness: of a finger [mm].
-        top_share: motion of the upper finger for each millimetre of the mean finger's; 1 = both alike.
-        bottom_share: of the lower one; both together are 2.
-        step: nominal closing step of a finger [mm].
-    """
-
-    mu_top: float
-    mu_bottom: float
-    opening: float
-    h: float
-    thickness: float
-    top_share: float
-    bottom_share: float
-    step: float
+    mu_top: float  # friction at the upper finger
+    mu_bottom: float  # friction at the lower finger
+    opening: float  # of the jaws [mm]
+    h: float  # half the finger's length [mm]
+    thickness: float  # of a finger [mm]
+    top_share: float  # motion of the upper finger for each millimetre of the mean finger's; 1 = both alike
+    bottom_share: float  # of the lower one; both together are 2
+    step: float  # nominal closing step of a finger [mm]
 
 
 class Scratch(NamedTuple):
-    """Workspaces of a squeeze, modified in place.
+    """Workspaces of a squeeze, modified in place."""
 
-    Attributes:
-        points: (N, 2) the placed outline.
-        placed: (N,) the vertices kept placed.
-        near: (N,) those near the fingers.
-        work: a record of `SQUEEZE_WORK`.
-    """
-
-    points: Array
-    placed: IntArray
-    near: IntArray
-    work: SqueezeWork
+    points: Array  # (N, 2) the placed outline
+    placed: IntArray  # (N,) the vertices kept placed
+    near: IntArray  # (N,) those near the fingers
+    work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
 @kernel

@@ -28,39 +28,22 @@ SEED_BASELINE = 0x42415345
 
 
 class Achieved(NamedTuple):
-    """What the plan does in one world.
+    """What the plan does in one world."""
 
-    Attributes:
-        oriented: share of the parts that end within `ORIENTED_DEG` of the angle the theory says, modulo the
-            plan's period.
-        located: share within the job's goal of the pose that most are within it of; of several poses, where
-            the goal allows them.
-        located_modulo: the same, modulo the plan's period.
-        seconds: a part, estimated.
-    """
-
-    oriented: float
-    located: float
-    located_modulo: float
-    seconds: float
+    oriented: float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+    located: float  # share within the job's goal of the pose(s) that most are within it of
+    located_modulo: float  # the same, modulo the plan's period
+    seconds: float  # a part, estimated
 
 
 class Baseline(NamedTuple):
-    """The sensorless plan of a job, and what it comes to.
+    """The sensorless plan of a job, and what it comes to."""
 
-    Attributes:
-        plan: the squeezes.
-        bound: 2 n - 1 for a hull of n vertices, the most it could take.
-        real: in the job's stochastic contact world.
-        ideal: the same with long jaws and no friction; only that they touch one after the other is left.
-        trials: number of parts in both.
-    """
-
-    plan: SqueezePlan
-    bound: int
-    real: Achieved
-    ideal: Achieved
-    trials: int
+    plan: SqueezePlan  # the squeezes
+    bound: int  # 2 n - 1 for a hull of n vertices, the most it could take
+    real: Achieved  # in the job's stochastic contact world
+    ideal: Achieved  # the same with long jaws and no friction: only the order of touching is left
+    trials: int  # number of parts in both
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -79,12 +62,9 @@ class Baseline(NamedTuple):
 
 
 def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
-    """Plans without sensors and runs the plan.
+    """Plans without sensors and runs the plan on `trials` parts; the hand is always placed at the origin.
 
-    Args:
-        job: the job; its actions are not used, its hand is always placed at the origin.
-        trials: number of parts.
-        scheduler: who squeezes them; all cores if None. The result does not depend on it.
+    The result does not depend on the scheduler: all cores if None.
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)

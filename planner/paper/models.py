@@ -1,18 +1,14 @@
-"""The learned models as the paper prints them (V), all from one set of roll-outs.
-
-Motion is the kernel estimate with h1 = h2 = 0.5 mm over 400 neighbours, the sensor a regression tree, the
-collision detector a classification tree of the same roll-outs, and subspaces are clusters of widths with the
-final poses seen in them.
-"""
+"""The learned models as the paper prints them (V), all from one set of roll-outs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, BoolArray
 from planner.belief.observation import Encoder
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import COLLIDES, RollOuts
@@ -25,16 +21,8 @@ if TYPE_CHECKING:
     from sklearn.tree import DecisionTreeClassifier
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KernelMotion:
-    """ForwardMotionModel-KCDE."""
-
-    kcde: Kcde
-    workers: int
-
-    def move(self, poses: Array, rng: np.random.Generator) -> Array:
-        """Draws final poses for initial ones, both (n, 3) in the hand frame."""
-        return self.kcde.sample(poses, rng, self.workers).poses
+Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
+"""ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,34 +45,18 @@ class CollisionTree:
         return np.asarray(self.tree.predict(features(poses, self.order)), dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StoredSubspaces:
-    """The subspaces of final poses that a width stands for, and the projection onto them."""
+class Models(NamedTuple):
+    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
 
+    motion: Motion
+    sensor: SensorModel
+    collision: CollisionTree
     subspaces: Subspaces
     projection: Projection
 
-    def label(self, widths_mm: Array) -> IntArray:
-        """Subspace of each width: (n,) to (n,)."""
-        return self.subspaces.label(widths_mm)
-
-    def project(self, poses: Array, label: IntArray) -> Array:
-        """BeliefUpdateProjection: the nearest pose of its subspace for each pose, (n, 3) to (n, 3)."""
-        return self.projection.project(poses, label)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Models:
-    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
-
-    motion: KernelMotion
-    sensor: SensorModel
-    collision: CollisionTree
-    subspaces: StoredSubspaces
-
 
 def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
-    """Fits all four models.
+    """Fits all models.
 
     Args:
         rolled: roll-outs, of which some touch the part and some collide with it.
@@ -100,10 +72,10 @@ def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: floa
     free = RollOuts(*(column[~stands] for column in rolled))
     kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
     subspaces = subspaces_of(free.width_mm, encoder)
-    stored = Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order)
     return Models(
-        motion=KernelMotion(kcde, simulator.workers),
+        motion=lambda poses, rng: kcde.sample(poses, rng, simulator.workers).poses,
         sensor=SensorModel.fit(free.final, free.width_mm, order),
         collision=CollisionTree.fit(rolled.initial, stands, order),
-        subspaces=StoredSubspaces(subspaces, stored),
+        subspaces=subspaces,
+        projection=Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order),
     )

@@ -1,8 +1,7 @@
 """ExpandTree: Algorithm 1 of the paper as printed, its two variants, and the tree in the planner's own nodes.
 
-The tree differs from the default method's in four ways: the action is the first of the best open-loop
-sequence, progress is the printed singleton ratio, beliefs are moved by learned models, and the branch with
-the nearest expected width always wins, however far it is.
+Unlike in the default method the action is the first of the best open-loop sequence, progress is the printed
+singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ METHODS = ("paper", "paper-sequence", "sensorless")
 TOLERANCES = Tolerances()
 SINGLETON_SHARE = 0.95
 """r_s."""
-PARTICLES = 6000
 MOST_SEQUENCES = 500
 DEEPEST = 3
 SENSORLESS_DEPTH = 5
@@ -70,14 +68,13 @@ class PaperPlanner:
     def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> TreeNode:
         """ExpandTree(C, eps, r_s, d), breadth first instead of by recursion.
 
+        A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
+        the ratio, or the path was too long.
+
         Args:
             belief: (n, 3) particles of the initial uncertainty in the world.
             seed: every node draws from a stream of its own, named after its path.
             progress: called with the number of nodes done and the number waiting.
-
-        Returns:
-            The root. A leaf whose ratio is not above r_s could not be expanded: no action was free of
-            collision and kept the ratio, or the path was too long.
         """
         root = TreeNode(Belief.of(belief), 1.0, singleton(belief, self.tolerances, self.order))
         waiting, done = deque([root]), 0
@@ -119,16 +116,16 @@ class PaperPlanner:
 
     def _branched(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> list[TreeNode]:
         """Adds a child for each observation (the end of Algorithm 2, then the loop of Algorithm 1)."""
-        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
+        hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
         subspace = self.models.subspaces.label(width)
-        poses = to_world(self.models.subspaces.project(hand, subspace), placement)
+        poses = to_world(self.models.projection.project(hand, subspace), placement)
         clusters, label = nearest_observation(self.encoder, width, subspace)
         return self._add(node, placement, clusters, [poses[label == k] for k in range(len(clusters.mean))])
 
     def _blind(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> TreeNode:
         """Adds the one child that every width leads to."""
-        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
+        hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
         clusters, _ = nearest_observation(self.encoder, width, np.zeros(len(width), np.int64))
         return self._add(node, placement, clusters, [to_world(hand, placement)])[0]
@@ -136,7 +133,6 @@ class PaperPlanner:
     def _add(
         self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
     ) -> list[TreeNode]:
-        """Gives a node its action and its children."""
         # Particles that the learned detector let through would make the clearance negative.
         clearance = max(self.clearance(node.belief.poses, placement), 0.0)
         node.squeeze = PlannedSqueeze(placement, self.encoder.opening_mm, clearance, clusters)
@@ -150,11 +146,12 @@ class PaperPlanner:
 def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -> tuple[Partition, IntArray]:
     """The paper's rule at run time: the child with the closest expected observation, whatever the width.
 
+    Subspaces whose mean widths fall on one count become one child: no reading could lead to the other.
+
     Args:
         encoder: turns widths into counts.
         width_mm: (n,) expected width of each particle, n >= 1.
-        subspace: (n,) subspace of each particle. Subspaces whose mean widths fall on one count become one
-            child: no reading could lead to the other.
+        subspace: (n,) subspace of each particle.
 
     Returns:
         The children's cells, which share out all counts, and each particle's child (n,).

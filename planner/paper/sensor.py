@@ -1,8 +1,6 @@
 """The sensor model: which width the fingers show at a final pose (paper V.B: a regression tree).
 
-The width is a function of the final pose alone, since the pose in the hand frame tells where both fingers
-touch. The tree sees x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: turns
-that nobody can tell apart are one place, without a seam.
+The tree sees x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: without a seam.
 """
 
 from __future__ import annotations
@@ -23,45 +21,26 @@ HELD_OUT = 10
 
 
 class SensorError(NamedTuple):
-    """How far predictions are from the widths of roll-outs held out.
+    """How far predictions are from the widths of roll-outs held out."""
 
-    Attributes:
-        held_out: how many roll-outs that is.
-        rms_mm: root mean square error.
-        median_mm: error that half of them keep.
-        q95_mm: error that 95 % of them keep.
-        worst_mm: greatest error.
-    """
-
-    held_out: int
-    rms_mm: float
-    median_mm: float
-    q95_mm: float
-    worst_mm: float
+    held_out: int  # how many roll-outs that is
+    rms_mm: float  # root mean square error
+    median_mm: float  # error that half of them keep
+    q95_mm: float  # error that 95 % of them keep
+    worst_mm: float  # greatest error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
-    """A regression tree from final poses to widths.
+    """A regression tree from final poses to widths."""
 
-    Attributes:
-        tree: on the columns of `features`.
-        order: rotational order of the part.
-        error: on roll-outs that had no part in making the tree.
-    """
-
-    tree: DecisionTreeRegressor
-    order: int
-    error: SensorError
+    tree: DecisionTreeRegressor  # on the columns of `features`
+    order: int  # rotational order of the part
+    error: SensorError  # on roll-outs that had no part in making the tree
 
     @classmethod
     def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
-        """Learns from roll-outs.
-
-        Args:
-            final: (n, 3) final poses in the hand frame [mm, mm, rad].
-            width_mm: (n,) opening at which the fingers stopped.
-            order: rotational order of the part.
+        """Learns from final poses (n, 3) in the hand frame and the widths (n,) seen there [mm].
 
         Raises:
             ValueError: there are fewer than `HELD_OUT` roll-outs.

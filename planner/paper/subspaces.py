@@ -26,27 +26,16 @@ ONE_WIDTH_MM = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspaces:
-    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there.
+    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there."""
 
-    Attributes:
-        low_mm: (k,) least width in each.
-        mean_mm: (k,) mean width.
-        high_mm: (k,) greatest width.
-        size: (k,) roll-outs that ended in it.
-        edges_mm: (k - 1,) widths between neighbours.
-        merged_mm: (m, 2) mean widths of the pairs of clusters that were made one, narrower first.
-        apart_mm: least distance of two mean widths that the encoder tells apart.
-        overlooked: roll-outs that ended held at a width that reads like an empty hand; they count as free.
-    """
-
-    low_mm: Array
-    mean_mm: Array
-    high_mm: Array
-    size: IntArray
-    edges_mm: Array
-    merged_mm: Array
-    apart_mm: float
-    overlooked: int
+    low_mm: Array  # (k,) least width in each
+    mean_mm: Array  # (k,) mean width
+    high_mm: Array  # (k,) greatest width
+    size: IntArray  # (k,) roll-outs that ended in it
+    edges_mm: Array  # (k - 1,) widths between neighbours
+    merged_mm: Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
+    apart_mm: float  # least distance of two mean widths that the encoder tells apart
+    overlooked: int  # roll-outs that ended held at a width that reads like an empty hand; they count as free
 
     def __len__(self) -> int:
         return len(self.mean_mm)
@@ -79,13 +68,7 @@ class Subspaces:
 
 
 def subspaces_of(width_mm: Array, encoder: Encoder, explained: float = EXPLAINED) -> Subspaces:
-    """Clusters the widths of all roll-outs of a part.
-
-    Args:
-        width_mm: (n,) opening at which the fingers stopped, 0 where they closed on nothing.
-        encoder: what will read the widths.
-        explained: share of the variance of held widths that must lie between clusters, 0 to 1.
-    """
+    """Clusters the widths (n,) of all roll-outs of a part [mm]; 0 where the fingers closed on nothing."""
     resolution = resolution_of(encoder)
     apart_mm = resolution.apart * encoder.mm_per_count
     free_mm = max(float(encoder.width_mm(np.asarray(resolution.free - 0.5))), BIN_MM)

@@ -26,15 +26,10 @@ CENTRED = 1e-6
 
 
 class Canonical(NamedTuple):
-    """A checked outline and where it came from.
+    """A checked outline and where it came from."""
 
-    Attributes:
-        outline_mm: (N, 2), counter-clockwise, area centroid at the origin, read-only.
-        shift_mm: (2,), what was added to the drawing's coordinates: other points of the drawing move along.
-    """
-
-    outline_mm: Outline
-    shift_mm: Array
+    outline_mm: Outline  # (N, 2), counter-clockwise, area centroid at the origin, read-only
+    shift_mm: Array  # (2,), what was added to the drawing's coordinates
 
 
 def canonical(points: ArrayLike) -> Canonical:
@@ -77,11 +72,11 @@ def checked(points: ArrayLike) -> Outline:
     vertices = _vertices(points)
     _check_simple(vertices)
     if area(vertices) < 0.0:
-        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise", value=points)
+        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise")
     offset = float(np.hypot(*centroid(vertices)))
     if offset > CENTRED * diameter(vertices):
         problem = f"area centroid is {offset:.6g} mm from the origin; move the outline there"
-        raise OutlineError(problem, value=points)
+        raise OutlineError(problem)
     vertices.setflags(write=False)
     return vertices
 
@@ -123,6 +118,11 @@ def diameter(outline: Outline) -> float:
     return float(np.sqrt((differences**2).sum(axis=2).max()))
 
 
+def reach(outline: Outline) -> float:
+    """Largest distance of a vertex from the origin, mm."""
+    return float(np.max(np.hypot(*outline.T)))
+
+
 def width(outline: Outline, angle: float) -> float:
     """Return the extent of the outline along the direction at `angle` (rad), mm."""
     along = outline @ np.array([math.cos(angle), math.sin(angle)])
@@ -159,19 +159,19 @@ def _vertices(points: ArrayLike) -> Outline:
     try:
         vertices = np.array(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points) from error
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers") from error
     if vertices.ndim != 2 or vertices.shape[1] != 2:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points)
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers")
     if len(vertices) < 3:
-        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3", value=points)
+        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3")
     if not np.isfinite(vertices).all():
         index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
-        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm", value=points)
-    _check_distinct(vertices, points)
+        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm")
+    _check_distinct(vertices)
     return vertices
 
 
-def _check_distinct(vertices: Outline, points: ArrayLike) -> None:
+def _check_distinct(vertices: Outline) -> None:
     """Refuse a vertex that is written twice, wherever the two stand in the list."""
     tree = shapely.STRtree(shapely.points(vertices))
     pairs = tree.query(tree.geometries, predicate="dwithin", distance=REPEAT_MM)
@@ -184,22 +184,20 @@ def _check_distinct(vertices: Outline, points: ArrayLike) -> None:
         advice = "drop the last one, the outline closes by itself"
     x, y = vertices[first]
     problem = f"vertices {first + 1} and {second + 1} are the same point ({x:g}, {y:g}); {advice}"
-    raise OutlineError(problem, value=points)
+    raise OutlineError(problem)
 
 
 def _check_simple(vertices: Outline) -> None:
     """Refuse a boundary that crosses or touches itself or encloses nothing."""
     if shapely.area(shapely.convex_hull(shapely.multipoints(vertices))) <= REPEAT_MM**2:
-        raise OutlineError("outline encloses no area; its vertices lie on one line", value=vertices)
+        raise OutlineError("outline encloses no area; its vertices lie on one line")
     reason = shapely.is_valid_reason(shapely.polygons(vertices))
     if reason == "Valid Geometry":
         return
     place = re.search(r"\[(\S+) (\S+)\]", reason)
     where = f" at ({float(place[1]):g}, {float(place[2]):g})" if place else ""
     verb = "touches" if reason.startswith("Ring Self") else "crosses"
-    raise OutlineError(
-        f"outline {verb} itself{where}; list the vertices in order around the part", value=vertices
-    )
+    raise OutlineError(f"outline {verb} itself{where}; list the vertices in order around the part")
 
 
 def simplified(outline: Outline, tolerance_mm: float) -> Outline:

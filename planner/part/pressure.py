@@ -25,44 +25,28 @@ CELLS = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressure:
-    """The supporting pressure, or a limit surface stated in its place.
+    """The supporting pressure, or a limit surface in its place.
 
-    Attributes:
-        kind: "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
-            "points" (discrete supports), "identified" (no pressure; a limit surface from measured pushes) or
-            "stated" (no pressure; the ellipsoid is given).
-        limit_surface: "ellipsoid" or "quartic", what is fitted to a pressure; None where there is none.
-        points_mm: (M, 2) supports in the part's frame, for "points".
-        weights: (M,) share of the load on each support, summing to 1, for "points".
-        ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated", and for
-            "identified" unless it is a quartic.
-        rho_mm: the rho that `ellipsoid` or `quartic` is normalised with.
-        quartic: (15,) coefficients of a convex quartic (`planner.mechanics.quartic`), for "identified".
-        certificate: (9, 9) certificate that `quartic` is convex.
-        wishart_dof: degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1).
+    Its kind is "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
+    "points" (discrete supports), "identified" (a limit surface from pushes) or "stated" (an ellipsoid).
     """
 
     kind: Kind
-    wishart_dof: int
-    limit_surface: str | None = None
-    points_mm: Array | None = None
-    weights: Array | None = None
-    ellipsoid: Array | None = None
-    rho_mm: float | None = None
-    quartic: Array | None = None
-    certificate: Array | None = None
+    wishart_dof: int  # degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1)
+    limit_surface: str | None = None  # "ellipsoid" or "quartic", fitted to the pressure; None: there is none
+    points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
+    weights: Array | None = None  # (M,) share of the load on each support, summing to 1, for "points"
+    ellipsoid: Array | None = None  # (3, 3) A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N)
+    rho_mm: float | None = None  # the rho that `ellipsoid` or `quartic` is normalised with
+    quartic: Array | None = None  # (15,) of a convex quartic (`planner.mechanics.quartic`)
+    certificate: Array | None = None  # (9, 9) certificate that `quartic` is convex
 
 
 class Support(NamedTuple):
-    """A pressure distribution as weighted points.
+    """A pressure distribution as weighted points."""
 
-    Attributes:
-        points_mm: (M, 2) in the part's frame.
-        weights: (M,) positive, summing to 1.
-    """
-
-    points_mm: Array
-    weights: Array
+    points_mm: Array  # (M, 2) in the part's frame
+    weights: Array  # (M,) positive, summing to 1
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:

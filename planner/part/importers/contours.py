@@ -20,19 +20,12 @@ MOST = 2000
 
 
 class Contour(NamedTuple):
-    """A closed curve of a drawing.
+    """A closed curve of a drawing."""
 
-    Attributes:
-        points: (n, 2) [mm], not closed.
-        area_mm2: what it encloses.
-        holes: how many contours lie inside it.
-        outer: whether it lies inside none.
-    """
-
-    points: Array
-    area_mm2: float
-    holes: int
-    outer: bool
+    points: Array  # (n, 2) [mm], not closed
+    area_mm2: float  # what it encloses
+    holes: int  # how many contours lie inside it
+    outer: bool  # whether it lies inside none
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:

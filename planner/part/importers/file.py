@@ -21,37 +21,22 @@ MOST_VERTICES = 2000
 
 
 class Options(NamedTuple):
-    """How to read a file.
+    """How to read a file."""
 
-    Attributes:
-        units: one of `UNITS_MM`, or None to believe the file.
-        contour: number of the contour, from 1, or None where there is only one.
-        tolerance_mm: largest distance of the outline from the curves drawn.
-        height_mm: of the cut through a solid, or None for half-way up.
-    """
-
-    units: str | None = None
-    contour: int | None = None
-    tolerance_mm: float = TOLERANCE_MM
-    height_mm: float | None = None
+    units: str | None = None  # one of `UNITS_MM`, or None to believe the file
+    contour: int | None = None  # number of the contour, from 1, or None where there is only one
+    tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
+    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
 
 
 class Imported(NamedTuple):
-    """An outline from a file.
+    """An outline from a file."""
 
-    Attributes:
-        outline_mm: (N, 2) counter-clockwise, centroid at the origin, read-only.
-        symmetry: its rotational order.
-        size_mm: (2,) extent of its bounding box, as drawn.
-        notes: what a reader should know, one sentence each.
-        height_mm: of the solid; None where the file holds an outline alone.
-    """
-
-    outline_mm: Array
-    symmetry: int
-    size_mm: Array
-    notes: tuple[str, ...]
-    height_mm: float | None = None
+    outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
+    symmetry: int  # its rotational order
+    size_mm: Array  # (2,) extent of its bounding box, as drawn
+    notes: tuple[str, ...]  # what a reader should know, one sentence each
+    height_mm: float | None = None  # of the solid; None where the file holds an outline alone
 
 
 def read_outline(path: Path, options: Options) -> Imported:

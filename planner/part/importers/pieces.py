@@ -28,19 +28,12 @@ LARGEST_MM = 1e8
 
 
 class Pieces(NamedTuple):
-    """The shapes of one file.
+    """The shapes of one file."""
 
-    Attributes:
-        rings: closed curves, each (n, 2) without its first point repeated [mm].
-        strokes: open ones, each (n, 2) [mm].
-        notes: what a reader should know, one sentence each.
-        height_mm: of a solid, from its lowest to its highest point.
-    """
-
-    rings: list[Array]
-    strokes: list[Array]
-    notes: list[str]
-    height_mm: float | None = None
+    rings: list[Array]  # closed curves, each (n, 2) without its first point repeated [mm]
+    strokes: list[Array]  # open ones, each (n, 2) [mm]
+    notes: list[str]  # what a reader should know, one sentence each
+    height_mm: float | None = None  # of a solid, from its lowest to its highest point
 
 
 def need_units(where: str, said: str) -> UsageError:

@@ -64,5 +64,5 @@ def _vertex(cells: list[str], line: int, where: str) -> tuple[float, float]:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         problem = f"line {line} is not two numbers, x and y; write one vertex a line"
-        raise ValueRangeError(problem, where=where, value=cells)
+        raise ValueRangeError(problem, where=where)
     return x, y
