@@ -107,8 +107,7 @@ class Monitor:
 
     def _serve(self, text: str, stack: ExitStack) -> None:
         from runtime.monitoring.live import page
-        from runtime.monitoring.live.answers import Answers
-        from runtime.monitoring.live.server import PageServer, is_loopback, parse
+        from runtime.monitoring.live.server import Answers, PageServer, is_loopback, parse
 
         at = parse(text)
         local = is_loopback(at.host)

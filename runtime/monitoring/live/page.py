@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from runtime.monitoring.live.answers import Page
+from runtime.monitoring.live.server import Page
 from runtime.monitoring.status import Status
 from runtime.table import Table, job_of
 

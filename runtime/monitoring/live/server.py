@@ -1,18 +1,24 @@
-"""The TCP server of the live page, and where it listens: `PORT`, `HOST:PORT` or `[::1]:PORT`.
+"""The TCP server of the live page: where it listens, and what it answers.
 
-Without a host it listens for this machine alone.
+It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machine alone. It answers GET and
+HEAD of a few pages, and one sentence to all else.
 """
 
 import ipaddress
+import re
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from runtime.errors import ArgumentsError
-from runtime.monitoring.http_server import MOST_CLIENTS, Server
+from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
 
 LOOPBACK = "127.0.0.1"
 MAX_PORT = 65535
+Page = Callable[[], bytes]
+REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
+HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
+TEXT = "text/plain; charset=utf-8"
 
 
 class Address(NamedTuple):
@@ -110,3 +116,46 @@ def _told(error: OSError, address: Address) -> str:
     if address.port and "in use" in reason:
         return f"{reason}; name another port, or 0 for a free one"
     return f"{reason}; {_WORD}"
+
+
+class Answers:
+    """The pages of one server.
+
+    Args:
+        pages: by path, each with its media type.
+        local: whether only questions to this machine's own name are answered: a page elsewhere that has its
+            name point here (DNS rebinding) then learns nothing.
+    """
+
+    def __init__(self, pages: Mapping[str, tuple[str, Page]], *, local: bool) -> None:
+        self._pages, self._local = pages, local
+
+    def __call__(self, asked: bytes) -> bytes:
+        """The whole response to a request's head."""
+        line, _, fields = asked.partition(b"\n")
+        understood = REQUEST.match(line)
+        if understood is None:
+            return response(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
+        method, path = understood[1].decode(), understood[2].decode().partition("?")[0]
+        if method not in ("GET", "HEAD"):
+            return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
+        if self._local and not _asks_here(fields):
+            return self._cut(method, response(403, TEXT, b"ask for localhost or 127.0.0.1\n"))
+        if path not in self._pages:
+            told = f"there are {', '.join(self._pages)}\n".encode()
+            return self._cut(method, response(404, TEXT, told))
+        kind, page = self._pages[path]
+        return self._cut(method, response(200, kind, page()))
+
+    @staticmethod
+    def _cut(method: str, answer: bytes) -> bytes:
+        """Cut the response to a HEAD request to its head."""
+        return answer if method == "GET" else answer[: answer.index(b"\r\n\r\n") + 4]
+
+
+def _asks_here(fields: bytes) -> bool:
+    named = HOST.findall(fields)
+    if len(named) != 1:
+        return not named  # HTTP/1.0 need not name a host; no browser leaves it out
+    host = re.sub(r":\d*$", "", named[0].decode("latin-1").strip())
+    return is_loopback(host.strip("[]"))
