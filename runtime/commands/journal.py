@@ -8,12 +8,12 @@ from itertools import chain
 from pathlib import Path
 
 from runtime.devices.clock import date
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.journal import export
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Entry, Replay
 from runtime.shell.command import Parser, natural, run
-from runtime.shell.files import STDOUT, usable, words_of
+from runtime.shell.files import usable, words_of
 from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
@@ -127,11 +127,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.journal, stdout=True)
-    suffix = ".csv" if output in STDOUT else output.suffix
-    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(suffix)
-    if write is None:
-        raise ArgumentsError(f"--output {output}: name it .csv or .parquet")
-    rows = write(export.rows(_entries(arguments.journal)), output)
+    rows = export.write_rows(export.rows(_entries(arguments.journal)), output, "--output")
     told = json.dumps({"rows": rows, "output": str(output)})
     print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0

@@ -44,7 +44,7 @@ from runtime.table.model import (
     Squeeze,
     Table,
 )
-from runtime.table.proof import job_of, prove, refuted
+from runtime.table.proof import Z95, job_of, prove, refuted, wilson_interval
 
 __all__ = [
     "COUNTS",
@@ -53,6 +53,7 @@ __all__ = [
     "PPM",
     "REJECT",
     "UNDETECTED_UM",
+    "Z95",
     "Branch",
     "Calibration",
     "GoalSpec",
@@ -84,6 +85,7 @@ __all__ = [
     "refuted",
     "residual",
     "threshold",
+    "wilson_interval",
 ]
 
 
