@@ -153,4 +153,4 @@ def load(path: Path | str) -> TableFile:
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
-        raise TableError(error.reason, path) from error
+        raise TableError(f"table {path.name}: {error}") from error

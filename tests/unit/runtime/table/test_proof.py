@@ -208,7 +208,7 @@ def test_the_last_value_is_proved_and_the_next_refused(allowed: Table, refused: 
     dumps(allowed)
     with pytest.raises(TableError) as found:
         dumps(refused)
-    assert told in found.value.reason
+    assert told in str(found.value)
 
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
@@ -245,7 +245,7 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
 def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, told: str) -> None:
     with pytest.raises(TableError) as found:
         dumps(table)
-    assert told in found.value.reason
+    assert told in str(found.value)
 
 
 def test_a_long_chain_is_proved_without_recursion() -> None:
@@ -282,7 +282,7 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
 def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, told: str) -> None:
     with pytest.raises(TableError) as found:
         dumps(with_job(TABLE, text))
-    assert told in found.value.reason
+    assert told in str(found.value)
     assert "\n" not in found.value.reason
     assert len(found.value.reason) < 250
 
