@@ -78,7 +78,7 @@ class Objects:
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
-    """One part for machines. `audit` is the auditor's verdict, null without one; units are in the names.
+    """One part for machines; units are in the names.
 
     Args:
         table: for the leaf's pose and success.

@@ -5,7 +5,6 @@ import socket
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
@@ -99,9 +98,7 @@ class Monitor:
             self._stack = opened.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         notify("STOPPING=1")
         self._stack.close()
 

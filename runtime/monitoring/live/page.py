@@ -20,7 +20,7 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]]:
-    """What a server of one run tells.
+    """What a server of one run tells, by path with its media type.
 
     Args:
         table: the table that runs.
@@ -40,12 +40,7 @@ def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]
 
 
 def page(table: Table, name: str) -> str:
-    """The page's text.
-
-    Args:
-        table: drawn as it is loaded.
-        name: of its file.
-    """
+    """The page's text, for a table and the name of its file."""
     part, outline = _part(table)
     # Within a script element only "<" could end it.
     data = json.dumps(tree(table, outline), separators=(",", ":")).replace("<", "\\u003c")
