@@ -90,15 +90,12 @@ def run(
     open_gripper: Callable[[str], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say.
+    """Measure and write as the arguments say; returns 0.
 
     Args:
         arguments: parsed.
         open_gripper: opens a gripper by its port, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
-
-    Returns:
-        0.
 
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
@@ -156,8 +153,6 @@ def figures(made: GripperCalibration) -> dict[str, object]:
 
 
 class _Terminal:
-    """Asks the operator, on the stream that is not parsed."""
-
     def __init__(self, file: TextIO) -> None:
         self._file = file
 

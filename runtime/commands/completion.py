@@ -50,14 +50,7 @@ COMMANDS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the script.
-
-    Args:
-        argv: the arguments, without the program's name; None for the process's own.
-
-    Returns:
-        The exit code.
-    """
+    """Print the script; returns the exit code."""
     return run(parser(), argv, _print_script)
 
 
@@ -81,14 +74,7 @@ def _print_script(_: argparse.Namespace) -> int:
 
 
 def script(found: Mapping[str, argparse.ArgumentParser]) -> str:
-    """The script for some commands.
-
-    Args:
-        found: the commands' parsers by name.
-
-    Raises:
-        ModuleNotFoundError: shtab is not installed.
-    """
+    """The script for some commands, whose parsers are given by name."""
     import shtab
 
     for command in found.values():
@@ -125,7 +111,6 @@ def _parser_in(module: str) -> argparse.ArgumentParser | None:
 
 
 def _subcommands(command: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """A command's subcommands by name, to be read and added to; empty without any."""
     for action in command._actions:
         if isinstance(action, argparse._SubParsersAction):
             return action.choices

@@ -134,7 +134,6 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _entries(path: Path) -> Iterator[dict[str, object]]:
-    """The records of a journal, of which there is at least one."""
     entries = records(path)
     first = next(entries, None)
     if first is None:
@@ -169,7 +168,6 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
 
 
 def _since(text: str) -> object:
-    """A date, for argparse."""
     try:
         return date(text)
     except ValueError:

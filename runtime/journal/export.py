@@ -63,7 +63,7 @@ def write_rows(
     columns: Sequence[str] = COLUMNS,
     kinds: Mapping[str, str] = MappingProxyType({}),
 ) -> int:
-    """Write rows as the suffix says, `.csv` or `.parquet`; CSV to standard output.
+    """Write rows as the suffix says, `.csv` or `.parquet`, CSV to standard output; returns their number.
 
     Args:
         found: the rows.
@@ -71,9 +71,6 @@ def write_rows(
         option: that named it.
         columns: names of the columns, in order.
         kinds: Arrow types by column; those of the others follow from their values.
-
-    Returns:
-        The number of rows.
 
     Raises:
         ArgumentsError: another suffix, or pyarrow is missing.

@@ -29,14 +29,7 @@ Connection: close\r
 
 
 def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    """A whole HTTP response.
-
-    Args:
-        code: of `http.HTTPStatus`.
-        kind: media type of the body.
-        body: what is told.
-        more: further header lines, each with its end.
-    """
+    """A whole HTTP response with a body of some media type; `more` are header lines, each with its end."""
     status = HTTPStatus(code)
     head = f"HTTP/1.0 {status} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
     return f"{head}{more}{ALWAYS}\r\n".encode() + body

@@ -35,7 +35,7 @@ class Monitor:
 
     Args:
         console: told everything.
-        loaded: the table's file, for the status.
+        loaded: the table's file.
         name: what the table is called.
         views: where else the run is shown. What each needs is loaded only if it is asked for.
     """

@@ -27,8 +27,7 @@ class Cusum:
     Attributes:
         shift: to be found, in the unit of the deviations.
         limit: log-likelihood ratio at which it alarms.
-        up: sum for a shift upwards.
-        down: sum for a shift downwards.
+        up, down: sums for a shift either way.
     """
 
     shift: float
@@ -55,7 +54,6 @@ class Ewma:
     Attributes:
         weight: of the newest value.
         width: of the limits, standard deviations of the mean.
-        mean: now.
     """
 
     weight: float = 0.1
@@ -79,12 +77,7 @@ class Ewma:
 
 @dataclass(slots=True)
 class BinomialWindowChart:
-    """Number of the last parts with a property, against the predicted share (binomial test).
-
-    Attributes:
-        expected: predicted share.
-        recent: the last `WINDOW` parts.
-    """
+    """Number of the last `WINDOW` parts with a property, against the expected share (binomial test)."""
 
     expected: float
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -100,20 +93,13 @@ class BinomialWindowChart:
 
 @dataclass(slots=True)
 class GTestChart:
-    """Branches that the last parts took, against the shares that the table predicts (G test).
-
-    Attributes:
-        shares: predicted shares of each node's branches.
-        window: number of parts.
-        recent: the last parts' (node, branch) pairs.
-    """
+    """Branches (node, branch) that the last parts took, against predicted shares (G test)."""
 
     shares: Sequence[Sequence[float]]
     window: int
     recent: deque[tuple[tuple[int, int], ...]] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin with an empty window."""
         self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
@@ -135,20 +121,15 @@ class GTestChart:
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic and its degrees of freedom; cells of small expected counts are pooled.
-
-    Args:
-        counts: of each branch.
-        shares: predicted, need not add up to one.
-    """
+    """Pearson's statistic of counts against shares (which need not add up to one), and its freedom."""
     filled = _cells(counts, shares)
     return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(len(filled) - 1, 0)
 
 
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Twice the logarithm of the likelihood ratio (the G statistic), chi-square distributed as Pearson's is.
+    """Twice the logarithm of the likelihood ratio (the G statistic), and its degrees of freedom.
 
-    In short windows it detects a branch that is no longer taken far sooner.
+    In short windows it detects a branch that is no longer taken far sooner than Pearson's.
     """
     filled = _cells(counts, shares)
     gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
@@ -188,10 +169,7 @@ def binomial_tail(least: int, trials: int, share: float) -> float:
 def chi_square_tail(statistic: float, freedom: int) -> float:
     """Probability that a chi-square variable exceeds the statistic; 1 without degrees of freedom.
 
-    Args:
-        statistic: at least 0.
-        freedom: its degrees of freedom: a whole number, for which the regularised incomplete gamma function
-            Q(freedom / 2, statistic / 2) is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+    For whole degrees of freedom it is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
     """
     if freedom <= 0 or statistic <= 0.0:
         return 1.0

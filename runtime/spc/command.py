@@ -85,12 +85,7 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
 
 
 def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
-    """One row a part, for other programs; what is not known is None.
-
-    Args:
-        parts: in order.
-        alarms: names of the charts that alarmed at a part, by its index.
-    """
+    """One row a part, with the names of the charts that alarmed at its index; None is not known."""
     for index, part in enumerate(parts):
         values = (
             *(index, part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes)),
@@ -101,7 +96,6 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
 
 
 def _lines(summary: Summary) -> list[str]:
-    """The figures in words."""
     told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
     if summary.verdicts:
         told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))

@@ -19,14 +19,7 @@ COORDINATES = ("x", "y", "theta")
 
 
 class Alarm(NamedTuple):
-    """A chart out of control.
-
-    Attributes:
-        place: of the part in the history.
-        number: of the part in its run.
-        chart: which.
-        sentence: what it means, and what to look at.
-    """
+    """A chart out of control at a part, by its place in the history and its number in its run."""
 
     place: int
     number: int

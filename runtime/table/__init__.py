@@ -90,13 +90,7 @@ __all__ = [
 
 
 class TableFile(NamedTuple):
-    """A table with the bytes of its file.
-
-    Attributes:
-        table: decoded and proved.
-        data: the whole file.
-        digest: SHA-256 of it in hexadecimal, one name for one behaviour; `sha256sum` tells the same.
-    """
+    """A table, decoded and proved, the bytes of its file, and their SHA-256 as `sha256sum` tells it."""
 
     table: Table
     data: bytes

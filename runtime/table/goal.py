@@ -31,10 +31,9 @@ def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """How far off a prediction is, to be held against `threshold`; arguments as for `error_mm`.
+    """How far off a prediction is, to be held against `threshold`.
 
-    Returns:
-        `error_mm` for the kinds "pose" and "modes"; else the largest deviation in units of its tolerance.
+    It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance.
     """
     if goal.kind in ("pose", "modes"):
         return error_mm(goal, predicted, true)

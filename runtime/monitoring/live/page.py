@@ -20,13 +20,7 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]]:
-    """What a server of one run tells, by path with its media type.
-
-    Args:
-        table: the table that runs.
-        name: of its file.
-        status: of the run.
-    """
+    """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
     told = page(table, name).encode()  # once, before anything moves
 
     def state() -> bytes:
@@ -51,12 +45,7 @@ def page(table: Table, name: str) -> str:
 
 
 def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
-    """A table for the page: lengths in um, angles in urad, shares in ppm, as in the table.
-
-    Args:
-        table: any.
-        outline: of its part (n, 2) [mm], empty where it is not known.
-    """
+    """A table for the page, in its own units, and the outline (n, 2) [mm] of its part, empty if not known."""
     return {
         "outline": outline,
         "opening": table.gripper.opening_um,

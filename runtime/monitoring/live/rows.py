@@ -56,12 +56,7 @@ class Outline:
         return Way(frozenset(seen | {0}), now)
 
     def rows(self, path: Way, room: int) -> list[Row]:
-        """The lines of the tree: all, or the way with what is beside it, or the way alone.
-
-        Args:
-            path: what is always shown, as far as there is room.
-            room: most lines, at least 1.
-        """
+        """The lines of the tree: all, or the way with what is beside it, or the way alone; at most `room`."""
         table = self._table
         whole = len(table.nodes) + len(table.leaves) <= room
         opened = frozenset(range(len(table.nodes))) if whole else path.targets

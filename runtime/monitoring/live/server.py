@@ -32,10 +32,7 @@ class Address(NamedTuple):
 
 
 def parse(text: str) -> Address:
-    """Read an address.
-
-    Args:
-        text: as `--http` takes it.
+    """Read an address as `--http` takes it.
 
     Raises:
         ArgumentsError: it is none.
@@ -59,14 +56,7 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer(Server):
-    """Answers requests on a TCP port in a thread of its own; leaving the context ends it.
-
-    Args:
-        address: where to listen.
-        answer: the whole response to a request's head.
-
-    Attributes:
-        address: where it listens, port 0 replaced by the one that was free.
+    """Answers requests on a TCP port; its `address` has the port that was free in place of 0.
 
     Raises:
         ArgumentsError: nothing can listen there.
@@ -86,7 +76,6 @@ def _is_odd(host: str, text: str) -> bool:
 
 
 def _listening(address: Address) -> socket.socket:
-    """A socket that listens at an address."""
     try:
         family, kind, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

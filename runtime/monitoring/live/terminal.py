@@ -105,12 +105,12 @@ class View:
 
 
 def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Terminal) -> Group:
-    """What is shown of one moment.
+    """What is shown of a status (`Status.as_object`).
 
     Args:
         outline: of the table.
         name: of its file.
-        state: a status, as `Status.as_object` tells it.
+        state: the status.
         terminal: its size decides how much of the tree is shown, its character set how.
     """
     utf8 = terminal.encoding.lower().startswith("utf")
