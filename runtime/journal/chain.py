@@ -23,7 +23,7 @@ from typing import BinaryIO, NamedTuple, Self
 
 from runtime.errors import JournalError, TornError
 from runtime.shell import strict_json
-from runtime.shell.files import oddity
+from runtime.shell.files import bring_to_disk, oddity
 
 VERSION = 1
 GENESIS = "0" * 64
@@ -58,16 +58,11 @@ class Journal:
     file that holds anything else is left as it is.
 
     Attributes:
-        path: the file.
         cut_bytes: length of the unfinished line that was cut off, 0 for none.
     """
 
     def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
-        """Create the file, or verify it and go on at its end.
-
-        Args:
-            path: the file.
-            stamp: what each record is dated with, `Clock.stamp`.
+        """Create the file, or verify it and go on at its end; `stamp` (`Clock.stamp`) dates each record.
 
         Raises:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
@@ -91,7 +86,7 @@ class Journal:
         """Lock and verify the file; only then cut what a crash left unfinished at its end."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _sync_directory(self.path.parent)
+            bring_to_disk(self.path.parent)
             with open(self._file, "rb", closefd=False) as file:
                 self._end = _verified(self.path, file, torn=True)
                 self.cut_bytes = file.seek(0, os.SEEK_END) - self._end.size
@@ -118,10 +113,6 @@ class Journal:
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Append one record and bring it to the disk.
-
-        Args:
-            kind: what it tells.
-            fields: values JSON can hold, none of them under a name in `RESERVED`.
 
         Raises:
             JournalError: it cannot be written: full disk, lost mount, closed journal.
@@ -328,14 +319,6 @@ def _opened(path: Path) -> int:
 def _check_regular(path: Path, mode: int) -> None:
     if reason := oddity(mode):
         raise JournalError(path, f"cannot be written: {reason}; name another file")
-
-
-def _sync_directory(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _unwritable(path: Path, error: OSError) -> JournalError:
