@@ -270,7 +270,6 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
 
 
 def _judge(soak: Soak, part: int, result: PartResult, seconds: float) -> list[str]:
-    """What is wrong with how a part ended."""
     findings = []
     squeezes = len(result.steps) + (1 if result.delivery is None else 3)
     if seconds > (limit := squeezes * soak.squeeze_s() + PART_S):

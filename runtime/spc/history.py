@@ -55,9 +55,6 @@ class History:
 def read(paths: Sequence[Path]) -> History:
     """The history in journals, one after the other.
 
-    Args:
-        paths: at least one; all of runs of one table.
-
     Raises:
         JournalError: one cannot be read, or does not verify.
         ArgumentsError: they are of different tables, or hold no part.
@@ -105,7 +102,6 @@ def _whole_records(path: Path) -> Iterator[Entry]:
 
 
 def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
-    """A part with its outcome, and with what its audit measured."""
     x, y, theta = (_number(audit.get(name)) for name in RESIDUAL)
     verdict, leaf = audit.get("verdict", entry.get("audit")), entry.get("leaf")
     if isinstance(leaf, int) and not 0 <= leaf < len(table.leaves):

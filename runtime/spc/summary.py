@@ -18,14 +18,7 @@ GROUP = 50  # audited parts of one point of the p-chart
 
 
 class Series(NamedTuple):
-    """One chart that is drawn.
-
-    Attributes:
-        title: what it shows.
-        lines: named values, one for each step.
-        limits: values that no line may pass.
-        step: what a step is.
-    """
+    """A chart to draw: named values, one for each step, and limits that no line may pass."""
 
     title: str
     lines: tuple[tuple[str, Sequence[float]], ...]
@@ -44,10 +37,7 @@ class LeafRow(NamedTuple):
     """The parts that ended at one leaf.
 
     Attributes:
-        leaf: its index.
-        parts: their number.
         judged: of these, judged to pass or fail.
-        passed: of these.
         predicted: success rate that the table predicts, None where no trial ended there.
         residuals: of x [mm], y [mm] and theta [rad]; empty where none was measured.
     """
@@ -61,15 +51,11 @@ class LeafRow(NamedTuple):
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node.
+    """The squeezes at one node, against the table's shares by Pearson's chi-square.
 
     Attributes:
-        node: its index.
         counts: of each branch, and last of its rejects.
-        shares: predicted.
-        statistic: chi-square.
-        freedom: its degrees of freedom.
-        tail: probability of a larger one where the table is right.
+        tail: probability of a larger statistic where the table is right.
     """
 
     node: int
@@ -86,8 +72,7 @@ class Summary:
 
     Attributes:
         judged: parts judged to pass or fail, of which `passed` passed.
-        predicted: success rate that the table's evaluation says.
-        agrees: whether the interval holds the predicted rate.
+        agrees: whether the interval holds the predicted success rate.
         tail: of the chi-square over all nodes.
     """
 

@@ -46,47 +46,12 @@ from runtime.table.model import (
 )
 from runtime.table.proof import Z95, job_of, prove, refuted, wilson_interval
 
-__all__ = [
-    "COUNTS",
-    "HELD_UM",
-    "KINDS",
-    "PPM",
-    "REJECT",
-    "UNDETECTED_UM",
-    "Z95",
-    "Branch",
-    "Calibration",
-    "GoalSpec",
-    "GripperSpec",
-    "Leaf",
-    "Limits",
-    "Node",
-    "Pose2",
-    "Prediction",
-    "Squeeze",
-    "Table",
-    "TableError",
-    "TableFile",
-    "TableFileError",
-    "by_count",
-    "decide",
-    "decision_map",
-    "distance",
-    "dump",
-    "dumps",
-    "error_mm",
-    "job_of",
-    "load",
-    "loads",
-    "meets",
-    "misfits",
-    "poses_of",
-    "predicted_pose",
-    "refuted",
-    "residual",
-    "threshold",
-    "wilson_interval",
-]
+__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "REJECT", "UNDETECTED_UM", "Z95"]
+__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction"]
+__all__ += ["Branch", "Leaf", "Node", "Squeeze", "Table", "TableError", "TableFile", "TableFileError"]
+__all__ += ["by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load", "loads", "misfits"]
+__all__ += ["distance", "error_mm", "meets", "poses_of", "predicted_pose", "residual", "threshold"]
+__all__ += ["refuted", "wilson_interval"]
 
 
 class TableFile(NamedTuple):

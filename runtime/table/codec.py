@@ -177,7 +177,6 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
 
 
 def _rows(fields: dict[str, object], kind: str) -> list[Row]:
-    """The records of a kind; all its columns have the length of the first."""
     names = [f"{kind}_{name}" for name in COLUMNS[kind]]
     length = len(_typed(fields, names[0], tuple))
     return list(zip(*(_integers(fields, name, length) for name in names), strict=True))

@@ -9,6 +9,7 @@ import re
 import socket
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
+from urllib.parse import urlsplit
 
 from runtime.errors import ArgumentsError
 from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
@@ -37,14 +38,17 @@ def parse(text: str) -> Address:
     Raises:
         ArgumentsError: it is none.
     """
-    host, _, port = text.rpartition(":")
-    if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) <= MAX_PORT) or _is_odd(
-        host, text
-    ):
+    netloc = text if ":" in text else f"{LOOPBACK}:{text}"
+    try:
+        told = urlsplit(f"//{netloc}")
+        host, port = told.hostname, told.port
+    except ValueError:
+        host = port = None
+    if not host or port is None or told.netloc != netloc or not set("@ ").isdisjoint(netloc):
         raise ArgumentsError(
             f"--http {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
-    return Address(host.strip("[]") or LOOPBACK, int(port))
+    return Address(host, port)
 
 
 def is_loopback(host: str) -> bool:
@@ -66,13 +70,6 @@ class PageServer(Server):
         listener = _listening(address)
         self.address = Address(address.host, int(listener.getsockname()[1]))
         super().__init__(listener, answer)
-
-
-def _is_odd(host: str, text: str) -> bool:
-    """Whether the text before the port is no host: a bare colon, an IPv6 address without its brackets."""
-    if host.startswith("[") and host.endswith("]"):
-        return ":" not in host
-    return ":" in host or not set("[]/ ").isdisjoint(host) or text.startswith(":")
 
 
 def _listening(address: Address) -> socket.socket:
@@ -138,7 +135,6 @@ class Answers:
 
     @staticmethod
     def _cut(method: str, answer: bytes) -> bytes:
-        """Cut the response to a HEAD request to its head."""
         return answer if method == "GET" else answer[: answer.index(b"\r\n\r\n") + 4]
 
 
