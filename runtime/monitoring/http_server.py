@@ -13,11 +13,9 @@ from typing import Self
 
 from runtime.devices.clock import SystemClock
 
-MOST_CLIENTS = 8
-"""One more ends the one that has been here longest."""
+MOST_CLIENTS = 8  # one more ends the one that has been here longest
 PATIENCE_S = 5.0
-PAUSE_S = 0.02
-"""After each client that is let in, so that no more than fifty a second are."""
+PAUSE_S = 0.02  # after each client that is let in, so that no more than fifty a second are
 MAX_ASK_BYTES = 8192
 # No caching, no guessing of media types, no frames; a response ends with its connection.
 ALWAYS = """\

@@ -9,8 +9,7 @@ from runtime.execution.events import Phase
 from runtime.table import PPM
 from runtime.traversal.results import Outcome, PartResult, Step
 
-RECENT = 10
-"""Parts that a snapshot remembers one by one."""
+RECENT = 10  # parts that a snapshot remembers one by one
 
 
 class Status:

@@ -23,8 +23,7 @@ OURS = frozenset({"planner", "runtime", "drivers"})
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
-_lost: list[OSError] = []
-"""Why lines of standard output are lost, since `run` began."""
+_lost: list[OSError] = []  # why lines of standard output are lost, since `run` began
 
 
 class Parser(argparse.ArgumentParser):

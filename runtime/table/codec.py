@@ -31,13 +31,13 @@ MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
 POSE = ("x_um", "y_um", "theta_urad")
+# The columns of integers: one a field of each kind of record.
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
     "branch": Branch._fields,
     "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", "success_ppm", "trials", "resolved", "alternatives"),
     "alternative": POSE,
 }
-"""The columns of integers: one a field of each kind of record."""
 PAYLOAD_FIELDS = (
     *HEADER_FIELDS,
     *(f"{kind}_{field}" for kind, fields in COLUMNS.items() for field in fields),

@@ -23,12 +23,10 @@ from runtime.table import Table
 from runtime.traversal.results import PartResult, Step
 
 REFRESH_S = 0.125
-END_S = 1.0
-"""How long the end waits for a terminal that takes nothing."""
+END_S = 1.0  # how long the end waits for a terminal that takes nothing
 MOST_NOTES = 200
 PARTS = 5
-AROUND = 5 + PARTS
-"""Lines that are not the tree's."""
+AROUND = 5 + PARTS  # lines that are not the tree's
 
 
 class View:

@@ -18,8 +18,7 @@ from sphinx.util.docutils import SphinxDirective
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE.parents[2] / "tests" / "bench" / "results"
-FEW_LINES = 40
-"""Most lines of a file of which only names and values are known."""
+FEW_LINES = 40  # most lines of a file of which only names and values are known
 MACROS = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
 MACROS = MACROS.get_template("kept.jinja").module
 TABLES = (

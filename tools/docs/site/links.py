@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-LOADED = {"src", "srcset", "poster", "data"}
-"""Attributes whose target a browser fetches by itself."""
+LOADED = {"src", "srcset", "poster", "data"}  # attributes whose target a browser fetches by itself
 OUTSIDE = ("http://", "https://", "//")
 
 
