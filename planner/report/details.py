@@ -11,10 +11,9 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
-from planner.evaluation.statistics import wilson_interval
 from planner.evaluation.trials import Step
 from planner.report.replay import Replay
-from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
+from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 
 MOST = 60
 """Most outlines of one belief."""

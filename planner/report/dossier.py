@@ -13,7 +13,6 @@ import numpy as np
 
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
-from planner.evaluation.statistics import wilson_interval
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
@@ -24,7 +23,7 @@ from planner.report.replay import replay
 from planner.report.run_log import RunLog
 from planner.report.templating import points, template
 from planner.world import make
-from runtime.table import PPM, Table
+from runtime.table import PPM, Table, wilson_interval
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000

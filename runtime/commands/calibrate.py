@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
@@ -24,6 +24,7 @@ from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import Calibration, GripperSpec
 
+Measured = dict[str, Any]
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
 OF_THE_AUDIT = {
@@ -90,15 +91,12 @@ def run(
     open_gripper: Callable[[str], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say.
+    """Measure and write as the arguments say; returns 0.
 
     Args:
         arguments: parsed.
         open_gripper: opens a gripper by its port, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
-
-    Returns:
-        0.
 
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
@@ -123,25 +121,25 @@ def run(
     if arguments.json:
         say(json.dumps({"output": str(arguments.output), **figures(made)}))
         return 0
-    for line in report(made):
+    for line in report(figures(made)):
         say(line)
     say(f"written to {arguments.output}")
     return 0
 
 
-def report(made: GripperCalibration) -> Iterator[str]:
+def report(told: Measured) -> Iterator[str]:
     """The measurement as a small table: counts, spread, and how far other maps are off."""
-    linear = calibration.against_linear_mm(made, LINEAR)
-    left_out = [None, *calibration.residuals_mm(made)]
-    yield f"gripper {made.gripper}"
+    yield f"gripper {told['gripper']}"
     yield "block mm  counts            spread  without this block  linear map"
-    for gauge, off, line in zip_longest(made.gauges, left_out, linear):
+    for block in told["blocks"]:
+        off = block["off_without_it_mm"]
         alone = "-" if off is None else f"{off:+.3f} mm"
-        counts = " ".join(map(str, gauge.counts))
-        yield f"{gauge.width_mm:8.2f}  {counts:<16}  {gauge.spread:>6}  {alone:>18}  {line:+.3f} mm"
+        counts = " ".join(map(str, block["position_counts"]))
+        line = f"{block['width_mm']:8.2f}  {counts:<16}  {block['spread_counts']:>6}  {alone:>18}"
+        yield f"{line}  {block['off_linear_mm']:+.3f} mm"
 
 
-def figures(made: GripperCalibration) -> dict[str, object]:
+def figures(made: GripperCalibration) -> Measured:
     """The measurement in plain types."""
     linear = calibration.against_linear_mm(made, LINEAR)
     left_out = [None, *calibration.residuals_mm(made)]
@@ -156,8 +154,6 @@ def figures(made: GripperCalibration) -> dict[str, object]:
 
 
 class _Terminal:
-    """Asks the operator, on the stream that is not parsed."""
-
     def __init__(self, file: TextIO) -> None:
         self._file = file
 

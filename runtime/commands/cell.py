@@ -46,9 +46,7 @@ def connect(
         report: told of retries and failures on the gripper's link.
 
     Raises:
-        PortBusyError: another process works with one of the devices.
-        CellStartError: the simulated cell did not start.
-        Exception: a driver's own error; each carries its `exit_code`.
+        Exception: `PortBusyError`, `CellStartError` or a driver's own; each carries its `exit_code`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:

@@ -44,13 +44,10 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Check, and print a line for each finding, or one object of all.
-
-    Returns:
-        0 where nothing is bad.
+    """Check, and print a line for each finding, or one object of all; returns 0.
 
     Raises:
-        CellCheckError: something is.
+        CellCheckError: something is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table

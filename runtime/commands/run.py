@@ -32,14 +32,11 @@ from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Execute a table as the parsed arguments say.
+    """Execute a table as the parsed arguments say; returns the exit code of the parts.
 
     Args:
         arguments: of `arguments.parser`.
         drivers: opens the devices.
-
-    Returns:
-        The exit code of the parts.
 
     Raises:
         Exception: any error of ours or of a device; each carries its `exit_code`.
@@ -169,11 +166,7 @@ class _Asked:
             return journal, None
 
     def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
-        """What the fingers may hold before a run begins, if they may be moved regardless.
-
-        Raises:
-            GripperStateError: they may not: the gripper is not ready, or holds something.
-        """
+        """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
         state = devices.gripper.state()
         holds = held.look(state, _calibration(self.options, self.loaded.table))

@@ -38,20 +38,15 @@ class Replay:
     """The state of the run that a journal's records have told so far.
 
     Attributes:
-        table: the table of the run.
-        calibration: its counts to widths.
-        policy: its policy.
-        header: its first record.
+        calibration: counts to widths.
+        header: the run's first record.
         closed: whether its last record was seen.
         over: whether its last part's outcome was one that ends a run.
         part: number of the part under way, or None.
         parts: parts that came to an outcome.
         steps: the part's squeezes so far.
-        traversal: where the part stands.
-        last: what the hand was doing.
         held_at: the node that last squeezed the part and the target it led to, or None; AWAY tells that the
             fingers have let go there.
-        time: what the latest record is dated with.
         delivering: whether the part was being carried.
         decisions: squeezes derived so far, over all runs.
     """

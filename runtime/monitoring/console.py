@@ -78,14 +78,7 @@ class Objects:
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
-    """One part for machines. `audit` is the auditor's verdict, null without one; units are in the names.
-
-    Args:
-        table: for the leaf's pose and success.
-        result: the part's result.
-        seen: where it really lies, None on a real cell.
-        journal: where its record is.
-    """
+    """One part for machines, with where it really lies on a simulated cell; units are in the names."""
     leaf = None if result.leaf is None else table.leaves[result.leaf]
     return {
         "part": result.part,

@@ -5,7 +5,6 @@ import socket
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
@@ -36,7 +35,7 @@ class Monitor:
 
     Args:
         console: told everything.
-        loaded: the table's file, for the status.
+        loaded: the table's file.
         name: what the table is called.
         views: where else the run is shown. What each needs is loaded only if it is asked for.
     """
@@ -99,16 +98,13 @@ class Monitor:
             self._stack = opened.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         notify("STOPPING=1")
         self._stack.close()
 
     def _serve(self, text: str, stack: ExitStack) -> None:
         from runtime.monitoring.live import page
-        from runtime.monitoring.live.answers import Answers
-        from runtime.monitoring.live.server import PageServer, is_loopback, parse
+        from runtime.monitoring.live.server import Answers, PageServer, is_loopback, parse
 
         at = parse(text)
         local = is_loopback(at.host)

@@ -28,11 +28,10 @@ Shares = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Shares of readings.
+    """Shares of readings in several worlds, the planned one first.
 
     Attributes:
         table_sha256: of the table they are of.
-        names: of the worlds, the planned one first.
         shares: for each world, (nodes, 256), none of them zero.
     """
 
@@ -41,11 +40,7 @@ class Expectation:
     shares: tuple[Shares, ...]
 
     def check(self, history: History) -> None:
-        """Check that this is of the table of a history.
-
-        Raises:
-            ArgumentsError: it is not.
-        """
+        """Raises ArgumentsError unless this is of the table of a history."""
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
             raise ArgumentsError(
@@ -62,18 +57,12 @@ class Expectation:
 
 @dataclass(slots=True)
 class ShiryaevRoberts:
-    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics.
-
-    Attributes:
-        expected: the shares.
-        sums: the statistic of each other world.
-    """
+    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics."""
 
     expected: Expectation
     sums: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Set all statistics to zero."""
         self.sums = [0.0] * (len(self.expected.names) - 1)
 
     @property
@@ -82,11 +71,7 @@ class ShiryaevRoberts:
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
-        """Take one part in.
-
-        Returns:
-            The name of the likeliest other world where this is an alarm, else None.
-        """
+        """Take one part in; the name of the likeliest other world where this is an alarm, else None."""
         gains = self.expected.gains(table, part)
         self.sums = [(1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)]
         if self.value < LIMIT:

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import astuple
 from itertools import islice
 from typing import TypeVar
 
@@ -30,13 +31,13 @@ MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
 POSE = ("x_um", "y_um", "theta_urad")
+# The columns of integers: one a field of each kind of record.
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
     "branch": Branch._fields,
     "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", "success_ppm", "trials", "resolved", "alternatives"),
     "alternative": POSE,
 }
-"""The columns of integers: one a field of each kind of record."""
 PAYLOAD_FIELDS = (
     *HEADER_FIELDS,
     *(f"{kind}_{field}" for kind, fields in COLUMNS.items() for field in fields),
@@ -97,14 +98,7 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
         ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (
-                *leaf[:3],
-                *leaf.covariance,
-                leaf.success_ppm,
-                leaf.trials,
-                int(leaf.resolved),
-                len(leaf.alternatives),
-            )
+            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives))
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -113,10 +107,9 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
 
 def _unpacked(data: bytes, name: str) -> object:
     """One msgpack value without maps and extensions; nothing in it is longer than a table's parts may be."""
+    most = {"max_array_len": MAX_LEAVES, "max_map_len": 0, "max_ext_len": 0}
     try:
-        value: object = msgpack.unpackb(
-            data, use_list=False, max_array_len=MAX_LEAVES, max_map_len=0, max_ext_len=0
-        )
+        value: object = msgpack.unpackb(data, use_list=False, **most)
     except msgpack.ExtraData:
         raise TableError(f"bytes follow the end of {name}; copy the file again or recompile it") from None
     except (MemoryError, ValueError, msgpack.UnpackException) as error:
@@ -126,38 +119,15 @@ def _unpacked(data: bytes, name: str) -> object:
 
 
 def _header(table: Table) -> list[object]:
-    gripper, goal, limits, predicted = table.gripper, table.goal, table.limits, table.predicted
+    gripper, goal, limits = astuple(table.gripper), astuple(table.goal), astuple(table.limits)
     return [
         table.tool,
         table.job_digest,
-        gripper.model,
-        [
-            gripper.opening_um,
-            gripper.finger_length_um,
-            gripper.finger_width_um,
-            gripper.count_open,
-            gripper.count_closed,
-            gripper.encoder_noise_um,
-        ],
-        [
-            goal.distance_um,
-            goal.confidence_ppm,
-            goal.rho_um,
-            goal.symmetry,
-            KINDS.index(goal.kind),
-            *goal.tolerance,
-            goal.modes,
-        ],
-        [
-            limits.max_depth,
-            limits.max_force_mn,
-            limits.max_speed_um_s,
-            *limits.work_area_um,
-            limits.retreat_height_um,
-            limits.squeeze_height_um,
-            limits.arm_speed_um_s,
-        ],
-        [predicted.success_ppm, predicted.trials, predicted.mean_squeezes_ppm, predicted.reject_ppm],
+        gripper[0],
+        gripper[1:],
+        (*goal[:4], KINDS.index(table.goal.kind), *table.goal.tolerance, table.goal.modes),
+        (*limits[:3], *table.limits.work_area_um, *limits[4:]),
+        astuple(table.predicted),
     ]
 
 
@@ -207,7 +177,6 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
 
 
 def _rows(fields: dict[str, object], kind: str) -> list[Row]:
-    """The records of a kind; all its columns have the length of the first."""
     names = [f"{kind}_{name}" for name in COLUMNS[kind]]
     length = len(_typed(fields, names[0], tuple))
     return list(zip(*(_integers(fields, name, length) for name in names), strict=True))

@@ -25,13 +25,11 @@ class Squeeze(NamedTuple):
     """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes.
 
     Attributes:
-        x_um: hand centre, world x, um.
-        y_um: hand centre, world y, um.
-        angle_urad: hand angle in the world, urad.
-        opening_um: opening before the squeeze, um.
-        speed_um_s: closing speed of the fingers, um/s.
-        force_mn: closing force, mN.
-        clearance_um: least distance between the open fingers and any believed pose of the part, um, >= 0.
+        x_um, y_um, angle_urad: pose of the hand's centre in the world.
+        opening_um: before the squeeze.
+        speed_um_s: closing speed of the fingers.
+        force_mn: closing force.
+        clearance_um: least distance between the open fingers and any believed pose of the part, >= 0.
     """
 
     x_um: int
@@ -47,10 +45,9 @@ class Branch(NamedTuple):
     """One outcome of a squeeze: an interval of widths and where it leads.
 
     Attributes:
-        low_um: least width of the interval, um.
-        expected_um: expected width, um; the nearest one wins where intervals overlap.
-        high_um: greatest width of the interval, um.
-        probability_ppm: predicted share of this outcome among the node's outcomes, ppm.
+        low_um, high_um: ends of the interval.
+        expected_um: expected width; the nearest one wins where intervals overlap.
+        probability_ppm: predicted share of this outcome among the node's outcomes.
         target: >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`.
     """
 
@@ -65,8 +62,6 @@ class Node(NamedTuple):
     """One decision: a squeeze and its outcomes, ordered by width.
 
     Attributes:
-        squeeze: where and how the jaws close.
-        branches: the outcomes.
         release: x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle
             before the jaws open, another place than the squeeze's; None: they open where they closed.
     """
@@ -80,12 +75,9 @@ class Leaf(NamedTuple):
     """An end of the tree: the predicted pose of the part in the world, and how often it holds.
 
     Attributes:
-        x_um: predicted x, um.
-        y_um: predicted y, um.
-        theta_urad: predicted angle, urad, within half a turn of zero.
+        x_um, y_um, theta_urad: predicted pose, the angle within half a turn of zero.
         covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
-        success_ppm: share of the evaluation's trials ending here that met the goal, ppm.
-        trials: number of those trials.
+        success_ppm: share of the evaluation's `trials` ending here that met the goal.
         resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
         alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal
             of kind "modes", or what an unresolved leaf cannot tell apart.
@@ -124,9 +116,8 @@ class GoalSpec:
     """When a part counts as located, under the symmetry and at a confidence.
 
     Attributes:
-        distance_um: the goal's distance, um.
-        confidence_ppm: the share of parts that must meet it, ppm.
-        rho_um: what one radian of error weighs, um.
+        confidence_ppm: the share of parts that must meet it.
+        rho_um: what one radian of error weighs.
         symmetry: rotational order of the part, 1 for none.
         kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within
             its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
@@ -149,12 +140,9 @@ class Limits:
 
     Attributes:
         max_depth: squeezes to any leaf, at most `MAX_DEPTH`.
-        max_force_mn: closing force, mN.
-        max_speed_um_s: closing speed, um/s.
-        work_area_um: x min, y min, x max, y max of the hand's centre and of predicted poses, um.
-        retreat_height_um: height of the tips while the arm travels, um.
-        squeeze_height_um: height of the tips while squeezing, um.
-        arm_speed_um_s: speed of the arm, um/s.
+        max_force_mn, max_speed_um_s: of closing.
+        work_area_um: x min, y min, x max, y max of the hand's centre and of predicted poses.
+        retreat_height_um, squeeze_height_um: of the tips while the arm travels, and while squeezing.
     """
 
     max_depth: int
@@ -171,10 +159,9 @@ class Prediction:
     """What the evaluation at compile time measured for the table as a whole.
 
     Attributes:
-        success_ppm: parts within the goal among all trials, ppm.
-        trials: number of trials, 0 if the table was not evaluated.
+        success_ppm: parts within the goal among all `trials`, of which there are 0 without an evaluation.
         mean_squeezes_ppm: mean number of squeezes a part, in millionths.
-        reject_ppm: trials that ended in REJECT, ppm.
+        reject_ppm: trials that ended in REJECT.
     """
 
     success_ppm: int
@@ -190,12 +177,6 @@ class Table:
     Attributes:
         tool: name and version of the compiler.
         job_digest: SHA-256 of the job's canonical text, 32 bytes.
-        gripper: the gripper it was made for.
-        goal: the goal it was made for.
-        limits: what its motions stay within.
-        nodes: the decisions.
-        leaves: the ends.
-        predicted: what its evaluation measured.
         job: the job's canonical text, or None where it was stripped.
     """
 

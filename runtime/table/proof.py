@@ -27,7 +27,7 @@ FAR = 10**9
 MAX_ANGLE_URAD = 3_142_000
 MAX_TRIALS = 10**10
 MAX_MODES = 64
-WILSON_Z = 1.959964  # two-sided 95 %
+Z95 = 1.959963984540054  # two-sided 95 %
 LEVEL = 0.025
 MOST_TERMS = 1000
 LEAST_LOG = -700.0  # exp of less is zero
@@ -84,13 +84,15 @@ def job_of(table: Table) -> dict[str, Any] | None:
     return job
 
 
-def wilson_upper(successes: float, trials: int) -> float:
-    """Upper end of the 95 % Wilson score interval of a share; 1 without trials."""
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """The 95 % score interval of a share (Wilson 1927); all of [0, 1] without trials."""
     if trials == 0:
-        return 1.0
-    share, z2 = successes / trials, WILSON_Z**2
-    spread = WILSON_Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    return (share + z2 / (2 * trials) + spread) / (1 + z2 / trials)
+        return 0.0, 1.0
+    share, z2 = successes / trials, Z95**2
+    middle = share + z2 / (2 * trials)
+    spread = Z95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    low = (middle - spread) / (1 + z2 / trials) if successes else 0.0
+    return low, (middle + spread) / (1 + z2 / trials) if successes < trials else 1.0
 
 
 def refuted(successes: int, trials: int, confidence: float) -> bool:
@@ -101,7 +103,7 @@ def refuted(successes: int, trials: int, confidence: float) -> bool:
     """
     misses, log_none = trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
-        return wilson_upper(successes, trials) < confidence
+        return wilson_interval(successes, trials)[1] < confidence
     term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
     for k in range(misses):
         fewer += term

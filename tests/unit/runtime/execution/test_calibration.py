@@ -10,7 +10,7 @@ import pytest
 from sample_tables import GRIPPER
 
 from runtime.commands import calibrate as calibrate_command
-from runtime.commands.calibrate import parser, report, run
+from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import ArgumentsError, CalibrationError, GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
@@ -185,7 +185,7 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert gripper.closed
     out = capsys.readouterr().out
     assert "linear map" in out
-    assert len(list(report(made))) == 2 + len(BLOCKS)
+    assert len(list(report(figures(made)))) == 2 + len(BLOCKS)
 
 
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(

@@ -10,8 +10,7 @@ from sample_tables import every_field_table, small_table, with_job
 
 from runtime.errors import ArgumentsError
 from runtime.monitoring.live import page, server
-from runtime.monitoring.live.answers import Answers
-from runtime.monitoring.live.server import Address
+from runtime.monitoring.live.server import Address, Answers
 from runtime.monitoring.status import Status
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}

@@ -7,7 +7,7 @@ import struct
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from sample_tables import small_table
@@ -16,8 +16,7 @@ from runtime.errors import ArgumentsError
 from runtime.monitoring import http_server
 from runtime.monitoring.http_server import MOST_CLIENTS
 from runtime.monitoring.live import page
-from runtime.monitoring.live.answers import Answers
-from runtime.monitoring.live.server import Address, PageServer
+from runtime.monitoring.live.server import Address, Answers, PageServer
 from runtime.monitoring.status import Status
 
 FREE = Address("127.0.0.1", 0)
@@ -39,6 +38,14 @@ def connected(running: PageServer) -> socket.socket:
 def fetched(running: PageServer, path: str) -> bytes:
     with urllib.request.urlopen(f"http://{running.address}{path}", timeout=WAIT_S) as answer:
         return bytes(answer.read())
+
+
+def wait_until(condition: Callable[[], object]) -> bool:
+    for _ in range(400):
+        if condition():
+            return True
+        threading.Event().wait(0.05)
+    return False
 
 
 def test_a_client_of_the_library_reads_every_page(serving: PageServer) -> None:
@@ -82,11 +89,7 @@ def test_who_says_or_takes_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch,
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps for who does not read
         assert silent.recv(1) == b""
-        for _ in range(200):
-            if not serving._clients:
-                break
-            threading.Event().wait(0.05)
-        assert not serving._clients
+        assert wait_until(lambda: not serving._clients)
     assert fetched(serving, "/status.json")
 
 
@@ -102,6 +105,7 @@ def test_one_client_too_many_ends_the_oldest(serving: PageServer) -> None:
 def test_its_end_ends_all_connections_and_frees_the_port() -> None:
     running = PageServer(FREE, Answers({}, local=True))
     with connected(running) as client:
+        assert wait_until(lambda: running._clients)
         running.close()
         assert client.recv(1) == b""
     with PageServer(running.address, Answers({}, local=True)) as again:
