@@ -4,12 +4,13 @@ import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
+from drivers.planar import Pose2
 from drivers.sim.devices.arm import ArmModel, Controller
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Desk, Listed
-from drivers.sim.physics.scene import Pose2, Setting
+from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop
 from drivers.sim.wire.line import CleanLine, FaultyLine
 from drivers.sim.wire.modbus import Device

@@ -15,8 +15,8 @@ from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.sources import Source
-from drivers.camera.vision.tag_file import Pose
 from drivers.camera.vision.tags import Finder
+from drivers.planar import Pose2
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
@@ -39,11 +39,11 @@ class Judgement(NamedTuple):
     distance: float
     error: float
     threshold: float
-    residual: Pose
+    residual: Pose2
 
 
 def judge(
-    goal: GoalSpec, predicted: Iterable[Pose], measured: Pose, sigma_mm: float, sigma_rad: float
+    goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
 ) -> Judgement:
     """Compare a measured pose with the predicted ones; the nearest counts.
 
@@ -60,7 +60,7 @@ def judge(
     )
 
 
-def _compare(goal: GoalSpec, pose: Pose, measured: Pose, sigma_mm: float, sigma_rad: float) -> Judgement:
+def _compare(goal: GoalSpec, pose: Pose2, measured: Pose2, sigma_mm: float, sigma_rad: float) -> Judgement:
     off, bound = distance(goal, pose, measured), threshold(goal)
     if goal.kind in ("pose", "modes"):
         sigma = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad)
@@ -93,8 +93,8 @@ class Answer:
 
     verdict: str
     reason: str
-    measured: Pose | None = None
-    residual: Pose | None = None
+    measured: Pose2 | None = None
+    residual: Pose2 | None = None
     distance: float | None = None
     error: float | None = None
     moved_mm: float | None = None
@@ -142,7 +142,7 @@ class Auditor:
         self._album = None if pictures is None else overlay.Album(pictures)
         self._finder = Finder()
 
-    def audit(self, part: int, predicted: Pose, until: float) -> Answer:
+    def audit(self, part: int, predicted: Pose2, until: float) -> Answer:
         """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
 
         Args:
@@ -162,7 +162,7 @@ class Auditor:
             answer = Answer(UNKNOWN, str(error))
         return self._kept(answer, part, picture, found, predicted)
 
-    def _measured(self, picture: Picture, predicted: Pose) -> tuple[Measured, float]:
+    def _measured(self, picture: Picture, predicted: Pose2) -> tuple[Measured, float]:
         self._calibration.check_size(picture.shape)
         explain.check_exposure(picture)
         seen = self._finder.find(picture)
@@ -170,7 +170,7 @@ class Auditor:
         moved_mm = drift.check(references, seen, view, self._limit_mm)
         return measure(picture, seen, self._calibration, self._subject.tag, predicted), moved_mm
 
-    def _answer(self, found: Measured, moved_mm: float, predicted: Pose) -> Answer:
+    def _answer(self, found: Measured, moved_mm: float, predicted: Pose2) -> Answer:
         allowed = self._subject.poses_of(predicted)
         judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
         return Answer(
@@ -184,7 +184,7 @@ class Auditor:
         )
 
     def _kept(
-        self, answer: Answer, part: int, picture: Picture, found: Measured | None, predicted: Pose
+        self, answer: Answer, part: int, picture: Picture, found: Measured | None, predicted: Pose2
     ) -> Answer:
         if self._album is None or answer.verdict == PASS:
             return answer

@@ -9,8 +9,8 @@ import numpy as np
 from drivers.camera.audit.subject import Subject
 from drivers.camera.calibration.measure import Measured, print_corners
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.plane import View, as_it_lies
-from drivers.camera.vision.tag_file import Pose
+from drivers.camera.vision.plane import View, as_it_lies, placed
+from drivers.planar import Pose2
 from runtime.shell.files import writing
 
 # Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
@@ -51,7 +51,7 @@ class Album:
 
 
 def draw(
-    picture: Picture, view: View, subject: Subject, predicted: Pose, found: Measured | None, sentence: str
+    picture: Picture, view: View, subject: Subject, predicted: Pose2, found: Measured | None, sentence: str
 ) -> Picture:
     """Lay outlines and the sentence over a picture.
 
@@ -82,10 +82,8 @@ def draw(
     return canvas
 
 
-def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose, colour: tuple[int, int, int]) -> None:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    places = outline @ np.array([[c, s], [-s, c]]) + pose[:2]
-    _closed(canvas, view.pixels_at(places), colour)
+def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose2, colour: tuple[int, int, int]) -> None:
+    _closed(canvas, view.pixels_at(placed(outline, pose)), colour)
 
 
 def _closed(canvas: Picture, pixels: Array, colour: tuple[int, int, int]) -> None:

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
-from drivers.camera.vision.tag_file import Pose
+from drivers.planar import Pose2
 from runtime.shell import strict_json
 
 MAX_LINE_BYTES = 65_536
@@ -34,12 +34,12 @@ class Worker:
 
     def __init__(self, make: Callable[[], Auditor]) -> None:
         self._make = make
-        self._questions: queue.Queue[tuple[int, Pose, float]] = queue.Queue()
+        self._questions: queue.Queue[tuple[int, Pose2, float]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
         self._owed = 0
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
-    def ask(self, part: int, predicted: Pose, deadline_s: float) -> Answer:
+    def ask(self, part: int, predicted: Pose2, deadline_s: float) -> Answer:
         """Judge one part within so many seconds."""
         start = time.monotonic()
         if self._owed and not self._caught_up(start + 0.5 * deadline_s):

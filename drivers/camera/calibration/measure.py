@@ -9,9 +9,10 @@ from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.errors import TagError
 from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.plane import as_it_lies, compose, inverse, rigid_fit
-from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.plane import as_it_lies, rigid_fit
+from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import Sighting
+from drivers.planar import Pose2, compose, relative
 
 LEAST_CORNER_PX = 0.05  # no corner is better than this, whatever its sides say
 HEIGHT_SIGMA_MM = 0.1
@@ -28,7 +29,7 @@ class Measured(NamedTuple):
         tag: the sighting it rests on.
     """
 
-    pose: Pose
+    pose: Pose2
     sigma_mm: float
     sigma_rad: float
     tag: Sighting
@@ -39,7 +40,7 @@ def measure(
     seen: Sequence[Sighting],
     calibration: CameraCalibration,
     tag: PartTag,
-    near: Pose | None = None,
+    near: Pose2 | None = None,
 ) -> Measured:
     """Measure the part that carries a tag.
 
@@ -75,7 +76,7 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
             f"tag {tag.number} looks {fit.scale * tag.side_mm:.2f} mm large and should be {tag.side_mm:g}; "
             "check its size and height, and calibrate the camera again if both are right"
         )
-    pose = compose(fit.pose, inverse(tag.on_part))
+    pose = compose(fit.pose, relative(tag.on_part, (0.0, 0.0, 0.0)))
     sigma_mm, sigma_rad = _spread(sighting, corners, calibration, tag)
     return Measured(pose, sigma_mm, sigma_rad, sighting)
 

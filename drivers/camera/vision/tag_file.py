@@ -6,11 +6,10 @@ from typing import Any
 
 from drivers.camera import documents
 from drivers.camera.vision.tags import FAMILY
+from drivers.planar import Pose2
 
 KIND = "part tag"
 REMEDY = "make it again with grasp-calibrate tag"
-
-Pose = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,7 @@ class PartTag:
     part: str
     number: int
     side_mm: float
-    on_part: Pose = (0.0, 0.0, 0.0)
+    on_part: Pose2 = (0.0, 0.0, 0.0)
     height_mm: float = 0.0
     sigma_mm: float = 0.0
     sigma_rad: float = 0.0

@@ -12,11 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from drivers.planar import Pose2
 from drivers.sim.camera.cards import Card, board_cells, lying
 from drivers.sim.camera.optics import Optics
 from drivers.sim.camera.render import Flaws, Picture, render
 from drivers.sim.camera.rig import Rig
-from drivers.sim.physics.scene import Pose2
 from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9

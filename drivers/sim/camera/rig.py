@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.planar import Pose2, compose
 from drivers.sim.camera.cards import Card, lying, tag_cells
 from drivers.sim.camera.optics import Array, Optics, webcam
 from drivers.sim.camera.render import Flaws, Picture, jpeg, render
-from drivers.sim.physics.scene import Pose2
-from drivers.sim.physics.tabletop import Look, compose
+from drivers.sim.physics.tabletop import Look
 
 REFERENCES: tuple[tuple[int, Pose2], ...] = (
     (580, (-150.0, -115.0, 0.0)),

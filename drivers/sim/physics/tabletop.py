@@ -4,22 +4,9 @@ import math
 import random
 from typing import NamedTuple
 
+from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
-from drivers.sim.physics.scene import Pose2, Setting
-
-
-def compose(a: Pose2, b: Pose2) -> Pose2:
-    """Pose b, given in the frame a."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return (a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], math.remainder(a[2] + b[2], math.tau))
-
-
-def relative(a: Pose2, b: Pose2) -> Pose2:
-    """Pose b as seen from a."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    x, y = b[0] - a[0], b[1] - a[1]
-    return (c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau))
-
+from drivers.sim.physics.scene import Setting
 
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
