@@ -26,7 +26,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
-from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: E402
+from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration  # noqa: E402
 
 from drivers.camera.calibration import command as calibrate_command  # noqa: E402
 from drivers.camera.calibration import file as calibration  # noqa: E402
@@ -34,6 +34,7 @@ from drivers.camera.calibration import measure  # noqa: E402
 from drivers.camera.errors import TagError  # noqa: E402
 from drivers.camera.vision.plane import View  # noqa: E402
 from drivers.camera.vision.tags import Finder  # noqa: E402
+from drivers.planar import compose  # noqa: E402
 from drivers.sim.camera import album  # noqa: E402
 from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
 from drivers.sim.camera.optics import Array  # noqa: E402
@@ -99,16 +100,11 @@ def shot(
         face_down=True,
         speed_mm=(speed * float(np.cos(heading)), speed * float(np.sin(heading))),
     )
-    stain = values.pop("stain_mm", 0.0)
-    spots: tuple[Array, ...] = ()
-    if stain:
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        along = rng.uniform(-0.35, 0.35) * SIDE_MM
-        middle = np.array([along, 0.5 * SIDE_MM]) + 0.5 * stain * np.array(
-            [(-1, -0.5), (1, -0.5), (1, 1.5), (-1, 1.5)]
-        )
-        spots = (middle @ np.array([[c, s], [-s, c]]) + pose[:2],)
-    return render(OPTICS, [card], Flaws(**values), rng, spots)
+    cards, size = [card], values.pop("stain_mm", 0.0)
+    if size:
+        middle = (rng.uniform(-0.35, 0.35) * SIDE_MM, 0.5 * SIDE_MM + 0.25 * size, 0.0)
+        cards.append(stain(compose(pose, middle), (size, size)))
+    return render(OPTICS, cards, Flaws(**values), rng)
 
 
 def measured(

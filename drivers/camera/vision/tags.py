@@ -34,13 +34,11 @@ class Sighting(NamedTuple):
         number: its id.
         corners: (4, 2) pixels: upper left, upper right, lower right, lower left of the print.
         rms_px: how straight its sides are.
-        support: least share of a side that could be seen.
     """
 
     number: int
     corners: Array
     rms_px: float
-    support: float
 
 
 class Finder:
@@ -55,7 +53,7 @@ class Finder:
         for number, corners in read(self._detector, picture):
             refined = edges.refine(picture, corners, SQUARES)
             if refined is not None:
-                found.append(Sighting(number, refined.pixels, refined.rms_px, refined.support))
+                found.append(Sighting(number, *refined))
         return sorted(found, key=lambda tag: tag.number)
 
 

@@ -10,12 +10,6 @@ from drivers.sim.camera.optics import Array
 
 Cells = NDArray[np.uint8]
 
-FAMILIES: dict[str, int] = {
-    "36h11": cv2.aruco.DICT_APRILTAG_36h11,
-    "25h9": cv2.aruco.DICT_APRILTAG_25h9,
-    "16h5": cv2.aruco.DICT_APRILTAG_16h5,
-}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Card:
@@ -42,13 +36,10 @@ class Card:
     tones: tuple[float, float] = (0.08, 0.88)
 
     @property
-    def half_mm(self) -> tuple[float, float]:
-        """Half of its extent along `right` and `down`, margin included."""
+    def half_mm(self) -> Array:
+        """Half of its extent along `right` and `down`, margin included, (2,)."""
         rows, columns = self.cells.shape
-        return (
-            0.5 * columns * self.cell_mm + self.margin_mm,
-            0.5 * rows * self.cell_mm + self.margin_mm,
-        )
+        return 0.5 * self.cell_mm * np.array([columns, rows]) + self.margin_mm
 
 
 def lying(
@@ -86,12 +77,10 @@ def lying(
     )
 
 
-def tag_cells(number: int, family: str = "36h11") -> Cells:
-    """The squares of a tag, its black border included: (8, 8) for 36h11."""
-    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    across = dictionary.markerSize + 2
-    drawn = cv2.aruco.generateImageMarker(dictionary, number, across)
-    return np.asarray(drawn > 127, np.uint8)
+def tag_cells(number: int) -> Cells:
+    """The (8, 8) squares of a tag of the family 36h11, its black border included."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, 8) > 127, np.uint8)
 
 
 def board_cells(columns: int, rows: int) -> Cells:

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.planar import Pose2, compose
 from drivers.sim.camera.cards import Card, lying, tag_cells
-from drivers.sim.camera.optics import Array, Optics, webcam
+from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws, Picture, jpeg, render
 from drivers.sim.physics.tabletop import Look
 
@@ -54,14 +54,12 @@ class Rig:
         """One tag at a pose of its own."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
-    def picture(
-        self, part: Pose2 | None, rng: np.random.Generator, occluders: tuple[Array, ...] = ()
-    ) -> Picture:
+    def picture(self, part: Pose2 | None, rng: np.random.Generator) -> Picture:
         """The picture with the part at a pose, or without it."""
-        return render(self.optics, self.cards(part), self.flaws, rng, occluders)
+        return render(self.optics, self.cards(part), self.flaws, rng)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """What a simulated cell's `CameraServer` takes pictures with: a camera to which things happen.
+        """Takes pictures, as the bytes of a JPEG.
 
         Args:
             look: what is before the camera now.

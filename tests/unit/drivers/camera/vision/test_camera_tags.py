@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, true_calibration, true_view
+from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, stain, true_calibration, true_view
 
 from drivers.camera.calibration import measure
 from drivers.camera.errors import TagError
 from drivers.camera.vision import edges
+from drivers.camera.vision.plane import placed
 from drivers.camera.vision.tags import SQUARES, Finder, Sighting
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render
@@ -27,9 +28,9 @@ def poses(count, seed):
     return [tuple(rng.uniform((-150, -70, -np.pi), (150, 70, np.pi))) for _ in range(count)]
 
 
-def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0.0), occluders=()):
+def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0.0), before=()):
     card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=optics.eye_mm[2] < 0, speed_mm=speed_mm)
-    return render(optics, [card], flaws or Flaws(), np.random.default_rng(seed), occluders)
+    return render(optics, [card, *before], flaws or Flaws(), np.random.default_rng(seed))
 
 
 def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
@@ -68,8 +69,7 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
     view, off = true_view(BELOW), []
     print_mm = measure.print_corners(SIDE_MM)
     for seed, (x, y, theta) in enumerate(poses(6, 6)):
-        c, s = np.cos(theta), np.sin(theta)
-        truth = view.pixels_at(print_mm @ np.array([[c, s], [-s, c]]) + (x, y))
+        truth = view.pixels_at(placed(print_mm, (x, y, theta)))
         found = Finder().find(picture_of(BELOW, (x, y, theta), seed=seed))
         off.append(found[0].corners - truth)
     assert np.sqrt(np.mean(np.square(off))) < 0.06
@@ -78,10 +78,8 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
 
 def test_stain_on_a_side_does_not_move_it():
     pose = (20.0, 10.0, 0.0)
-    stain = np.array([(28.0, 20.0), (31.0, 20.0), (31.0, 22.2), (28.0, 22.2)])
-    clean, stained = (
-        Finder().find(picture_of(BELOW, pose, occluders=spots))[0].corners for spots in ((), (stain,))
-    )
+    spots = ((), (stain((29.5, 21.1, 0.0), (3.0, 2.2)),))
+    clean, stained = (Finder().find(picture_of(BELOW, pose, before=cards))[0].corners for cards in spots)
     assert np.abs(clean - stained).max() < 0.15
 
 
@@ -115,7 +113,7 @@ def test_tag_of_another_size_or_height_is_refused(wrong):
 
 def test_error_budget_grows_with_every_term():
     corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + np.array([60.0, 30.0]))
-    sighting = Sighting(NUMBER, corners, 0.05, 1.0)
+    sighting = Sighting(NUMBER, corners, 0.05)
 
     def budget(rms_px=0.05, sigma_mm=0.02, **tag):
         seen = sighting._replace(rms_px=rms_px)
