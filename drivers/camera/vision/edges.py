@@ -1,9 +1,8 @@
-"""Corners of a tag to a few hundredths of a pixel: each side is a line through its edge.
+"""Corners of a tag to a few hundredths of a pixel: where the lines through its four edges cross.
 
-Along a side, profiles are read across the edge from black to white. In each the edge is the centroid of the
-slope within half a square of it, found again until it stays; then a line is fitted to all of them, without
-those that do not belong to it (a stain, a finger's shadow), and the corners are where lines cross. The window
-is symmetric about the edge, so that blur leaves it where it is.
+Profiles are read across each side. In each the edge is the centroid of the slope within a window that is
+symmetric about it, so that blur leaves it where it is; a line is fitted to them without outliers (a stain, a
+finger's shadow).
 """
 
 from typing import NamedTuple
@@ -118,7 +117,7 @@ def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] 
     for _ in range(4):
         if kept.sum() < LEAST_SHARE * len(edge):
             return None
-        slope, offset = np.polyfit(along[kept], edge[kept], 1) if kept.any() else (0.0, 0.0)
+        slope, offset = np.polyfit(along[kept], edge[kept], 1)
         left = np.abs(edge - offset - slope * along)
         limit = max(OUTLIER_PX, 2.5 * 1.4826 * float(np.median(left[sharp])))
         kept = np.asarray(sharp & (left <= limit), np.bool_)

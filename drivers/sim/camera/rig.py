@@ -81,10 +81,10 @@ class Rig:
         return render(optics, cards, self.flaws, rng)
 
 
-def standard_rig(flaws: Flaws | None = None) -> Rig:
+def standard_rig() -> Rig:
     """The webcam 600 mm under the middle of the table, not quite level; its pictures compressed once.
 
     The tag is glued on as hands do it: not quite in the middle of the part, nor straight.
     """
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
-    return Rig(optics, flaws or Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))
+    return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))
