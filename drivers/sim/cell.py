@@ -110,9 +110,6 @@ class Cell:
     def _answer(self, what: str) -> Mapping[str, object]:
         with self._lock:
             said = self.works.answer(what)
-        if said is not None:
-            return said
-        if what == "quit":
-            self.stopped.set()
+        if said is None and what == "quit":
             return {"quit": True}
-        return {"error": f"cannot {what}; next_part, truth and quit are known"}
+        return said or {"error": f"cannot {what}; next_part, truth and quit are known"}

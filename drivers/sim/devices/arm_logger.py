@@ -3,7 +3,6 @@
 The driver does not need it: it is here because the real controller has it, and some clients listen.
 """
 
-import contextlib
 import datetime
 import socket
 from collections.abc import Callable
@@ -34,11 +33,10 @@ class ArmLogger(TcpServer):
     def _serve(self, client: socket.socket) -> None:
         self._time.sleep(ACCEPT_S)
         client.settimeout(0.5)
-        with contextlib.suppress(OSError):
-            while not self._stopped.is_set():
-                for kind in (0, 1):
-                    client.sendall(self._record(kind).encode("ascii"))
-                    self._time.sleep(WAIT_S)
+        while not self._stopped.is_set():
+            for kind in (0, 1):
+                client.sendall(self._record(kind).encode("ascii"))
+                self._time.sleep(WAIT_S)
 
     def _record(self, kind: int) -> str:
         pose, joints = self._look()

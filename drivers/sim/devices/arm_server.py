@@ -1,6 +1,5 @@
 """The open_abb motion server on a TCP port: one client, no framing, silence after a motion fault."""
 
-import contextlib
 import math
 import select
 import socket
@@ -48,21 +47,10 @@ class ArmServer(TcpServer):
 
     def _serve(self, client: socket.socket) -> None:
         self._time.sleep(ACCEPT_S)
-        with contextlib.suppress(OSError):
-            self._serve_client(client)
-
-    def _left(self) -> None:
-        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
-        for waiting in self._waiting:
-            waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            waiting.close()
-        self._waiting.clear()
-
-    def _serve_client(self, client: socket.socket) -> None:
         if self._stale is not None:
             # The instruction that failed was the send of an acknowledgement: RAPID retries it first.
-            stale, self._stale = self._stale, None
-            client.sendall(stale.encode("latin-1"))
+            client.sendall(self._stale.encode("latin-1"))
+            self._stale = None
         while not self._stopped.is_set():
             ready = self._readable([client, self._listener])
             if client not in ready:
@@ -79,6 +67,13 @@ class ArmServer(TcpServer):
             if answer.closing or not self._deliver(client, answer):
                 return
 
+    def _left(self) -> None:
+        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
+        for waiting in self._waiting:
+            waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            waiting.close()
+        self._waiting.clear()
+
     def _deliver(self, client: socket.socket, answer: Answer) -> bool:
         """Send the acknowledgement when the instruction is over; False ends this client."""
         if math.isinf(answer.ready_s):
@@ -93,14 +88,11 @@ class ArmServer(TcpServer):
         self._executed()
         if answer.text is None or self._stopped.is_set():
             return answer.text is not None
+        self._stale = answer.text
         if answer.broken or _gone(client):
-            self._stale = answer.text
             return False
-        try:
-            client.sendall(answer.text.encode("latin-1"))
-        except OSError:
-            self._stale = answer.text
-            return False
+        client.sendall(answer.text.encode("latin-1"))
+        self._stale = None
         return True
 
 
