@@ -48,7 +48,7 @@ class Cell:
         self._lock = threading.RLock()
         self._time = SimulatedTime(time_scale, self.stopped)
         self.works = Workcell(setting, seed, self._time.now, faults)
-        device, now = self.works.device, self._time.now
+        device, now = self.works.gripper, self._time.now
         self._pty = PtyPort(
             RtuSlave(GripperRegisters(device, now), self.works.line()), self._lock, self._time
         )
@@ -59,7 +59,7 @@ class Cell:
             self._time,
             lambda: stop_jaws(device, now),
         )
-        self._arm_server = ArmServer(self.works.controller, self._lock, self._time, self._locked_arm_stands)
+        self._arm_server = ArmServer(self.works.arm, self._lock, self._time, self._locked_arm_stands)
         self._logger = ArmLogger(self._look_at_arm, self._time)
         self._scene_server = SceneServer(self._answer, self.stopped)
         self._camera = None if rig is None else CameraServer(rig.watcher(self._look, seed))

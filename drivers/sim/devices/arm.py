@@ -7,7 +7,7 @@ acknowledged when they are over, what RAPID cannot recover from ends in silence.
 import bisect
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose, Quaternion
@@ -41,17 +41,6 @@ class Answer(NamedTuple):
     closing: bool = False
     broken: bool = False
     before: str = ""
-
-
-class Controller(Protocol):
-    """Executes what it receives; `ArmModel` does."""
-
-    def execute(self, text: str, now_s: float) -> Answer:
-        """One received string.
-
-        Raises:
-            RapidError: the server hangs up and listens again.
-        """
 
 
 class Leg(NamedTuple):

@@ -7,7 +7,7 @@ import struct
 import threading
 from collections.abc import Callable
 
-from drivers.sim.devices.arm import Answer, Controller
+from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.wire.serving import SimulatedTime, TcpServer
 
@@ -27,7 +27,7 @@ class ArmServer(TcpServer):
 
     def __init__(
         self,
-        model: Controller,
+        model: ArmModel,
         lock: "threading.RLock | threading.Lock",
         time: SimulatedTime,
         executed: Callable[[], None] = lambda: None,

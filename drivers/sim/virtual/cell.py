@@ -68,9 +68,9 @@ class VirtualCell:
         self.works = Workcell(setting, seed, self.clock.now, faults)
         self.scene = VirtualScene(self.works)
         self.clock.watch(self.works.gripper.next_change)
-        slave = RtuSlave(GripperRegisters(self.works.device, self.clock.now), self.works.line())
+        slave = RtuSlave(GripperRegisters(self.works.gripper, self.clock.now), self.works.line())
         self._gripper_port = GripperPort(slave, self.clock)
-        self._arm_port = ArmPort(self.works.controller, self.clock, self.works.arm_stands, overheard)
+        self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 
     def link(self, report: Report = no_report) -> Link:
         """The gripper's register blocks over RTU frames.

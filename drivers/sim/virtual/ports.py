@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from drivers.sim.devices.arm import Answer, Controller
+from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.wire.line import Outbox, Piece, UnpluggedError
@@ -85,7 +85,7 @@ class ArmPort:
 
     def __init__(
         self,
-        controller: Controller,
+        controller: ArmModel,
         clock: VirtualClock,
         stands: Callable[[], None],
         overheard: Callable[[str], None] | None = None,
