@@ -1,8 +1,4 @@
-"""The open_abb server with an IRB 120 behind it, over simulated time; no sockets here.
-
-Behaviour from `RAPID/SERVER.mod`: settings outlive clients, stale parameters move the arm, moves are
-acknowledged when they are over, what RAPID cannot recover from ends in silence.
-"""
+"""The open_abb server (`RAPID/SERVER.mod`) with an IRB 120 behind it, over simulated time; no sockets."""
 
 import bisect
 import math
@@ -53,24 +49,23 @@ class Leg(NamedTuple):
     joints_deg: kinematics.Joints
     ends_deg: kinematics.Joints
 
-    def share(self, now_s: float) -> float:
-        """How much of it is over."""
-        if now_s >= self.start_s + self.seconds:
-            return 1.0
-        return max(now_s - self.start_s, 0.0) / self.seconds
-
     def at(self, now_s: float) -> Pose:
         """Where the flange is."""
-        share = self.share(now_s)
+        share = self._share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
         """How the joints stand."""
-        share = self.share(now_s)
+        share = self._share(now_s)
         if share == 1.0:
             return self.ends_deg
         *_, joints = kinematics.track(self.joints_deg, self.start, self.target, share)
         return joints or self.joints_deg
+
+    def _share(self, now_s: float) -> float:
+        if now_s >= self.start_s + self.seconds:
+            return 1.0
+        return max(now_s - self.start_s, 0.0) / self.seconds
 
 
 class HaltError(Exception):
@@ -94,7 +89,7 @@ class ArmModel:
         self._speed = (100.0, 50.0)  # mm/s, deg/s
         self._zone_mm = 0.3
         self._buffer: list[tuple[Pose, tuple[float, float]]] = []
-        self._external = (0.0,) * 6
+        self._external: tuple[float, ...] = (0.0,) * 6
         self._circle: Pose | None = None
         here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
         joints = kinematics.inverse(here) or (0.0,) * 6
@@ -102,7 +97,7 @@ class ArmModel:
 
     def pose_at(self, now_s: float) -> Pose:
         """Where the hand is, in the client's tool and work object."""
-        flange = compose(self._base, self._flange_at(now_s))
+        flange = compose(self._base, self._leg(now_s).at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
@@ -133,9 +128,7 @@ class ArmModel:
     def _payload(self, code: float, now_s: float) -> str:
         """What the answer to an instruction carries; empty for all that are not questions."""
         if code == 3:
-            pose = self.pose_at(now_s)
-            numbers = [rapid.to_string(value, 2) for value in pose[:3]]
-            return " ".join([*numbers, *(rapid.to_string(part, 3) for part in pose.rotation)])
+            return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:
             return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
         if code == 5:
@@ -184,11 +177,8 @@ class ArmModel:
     # -- motion -----------------------------------------------------------------------------------
 
     def _leg(self, now_s: float) -> Leg:
-        index = bisect.bisect_right([leg.start_s for leg in self._legs], now_s) - 1
+        index = bisect.bisect_right(self._legs, now_s, key=lambda leg: leg.start_s) - 1
         return self._legs[max(index, 0)]
-
-    def _flange_at(self, now_s: float) -> Pose:
-        return self._leg(now_s).at(now_s)
 
     def _flange_target(self, tip: Pose) -> Pose:
         """Flange pose in the base frame that brings the tool to `tip` in the work object."""
@@ -201,7 +191,7 @@ class ArmModel:
         Raises:
             HaltError: the way leaves the reach, or takes a joint out of its range.
         """
-        here, joints = self._flange_at(now_s), self.joints_at(now_s)
+        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
             if step is None:
@@ -249,12 +239,12 @@ class ArmModel:
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
-        here, now = self._flange_at(now_s), self.joints_at(now_s)
+        here, now = self._leg(now_s).at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
         return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 
     def _move_external(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._external = (values[0], values[1], values[2], values[3], values[4], values[5])
+        self._external = values
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

@@ -1,7 +1,4 @@
-"""The open_abb logger (`RAPID/LOGGER.mod`) on a TCP port: poses and joints in turn, without terminators.
-
-The driver does not need it: it is here because the real controller has it, and some clients listen.
-"""
+"""The open_abb logger (`RAPID/LOGGER.mod`) on a TCP port: poses and joints in turn, without terminators."""
 
 import datetime
 import socket
@@ -40,9 +37,6 @@ class ArmLogger(TcpServer):
 
     def _record(self, kind: int) -> str:
         pose, joints = self._look()
-        if kind == 0:
-            numbers = [rapid.to_string(value, 1) for value in pose[:3]]
-            numbers += [rapid.to_string(part, 3) for part in pose.rotation]
-        else:
-            numbers = [rapid.to_string(angle, 2) for angle in joints]
-        return " ".join(("#", str(kind), self._stamp, rapid.to_string(self._time.now(), 2), *numbers))
+        angles = " ".join(rapid.to_string(angle, 2) for angle in joints)
+        numbers = rapid.pose_string(pose, 1) if kind == 0 else angles
+        return f"# {kind} {self._stamp} {rapid.to_string(self._time.now(), 2)} {numbers}"

@@ -4,6 +4,8 @@ import math
 import re
 import struct
 
+from drivers.abb.codec import Pose
+
 MAX_PARAMETERS = 10  # VAR num params{10}
 _VALUE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 
@@ -27,6 +29,12 @@ def to_string(value: float, decimals: int) -> str:
     scaled = math.floor(abs(value) * 10.0**decimals + 0.5)
     text = f"{scaled / 10.0**decimals:.{decimals}f}"
     return f"-{text}" if value < 0 and scaled else text
+
+
+def pose_string(pose: Pose, decimals: int) -> str:
+    """A robtarget's seven numbers, mm with so many decimals."""
+    shift, turn = pose[:3], pose.rotation
+    return " ".join([*(to_string(mm, decimals) for mm in shift), *(to_string(part, 3) for part in turn)])
 
 
 def match(text: str, position: int, pattern: str) -> int:
