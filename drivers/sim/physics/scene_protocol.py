@@ -23,10 +23,7 @@ MAX_LINE = 4096
 
 
 class Truth(NamedTuple):
-    """Where the part is now (NaN: the world does not know), and what happened to it.
-
-    `covered` tells that a camera would see nothing.
-    """
+    """Where the part is now (NaN: the world does not know), and whether a camera is covered."""
 
     x_mm: float
     y_mm: float
@@ -52,22 +49,8 @@ class Truth(NamedTuple):
         return cls(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
 
 
-class Scene:
-    """Client of a simulated cell's scene.
-
-    Raises:
-        PortError: nobody accepts the connection.
-    """
-
-    def __init__(self, host: str, port: int) -> None:
-        self.endpoint = f"tcp://{host}:{port}"
-        try:
-            self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
-        except OSError as error:
-            raise PortError(
-                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
-            ) from error
-        self._file = self._socket.makefile("rb")
+class Feeder:
+    """Feeder and ground truth of a simulated cell, whichever way it is asked."""
 
     def next_part(self) -> int:
         """Take the part away and bring the next; returns its number.
@@ -84,6 +67,30 @@ class Scene:
             LinkError: the cell is gone, or refuses.
         """
         return Truth.told(self._ask("truth"))
+
+    def close(self) -> None:
+        """Hang up; the cell stays."""
+
+    def _ask(self, what: str) -> Mapping[str, object]:
+        raise NotImplementedError
+
+
+class Scene(Feeder):
+    """Client of a simulated cell's scene.
+
+    Raises:
+        PortError: nobody accepts the connection.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self.endpoint = f"tcp://{host}:{port}"
+        try:
+            self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
+        except OSError as error:
+            raise PortError(
+                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
+            ) from error
+        self._file = self._socket.makefile("rb")
 
     def close(self) -> None:
         """Hang up; the cell stays."""

@@ -74,9 +74,8 @@ class TableTop:
         if self._desk.holds("part_missing"):
             final, width_mm, status = relative(hand, self.pose), 0.0, "untouched"
         touched = width_mm > 0.0 and status != "untouched"
-        for fault in self._desk.holding(Channel.SCENE):
-            if fault.kind in {"wrong_part", "two_parts"}:
-                width_mm += fault.value
+        held = self._desk.holding(Channel.SCENE)
+        width_mm += sum(fault.value for fault in held if fault.kind in {"wrong_part", "two_parts"})
         touched = touched and width_mm > 0.0
         self._coming, self._hand = (compose(hand, final), status), hand if touched else None
         if not touched:
@@ -118,14 +117,9 @@ class TableTop:
         """The ground truth, as the scene protocol sends it."""
         x, y, theta = self.pose if self.truthful else (None, None, None)
         return {
-            "x_mm": x,
-            "y_mm": y,
-            "theta_rad": theta,
-            "squeezes": self.squeezes,
-            "crashes": self.crashes,
-            "status": self.status,
-            "covered": self._desk.holds("camera_covered") is not None,
-        }
+            "x_mm": x, "y_mm": y, "theta_rad": theta, "squeezes": self.squeezes, "crashes": self.crashes,
+            "status": self.status, "covered": self._desk.holds("camera_covered") is not None,
+        }  # fmt: skip
 
     def look(self) -> Look:
         """What a camera sees."""
