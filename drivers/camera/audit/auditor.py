@@ -1,10 +1,9 @@
 """One audit: take a picture, check the camera, measure the part, compare it with what the leaf says."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from drivers.camera.audit import overlay
 from drivers.camera.audit.subject import Subject
@@ -13,7 +12,6 @@ from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.calibration.measure import Measured, measure
 from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
-from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.sources import Source
 from drivers.camera.vision.tags import Finder
 from drivers.planar import Pose2
@@ -22,58 +20,6 @@ from runtime.table import GoalSpec, distance, residual, threshold
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
 COVERAGE = 3.0
 """How many standard deviations a measurement has to be clear of the threshold."""
-
-
-class Judgement(NamedTuple):
-    """How a measurement compares.
-
-    Attributes:
-        verdict: "pass", "fail" or "unknown".
-        distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
-        error: `COVERAGE` standard deviations of it.
-        threshold: what it has to stay below.
-        residual: measured less predicted: mm, mm, rad under the symmetry.
-    """
-
-    verdict: str
-    distance: float
-    error: float
-    threshold: float
-    residual: Pose2
-
-
-def judge(
-    goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
-) -> Judgement:
-    """Compare a measured pose with the predicted ones; the nearest counts.
-
-    Args:
-        goal: of the table.
-        predicted: the leaf's pose, and others it allows.
-        measured: by the camera.
-        sigma_mm: standard deviation of the measured place, in each direction.
-        sigma_rad: standard deviation of the measured angle.
-    """
-    return min(
-        (_compare(goal, pose, measured, sigma_mm, sigma_rad) for pose in predicted),
-        key=lambda judged: judged.distance,
-    )
-
-
-def _compare(goal: GoalSpec, pose: Pose2, measured: Pose2, sigma_mm: float, sigma_rad: float) -> Judgement:
-    off, bound = distance(goal, pose, measured), threshold(goal)
-    if goal.kind in ("pose", "modes"):
-        sigma = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad)
-    else:
-        x_um, y_um, theta_urad = goal.tolerance
-        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
-        sigma = max(shift, sigma_rad / (theta_urad / 1e6))
-    error, verdict = COVERAGE * sigma, UNKNOWN
-    if off + error < bound:
-        verdict = PASS
-    elif off - error >= bound:
-        verdict = FAIL
-    return Judgement(verdict, off, error, bound, residual(goal, pose, measured))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +32,7 @@ class Answer:
         measured: pose of the part: mm, mm, rad; None where there is no measurement.
         residual: measured less predicted, under the symmetry.
         distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
-        error: by how much it may be off.
+        error: `COVERAGE` standard deviations of it.
         moved_mm: greatest motion of a reference tag.
         picture: file of the overlay, None where none was kept.
     """
@@ -107,13 +53,42 @@ class Answer:
             if pose is not None:
                 names = (f"{prefix}_{name}" for name in ("x_mm", "y_mm", "theta_rad"))
                 told |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
-        for name in ("distance", "error", "moved_mm"):
-            value = getattr(self, name)
-            if value is not None:
-                told[name] = round(value, 6)
-        if self.picture is not None:
-            told["picture"] = self.picture
-        return told
+        figures = {"distance": self.distance, "error": self.error, "moved_mm": self.moved_mm}
+        told |= {name: round(value, 6) for name, value in figures.items() if value is not None}
+        return told if self.picture is None else told | {"picture": self.picture}
+
+
+def judge(
+    goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
+) -> Answer:
+    """Compare a measured pose with the predicted ones; the nearest counts.
+
+    Args:
+        goal: of the table.
+        predicted: the leaf's pose, and others it allows.
+        measured: by the camera.
+        sigma_mm: standard deviation of the measured place, in each direction.
+        sigma_rad: standard deviation of the measured angle.
+    """
+    pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
+    off, bound = distance(goal, pose, measured), threshold(goal)
+    if goal.kind in ("pose", "modes"):
+        sigma, unit = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad), " mm"
+    else:
+        x_um, y_um, theta_urad = goal.tolerance
+        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
+        sigma, unit = max(shift, sigma_rad / (theta_urad / 1e6)), " of the tolerance"
+    error, verdict, words = COVERAGE * sigma, UNKNOWN, "too close to call"
+    if off + error < bound:
+        verdict, words = PASS, "within the goal"
+    elif off - error >= bound:
+        verdict, words = FAIL, "not within the goal"
+    x, y, theta = left = residual(goal, pose, measured)
+    reason = (
+        f"{words}: {off:.2f} +- {error:.2f}{unit}, allowed {bound:g} "
+        f"(x {x:+.2f} mm, y {y:+.2f} mm, angle {math.degrees(theta):+.2f} deg off)"
+    )
+    return Answer(verdict, reason, measured, left, off, error)
 
 
 class Auditor:
@@ -155,56 +130,21 @@ class Auditor:
         except CameraError as error:
             return Answer(UNKNOWN, str(error))
         found: Measured | None = None
+        view = self._calibration.view
         try:
-            found, moved_mm = self._measured(picture, predicted)
-            answer = self._answer(found, moved_mm, predicted)
+            self._calibration.check_size(picture.shape)
+            explain.check_exposure(picture)
+            seen = self._finder.find(picture)
+            moved_mm = drift.check(self._calibration.references, seen, view, self._limit_mm)
+            found = measure(picture, seen, self._calibration, self._subject.tag, predicted)
+            allowed = self._subject.poses_of(predicted)
+            judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
+            answer = replace(judged, moved_mm=moved_mm)
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
-        return self._kept(answer, part, picture, found, predicted)
-
-    def _measured(self, picture: Picture, predicted: Pose2) -> tuple[Measured, float]:
-        self._calibration.check_size(picture.shape)
-        explain.check_exposure(picture)
-        seen = self._finder.find(picture)
-        view, references = self._calibration.view, self._calibration.references
-        moved_mm = drift.check(references, seen, view, self._limit_mm)
-        return measure(picture, seen, self._calibration, self._subject.tag, predicted), moved_mm
-
-    def _answer(self, found: Measured, moved_mm: float, predicted: Pose2) -> Answer:
-        allowed = self._subject.poses_of(predicted)
-        judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
-        return Answer(
-            judged.verdict,
-            sentence(judged, self._subject.goal),
-            found.pose,
-            judged.residual,
-            judged.distance,
-            judged.error,
-            moved_mm,
-        )
-
-    def _kept(
-        self, answer: Answer, part: int, picture: Picture, found: Measured | None, predicted: Pose2
-    ) -> Answer:
         if self._album is None or answer.verdict == PASS:
             return answer
-        drawn = overlay.draw(
-            picture,
-            self._calibration.view,
-            self._subject,
-            predicted,
-            found,
-            f"{answer.verdict}: {answer.reason}",
-        )
+        sentence = f"{answer.verdict}: {answer.reason}"
+        drawn = overlay.draw(picture, view, self._subject, predicted, found, sentence)
         path = self._album.keep(part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))
-
-
-def sentence(judged: Judgement, goal: GoalSpec) -> str:
-    """What a judgement says, in words."""
-    x, y, theta = judged.residual
-    off = f"x {x:+.2f} mm, y {y:+.2f} mm, angle {math.degrees(theta):+.2f} deg off"
-    unit = " mm" if goal.kind in ("pose", "modes") else " of the tolerance"
-    distance = f"{judged.distance:.2f} +- {judged.error:.2f}{unit}, allowed {judged.threshold:g}"
-    words: Mapping[str, str] = {PASS: "within the goal", FAIL: "not within the goal"}
-    return f"{words.get(judged.verdict, 'too close to call')}: {distance} ({off})"

@@ -1,6 +1,6 @@
 """Which tag a part carries, and where on the part: measured once for a part, kept in a file."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from drivers.planar import Pose2
 
 KIND = "part tag"
 REMEDY = "make it again with grasp-calibrate tag"
+PLACE = ("x_mm", "y_mm", "theta_rad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,26 +37,14 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, made: str) -> None:
-    """Write the file.
+    """Write the file, with the time at which it was made.
 
     Raises:
         CameraFileError: it cannot be written.
     """
-    x_mm, y_mm, theta_rad = tag.on_part
-    body = {
-        "made": made,
-        "part": tag.part,
-        "family": FAMILY,
-        "number": tag.number,
-        "side_mm": tag.side_mm,
-        "x_mm": x_mm,
-        "y_mm": y_mm,
-        "theta_rad": theta_rad,
-        "height_mm": tag.height_mm,
-        "sigma_mm": tag.sigma_mm,
-        "sigma_rad": tag.sigma_rad,
-    }
-    documents.save(path, KIND, body)
+    fields = asdict(tag)
+    place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
+    documents.save(path, KIND, {"made": made, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
@@ -70,9 +59,10 @@ def load(path: Path) -> PartTag:
 def _parsed(told: dict[str, Any]) -> PartTag:
     if told["family"] != FAMILY:
         raise ValueError(f"family {told['family']}; {FAMILY} is known")
-    on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
+    x_mm, y_mm, theta_rad = (float(told[key]) for key in PLACE)
     rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
-    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)
+    place = (x_mm, y_mm, theta_rad)
+    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), place, *rest)
     if not tag.side_mm > 0.0:
         raise ValueError("side_mm must be positive")
     return tag
