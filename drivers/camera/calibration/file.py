@@ -40,18 +40,12 @@ class Trust:
 
     def at(self, x_mm: float, y_mm: float) -> float:
         """Between the grid's points by bilinear interpolation; beyond it, as much more as it is far."""
-        column = float(np.interp(x_mm, self.x_mm, np.arange(len(self.x_mm))))
-        row = float(np.interp(y_mm, self.y_mm, np.arange(len(self.y_mm))))
-        j, i = min(int(column), len(self.x_mm) - 2), min(int(row), len(self.y_mm) - 2)
-        u, v = column - j, row - i
-        s = self.sigma_mm
-        upper = (1.0 - u) * s[i, j] + u * s[i, j + 1]
-        lower = (1.0 - u) * s[i + 1, j] + u * s[i + 1, j + 1]
-        inside_x = float(np.clip(x_mm, self.x_mm[0], self.x_mm[-1]))
-        inside_y = float(np.clip(y_mm, self.y_mm[0], self.y_mm[-1]))
-        beyond = np.hypot(x_mm - inside_x, y_mm - inside_y)
-        span = np.hypot(self.x_mm[-1] - self.x_mm[0], self.y_mm[-1] - self.y_mm[0])
-        return float(((1.0 - v) * upper + v * lower) * (1.0 + 10.0 * beyond / span))
+        along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
+        inside = np.interp(y_mm, self.y_mm, along_rows)
+        low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T
+        place = np.array([x_mm, y_mm])
+        beyond = np.hypot(*(place - np.clip(place, low, high)))
+        return float(inside * (1.0 + 10.0 * beyond / np.hypot(*(high - low))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
