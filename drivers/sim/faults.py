@@ -20,23 +20,14 @@ class Channel(StrEnum):
 
 
 class Kind(NamedTuple):
-    """A class of faults.
+    """A class of faults."""
 
-    Attributes:
-        name: as schedules write it.
-        channel: what it is counted in.
-        low: least `value` that a random schedule draws.
-        high: largest.
-        lasts: the longest that one lasts in a random schedule, in events.
-        meaning: what it does; `value` is the number it depends on.
-    """
-
-    name: str
-    channel: Channel
-    low: float
-    high: float
-    lasts: int
-    meaning: str
+    name: str  # as schedules write it
+    channel: Channel  # what it is counted in
+    low: float  # least `value` that a random schedule draws
+    high: float  # largest
+    lasts: int  # the longest that one lasts in a random schedule, in events
+    meaning: str  # what it does; `value` is the number it depends on
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:

@@ -24,27 +24,16 @@ COVERAGE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the audit says of one part.
+    """What the audit says of one part."""
 
-    Attributes:
-        verdict: "pass", "fail" or "unknown".
-        reason: one sentence.
-        measured: pose of the part: mm, mm, rad; None where there is no measurement.
-        residual: measured less predicted, under the symmetry.
-        distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
-        error: `COVERAGE` standard deviations of it.
-        moved_mm: greatest motion of a reference tag.
-        picture: file of the overlay, None where none was kept.
-    """
-
-    verdict: str
-    reason: str
-    measured: Pose2 | None = None
-    residual: Pose2 | None = None
-    distance: float | None = None
-    error: float | None = None
-    moved_mm: float | None = None
-    picture: str | None = None
+    verdict: str  # "pass", "fail" or "unknown"
+    reason: str  # one sentence
+    measured: Pose2 | None = None  # pose of the part: mm, mm, rad; None where there is no measurement
+    residual: Pose2 | None = None  # measured less predicted, under the symmetry
+    distance: float | None = None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
+    error: float | None = None  # `COVERAGE` standard deviations of it
+    moved_mm: float | None = None  # greatest motion of a reference tag
+    picture: str | None = None  # file of the overlay, None where none was kept
 
     def fields(self) -> dict[str, object]:
         """The answer as JSON holds it, units in the names, what is not known left out."""

@@ -26,17 +26,11 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place that comes from the calibration, on a grid of the table.
+    """Standard deviation of a measured place that comes from the calibration, on a grid of the table."""
 
-    Attributes:
-        x_mm: (m,) rising.
-        y_mm: (n,) rising.
-        sigma_mm: (n, m) of the worse of both directions.
-    """
-
-    x_mm: Array
-    y_mm: Array
-    sigma_mm: Array
+    x_mm: Array  # (m,) rising
+    y_mm: Array  # (n,) rising
+    sigma_mm: Array  # (n, m) of the worse of both directions
 
     def at(self, x_mm: float, y_mm: float) -> float:
         """Between the grid's points by bilinear interpolation; beyond it, as much more as it is far."""
@@ -50,27 +44,16 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """One camera at one place.
+    """One camera at one place."""
 
-    Attributes:
-        camera: its name or serial number, as the operator gave it.
-        made: when, ISO 8601.
-        view: lens and place, in the frame of the arm's world.
-        rms_px: how well the lens explains the board views.
-        alignment_mm: how well touched poses agree with seen ones, rms; 0 where none were given.
-        trust: how far to trust it where.
-        references: fixed tags.
-        views: number of board views it was made of.
-    """
-
-    camera: str
-    made: str
-    view: View
-    rms_px: float
-    alignment_mm: float
-    trust: Trust
-    references: tuple[Reference, ...] = ()
-    views: int = 0
+    camera: str  # its name or serial number, as the operator gave it
+    made: str  # when, ISO 8601
+    view: View  # lens and place, in the frame of the arm's world
+    rms_px: float  # how well the lens explains the board views
+    alignment_mm: float  # how well touched poses agree with seen ones, rms; 0 where none were given
+    trust: Trust  # how far to trust it where
+    references: tuple[Reference, ...] = ()  # fixed tags
+    views: int = 0  # number of board views it was made of
 
     def check_size(self, shape: tuple[int, ...]) -> None:
         """Check that a picture (rows, columns) is of this camera's resolution.

@@ -30,19 +30,12 @@ class Touched(NamedTuple):
 
 
 class Made(NamedTuple):
-    """A calibration, and what it was made of.
+    """A calibration, and what it was made of."""
 
-    Attributes:
-        calibration: the calibration.
-        residuals: of boards on the table.
-        views: all views of the board, those on the table first.
-        left_out: pictures in which the board was not found.
-    """
-
-    calibration: CameraCalibration
-    residuals: Residuals
-    views: list[BoardView]
-    left_out: list[str]
+    calibration: CameraCalibration  # the calibration
+    residuals: Residuals  # of boards on the table
+    views: list[BoardView]  # all views of the board, those on the table first
+    left_out: list[str]  # pictures in which the board was not found
 
 
 def calibrate(

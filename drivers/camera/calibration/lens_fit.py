@@ -20,19 +20,12 @@ INTRINSICS = 9
 
 
 class LensFit(NamedTuple):
-    """A lens, and the pose of the board on the table.
+    """A lens, and the pose of the board on the table."""
 
-    Attributes:
-        lens: the lens.
-        pose: (6,) rotation vector and translation of the first board in the camera, rad and mm.
-        rms_px: over all corners of all views, both coordinates together.
-        covariance: (15, 15) of the nine intrinsics and of the pose.
-    """
-
-    lens: Lens
-    pose: Array
-    rms_px: float
-    covariance: Array
+    lens: Lens  # the lens
+    pose: Array  # (6,) rotation vector and translation of the first board in the camera, rad and mm
+    rms_px: float  # over all corners of all views, both coordinates together
+    covariance: Array  # (15, 15) of the nine intrinsics and of the pose
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:

@@ -20,19 +20,12 @@ LARGEST_SCALE_ERROR = 0.02
 
 
 class Measured(NamedTuple):
-    """A part as the camera sees it.
+    """A part as the camera sees it."""
 
-    Attributes:
-        pose: x, y, theta of the part: mm, mm, rad.
-        sigma_mm: standard deviation of its place.
-        sigma_rad: standard deviation of its angle.
-        tag: the sighting it rests on.
-    """
-
-    pose: Pose2
-    sigma_mm: float
-    sigma_rad: float
-    tag: Sighting
+    pose: Pose2  # x, y, theta of the part: mm, mm, rad
+    sigma_mm: float  # standard deviation of its place
+    sigma_rad: float  # standard deviation of its angle
+    tag: Sighting  # the sighting it rests on
 
 
 def measure(

@@ -24,15 +24,10 @@ GRID = (17, 11)  # places across and down the picture where trust is worked out
 
 
 class Residuals(NamedTuple):
-    """Corners of boards on the table: where they are, and how far from there they were measured.
+    """Corners of boards on the table: where they are, and how far from there they were measured."""
 
-    Attributes:
-        places: (n, 2) mm.
-        off: (n, 2) mm.
-    """
-
-    places: Array
-    off: Array
+    places: Array  # (n, 2) mm
+    off: Array  # (n, 2) mm
 
     @property
     def rms_mm(self) -> float:

@@ -24,15 +24,10 @@ LEAST_SHARE = 0.5  # of the profiles of a side
 
 
 class Corners(NamedTuple):
-    """Refined corners.
+    """Refined corners."""
 
-    Attributes:
-        pixels: (4, 2) in the order they came in.
-        rms_px: how far the edge's points are from their lines.
-    """
-
-    pixels: Array
-    rms_px: float
+    pixels: Array  # (4, 2) in the order they came in
+    rms_px: float  # how far the edge's points are from their lines
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:

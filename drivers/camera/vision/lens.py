@@ -16,21 +16,13 @@ UNMOVED = np.zeros(3)
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Intrinsic parameters.
+    """Intrinsic parameters."""
 
-    Attributes:
-        width: of the picture, pixels.
-        height: of the picture, pixels.
-        focal: fx, fy, pixels.
-        centre: cx, cy, pixels.
-        distortion: k1, k2, p1, p2, k3.
-    """
-
-    width: int
-    height: int
-    focal: tuple[float, float]
-    centre: tuple[float, float]
-    distortion: tuple[float, float, float, float, float]
+    width: int  # of the picture, pixels
+    height: int  # of the picture, pixels
+    focal: tuple[float, float]  # fx, fy, pixels
+    centre: tuple[float, float]  # cx, cy, pixels
+    distortion: tuple[float, float, float, float, float]  # k1, k2, p1, p2, k3
 
     @property
     def matrix(self) -> Array:

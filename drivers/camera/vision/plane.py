@@ -16,17 +16,11 @@ from drivers.planar import Pose2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A lens at a place: p_camera = rotation p_world + translation.
+    """A lens at a place: p_camera = rotation p_world + translation."""
 
-    Attributes:
-        lens: the lens.
-        rotation: (3, 3).
-        translation: (3,) mm.
-    """
-
-    lens: Lens
-    rotation: Array
-    translation: Array
+    lens: Lens  # the lens
+    rotation: Array  # (3, 3)
+    translation: Array  # (3,) mm
 
     @property
     def eye(self) -> Array:
@@ -78,17 +72,11 @@ class View:
 
 
 class Fit(NamedTuple):
-    """A rigid motion of the plane that takes one set of points to another.
+    """A rigid motion of the plane that takes one set of points to another."""
 
-    Attributes:
-        pose: x, y, theta: mm, mm, rad.
-        rms_mm: root mean square of what is left, over points.
-        scale: the size at which the points would fit best; 1 = the size they should have.
-    """
-
-    pose: Pose2
-    rms_mm: float
-    scale: float
+    pose: Pose2  # x, y, theta: mm, mm, rad
+    rms_mm: float  # root mean square of what is left, over points
+    scale: float  # the size at which the points would fit best; 1 = the size they should have
 
 
 def as_it_lies(print_mm: Array, from_below: bool) -> Array:

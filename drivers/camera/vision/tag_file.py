@@ -15,25 +15,15 @@ PLACE = ("x_mm", "y_mm", "theta_rad")
 
 @dataclass(frozen=True, slots=True)
 class PartTag:
-    """A tag on a part.
+    """A tag on a part."""
 
-    Attributes:
-        part: name of the part.
-        number: the tag's id.
-        side_mm: edge of its black border.
-        on_part: pose of the tag in the part's frame: mm, mm, rad.
-        height_mm: of its face above the table.
-        sigma_mm: standard deviation of `on_part`'s place.
-        sigma_rad: the same of its angle.
-    """
-
-    part: str
-    number: int
-    side_mm: float
-    on_part: Pose2 = (0.0, 0.0, 0.0)
-    height_mm: float = 0.0
-    sigma_mm: float = 0.0
-    sigma_rad: float = 0.0
+    part: str  # name of the part
+    number: int  # the tag's id
+    side_mm: float  # edge of its black border
+    on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
+    height_mm: float = 0.0  # of its face above the table
+    sigma_mm: float = 0.0  # standard deviation of `on_part`'s place
+    sigma_rad: float = 0.0  # the same of its angle
 
 
 def save(tag: PartTag, path: Path, made: str) -> None:

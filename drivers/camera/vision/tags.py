@@ -28,17 +28,11 @@ OTHER_FAMILIES: dict[str, int] = {
 
 
 class Sighting(NamedTuple):
-    """A tag in a picture.
+    """A tag in a picture."""
 
-    Attributes:
-        number: its id.
-        corners: (4, 2) pixels: upper left, upper right, lower right, lower left of the print.
-        rms_px: how straight its sides are.
-    """
-
-    number: int
-    corners: Array
-    rms_px: float
+    number: int  # its id
+    corners: Array  # (4, 2) pixels: upper left, upper right, lower right, lower left of the print
+    rms_px: float  # how straight its sides are
 
 
 class Finder:

@@ -13,27 +13,16 @@ Cells = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Card:
-    """A grid of squares.
+    """A grid of squares."""
 
-    Attributes:
-        cells: (rows, columns) 1 = white, as one reads it.
-        cell_mm: edge of a square.
-        margin_mm: white border around the squares.
-        centre_mm: (3,) middle of the grid in the world.
-        right: (3,) unit vector along which its rows run.
-        down: (3,) unit vector along which its columns run.
-        speed_mm: (3,) by how much it moves while the picture is taken.
-        tones: reflectance of black and of white, 0 to 1.
-    """
-
-    cells: Cells
-    cell_mm: float
-    margin_mm: float
-    centre_mm: Array
-    right: Array
-    down: Array
-    speed_mm: Array
-    tones: tuple[float, float] = (0.08, 0.88)
+    cells: Cells  # (rows, columns) 1 = white, as one reads it
+    cell_mm: float  # edge of a square
+    margin_mm: float  # white border around the squares
+    centre_mm: Array  # (3,) middle of the grid in the world
+    right: Array  # (3,) unit vector along which its rows run
+    down: Array  # (3,) unit vector along which its columns run
+    speed_mm: Array  # (3,) by how much it moves while the picture is taken
+    tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1
 
     @property
     def half_mm(self) -> Array:

@@ -18,25 +18,15 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """A pinhole with distortion somewhere above or below the table.
+    """A pinhole with distortion somewhere above or below the table."""
 
-    Attributes:
-        width: of the picture, pixels.
-        height: of the picture, pixels.
-        focal: pixels, the same both ways.
-        centre: principal point, pixels; the centre of the first pixel is (0, 0).
-        distortion: k1, k2, p1, p2, k3 as OpenCV numbers them.
-        rotation: (3, 3) of the world as the camera sees it.
-        eye_mm: (3,) where the camera is; z < 0 below the table.
-    """
-
-    width: int
-    height: int
-    focal: float
-    centre: tuple[float, float]
-    distortion: tuple[float, float, float, float, float]
-    rotation: Array
-    eye_mm: Array
+    width: int  # of the picture, pixels
+    height: int  # of the picture, pixels
+    focal: float  # pixels, the same both ways
+    centre: tuple[float, float]  # principal point, pixels; the centre of the first pixel is (0, 0)
+    distortion: tuple[float, float, float, float, float]  # k1, k2, p1, p2, k3 as OpenCV numbers them
+    rotation: Array  # (3, 3) of the world as the camera sees it
+    eye_mm: Array  # (3,) where the camera is; z < 0 below the table
 
     @cached_property
     def corner_rays(self) -> Array:

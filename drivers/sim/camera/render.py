@@ -26,21 +26,13 @@ MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """What spoils a picture.
+    """What spoils a picture."""
 
-    Attributes:
-        blur_px: standard deviation of the lens's blur.
-        noise: standard deviation of the sensor's noise, grey levels of 255.
-        gain: grey level of a perfect white, as a share of 255.
-        gradient: by how much light falls off from the upper left to the lower right, as a share.
-        jpeg_quality: 1 to 100; None: not compressed.
-    """
-
-    blur_px: float = 0.7
-    noise: float = 2.5
-    gain: float = 0.9
-    gradient: float = 0.2
-    jpeg_quality: int | None = 90
+    blur_px: float = 0.7  # standard deviation of the lens's blur
+    noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
+    gain: float = 0.9  # grey level of a perfect white, as a share of 255
+    gradient: float = 0.2  # by how much light falls off from the upper left to the lower right, as a share
+    jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
 
 def render(optics: Optics, cards: Sequence[Card], flaws: Flaws, rng: np.random.Generator) -> Picture:

@@ -20,23 +20,14 @@ REFERENCES: tuple[tuple[int, Pose2], ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """The camera and all that it sees but the part.
+    """The camera and all that it sees but the part."""
 
-    Attributes:
-        optics: the camera.
-        flaws: of its pictures.
-        number: id of the part's tag.
-        side_mm: edge of the tags' black borders.
-        on_part: pose of the tag in the part's frame: mm, mm, rad.
-        references: fixed tags: id and pose.
-    """
-
-    optics: Optics
-    flaws: Flaws
-    number: int = 7
-    side_mm: float = 22.0
-    on_part: Pose2 = (0.0, 0.0, 0.0)
-    references: tuple[tuple[int, Pose2], ...] = REFERENCES
+    optics: Optics  # the camera
+    flaws: Flaws  # of its pictures
+    number: int = 7  # id of the part's tag
+    side_mm: float = 22.0  # edge of the tags' black borders
+    on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
+    references: tuple[tuple[int, Pose2], ...] = REFERENCES  # fixed tags: id and pose
 
     @property
     def below(self) -> bool:

@@ -22,21 +22,13 @@ Instruction = Callable[[tuple[float, ...], float], float | None]
 
 
 class Answer(NamedTuple):
-    """What an instruction comes to.
+    """What an instruction comes to."""
 
-    Attributes:
-        text: what is sent; None: nothing.
-        ready_s: when; infinity: never, RAPID execution has stopped.
-        closing: the server hangs up without a word.
-        broken: the connection breaks at once, the motion goes on.
-        before: what is sent first, though it answers nothing.
-    """
-
-    text: str | None
-    ready_s: float
-    closing: bool = False
-    broken: bool = False
-    before: str = ""
+    text: str | None  # what is sent; None: nothing
+    ready_s: float  # when; infinity: never, RAPID execution has stopped
+    closing: bool = False  # the server hangs up without a word
+    broken: bool = False  # the connection breaks at once, the motion goes on
+    before: str = ""  # what is sent first, though it answers nothing
 
 
 class Leg(NamedTuple):

@@ -12,21 +12,13 @@ BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of th
 
 
 class Look(NamedTuple):
-    """What a camera under the table has before it.
+    """What a camera under the table has before it."""
 
-    Attributes:
-        pose: of the part; None: there is no part, or the world knows no poses.
-        strange: whether it is another part than the one that should come.
-        second: pose of a second part; None: there is none.
-        covered: whether something lies on the lens.
-        moved_mm: how far the camera stands from its place.
-    """
-
-    pose: Pose2 | None
-    strange: bool = False
-    second: Pose2 | None = None
-    covered: bool = False
-    moved_mm: float = 0.0
+    pose: Pose2 | None  # of the part; None: there is no part, or the world knows no poses
+    strange: bool = False  # whether it is another part than the one that should come
+    second: Pose2 | None = None  # pose of a second part; None: there is none
+    covered: bool = False  # whether something lies on the lens
+    moved_mm: float = 0.0  # how far the camera stands from its place
 
 
 class TableTop:
