@@ -70,11 +70,7 @@ class CameraCalibration:
 
 
 def save(calibration: CameraCalibration, path: Path) -> None:
-    """Write the file.
-
-    Raises:
-        CameraFileError: it cannot be written.
-    """
+    """Write the file; CameraFileError where it cannot be written."""
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
@@ -99,11 +95,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> CameraCalibration:
-    """Read and check a file.
-
-    Raises:
-        CameraFileError: it cannot be read, was changed, or is none.
-    """
+    """Read and check a file; CameraFileError where it cannot be read, was changed, or is none."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

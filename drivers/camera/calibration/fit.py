@@ -146,11 +146,7 @@ def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in the order of their names.
-
-    Raises:
-        CameraFileError: it cannot be read.
-    """
+    """The pictures of a folder in the order of their names; CameraFileError where it cannot be read."""
     try:
         return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
     except OSError as error:
@@ -158,11 +154,7 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
 
 
 def load_picture(path: Path) -> Picture:
-    """A picture's grey levels.
-
-    Raises:
-        CameraError: it cannot be read, or is none.
-    """
+    """A picture's grey levels; CameraError where it cannot be read, or is none."""
     try:
         return decoded(path.read_bytes(), str(path))
     except OSError as error:

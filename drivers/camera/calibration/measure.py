@@ -56,11 +56,7 @@ def measure(
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners.
-
-    Raises:
-        TagError: the tag is not of the size it should have.
-    """
+    """The part's pose from its tag's corners; TagError where the tag is not of the size it should have."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)

@@ -186,11 +186,7 @@ class Stream(Source):
 
 
 def decoded(data: bytes, name: str) -> Picture:
-    """The picture in a file's bytes.
-
-    Raises:
-        PictureError: it is none.
-    """
+    """The picture in a file's bytes; PictureError where it is none."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     if picture is None:
         raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")

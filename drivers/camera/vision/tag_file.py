@@ -27,11 +27,7 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, made: str) -> None:
-    """Write the file, with the time at which it was made.
-
-    Raises:
-        CameraFileError: it cannot be written.
-    """
+    """Write the file, with the time at which it was made; CameraFileError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"made": made, "family": FAMILY, **fields, **place})

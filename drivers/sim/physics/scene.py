@@ -52,11 +52,7 @@ class Setting(NamedTuple):
     factory: Callable[[Any, int], World]
 
     def make_world(self, seed: int) -> World:
-        """The world of a seed.
-
-        Raises:
-            SimulationError: the factory fails, or what it returns cannot squeeze.
-        """
+        """The world of a seed; SimulationError where the factory fails, or what it returns cannot squeeze."""
         try:
             made: World = make_world(self.factory, self.subject, seed)
         except WorldError as error:

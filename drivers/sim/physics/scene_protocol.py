@@ -61,11 +61,7 @@ class Feeder:
         return int(str(self._ask("next_part")["part"]))
 
     def truth(self) -> Truth:
-        """Where the part really is.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
+        """Where the part really is; LinkError where the cell is gone, or refuses."""
         return Truth.told(self._ask("truth"))
 
     def close(self) -> None:
@@ -76,11 +72,7 @@ class Feeder:
 
 
 class Scene(Feeder):
-    """Client of a simulated cell's scene.
-
-    Raises:
-        PortError: nobody accepts the connection.
-    """
+    """Client of a simulated cell's scene; PortError where nobody accepts the connection."""
 
     def __init__(self, host: str, port: int) -> None:
         self.endpoint = f"tcp://{host}:{port}"

@@ -64,19 +64,11 @@ class VirtualCell:
         self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 
     def link(self, report: Report = no_report) -> Link:
-        """The gripper's register blocks over RTU frames.
-
-        Raises:
-            PortError: the port is gone.
-        """
+        """The gripper's register blocks over RTU frames; PortError where the port is gone."""
         return rtu_link(self._gripper_port.open(), self.pace, report)
 
     def gripper(self, report: Report = no_report) -> Gripper:
-        """The driver, connected.
-
-        Raises:
-            PortError: the port is gone. LinkError: the gripper does not answer.
-        """
+        """The driver, connected; PortError where the port is gone. LinkError: the gripper does not answer."""
         return Gripper(self.link(report), self.pace, report)
 
     def arm(self) -> Arm:

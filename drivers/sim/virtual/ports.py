@@ -64,11 +64,7 @@ class GripperPort(VirtualPort):
         self._sent_s = 0.0
 
     def open(self) -> "GripperPort":
-        """The port, if it can be opened.
-
-        Raises:
-            PortError: it was unplugged, or may not be opened any more.
-        """
+        """The port, if it can be opened; PortError where it was unplugged, or may not be opened any more."""
         if isinstance(self._gone, UnpluggedError):
             no_way = PermissionError if self._gone.forbidden else FileNotFoundError
             raise port_error(self.endpoint, no_way())

@@ -52,11 +52,7 @@ class FaultyLine(CleanLine):
         self._checked = checked
 
     def hears(self, frame: bytes) -> bool:
-        """Whether the gripper hears it.
-
-        Raises:
-            UnpluggedError: there is no line any more.
-        """
+        """Whether the gripper hears it; UnpluggedError where there is no line any more."""
         del frame
         self._desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
