@@ -56,11 +56,7 @@ class CameraCalibration:
     views: int = 0  # number of board views it was made of
 
     def check_size(self, shape: tuple[int, ...]) -> None:
-        """Check that a picture (rows, columns) is of this camera's resolution.
-
-        Raises:
-            PictureError: it is not.
-        """
+        """Check a picture's rows and columns; PictureError where they are not this camera's."""
         lens = self.view.lens
         if tuple(shape[:2]) != (lens.height, lens.width):
             raise PictureError(

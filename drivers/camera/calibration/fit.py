@@ -117,12 +117,9 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Poses the arm knows, from a CSV file: `picture,x_mm,y_mm` and, where it matters, `theta_rad`.
+    """Poses the arm knows, from a CSV file; CameraFileError where it cannot be read.
 
-    Pictures are named relative to the file.
-
-    Raises:
-        CameraFileError: it cannot be read.
+    Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, where it matters, `theta_rad`.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:

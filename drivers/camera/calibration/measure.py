@@ -76,11 +76,7 @@ def print_corners(side_mm: float) -> Array:
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all that are seen, the fixed ones aside.
-
-    Raises:
-        TagError: there are two, or only a wrong one.
-    """
+    """The part's tag among all but the fixed ones; TagError where there are two, or only a wrong one."""
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})

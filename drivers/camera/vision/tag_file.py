@@ -34,11 +34,7 @@ def save(tag: PartTag, path: Path, made: str) -> None:
 
 
 def load(path: Path) -> PartTag:
-    """Read and check a file.
-
-    Raises:
-        CameraFileError: it cannot be read, was changed, or is of another family.
-    """
+    """Read and check a file; CameraFileError where it cannot be, was changed, or is of another family."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -97,11 +97,7 @@ class ArmModel:
         return self._leg(now_s).joints_at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """One received string; the model answers as if it had listened only now.
-
-        Raises:
-            RapidError: the server's error handler runs: it hangs up and listens again.
-        """
+        """One received string, heard now; RapidError where the server hangs up and listens again."""
         self._message.parse(text)
         message = self._message
         counts, run = self._instructions().get(message.code, ((), None))
@@ -178,11 +174,7 @@ class ArmModel:
         return compose(invert(self._base), world)
 
     def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
-        """Add a straight motion after what is under way; returns when it ends.
-
-        Raises:
-            HaltError: the way leaves the reach, or takes a joint out of its range.
-        """
+        """Add a straight motion after what is under way; returns when it ends."""
         here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):

@@ -4,12 +4,11 @@ import math
 import select
 import socket
 import struct
-import threading
 from collections.abc import Callable
 
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
-from drivers.sim.wire.serving import SimulatedTime, TcpServer
+from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
 MAX_STRING = 80  # SocketReceive \Str takes so much at once
@@ -28,7 +27,7 @@ class ArmServer(TcpServer):
     def __init__(
         self,
         model: ArmModel,
-        lock: "threading.RLock | threading.Lock",
+        lock: Lock,
         time: SimulatedTime,
         executed: Callable[[], None] = lambda: None,
     ) -> None:

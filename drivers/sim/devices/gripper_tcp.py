@@ -10,8 +10,8 @@ from collections.abc import Callable
 from drivers.robotiq.frames import TCP
 from drivers.sim.wire.line import CleanLine, UnpluggedError
 from drivers.sim.wire.modbus import Device, GripperRegisters, answer
-from drivers.sim.wire.rtu import RtuSlave, Slave, exchange
-from drivers.sim.wire.serving import SimulatedTime, TcpServer
+from drivers.sim.wire.rtu import Slave, exchange
+from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 TCP_FUNCTIONS = frozenset({4, 16})  # no others are promised ([M200] p66)
@@ -45,11 +45,6 @@ def modbus_tcp(device: Device, now: Callable[[], float], line: CleanLine | None 
     return MbapSlave(GripperRegisters(device, now, TCP, TCP_FUNCTIONS), line)
 
 
-def rtu_over_tcp(device: Device, now: Callable[[], float], line: CleanLine | None = None) -> RtuSlave:
-    """A gripper behind a serial device server."""
-    return RtuSlave(GripperRegisters(device, now), line)
-
-
 def stop_jaws(device: Device, now: Callable[[], float]) -> None:
     """What the closing of a Modbus TCP connection does: rGTO falls to 0."""
     action = device.read_output()[0] & ~0x08
@@ -69,7 +64,7 @@ class TcpPort(TcpServer):
     def __init__(
         self,
         slave: Slave,
-        lock: "threading.RLock | threading.Lock",
+        lock: Lock,
         time: SimulatedTime,
         hung_up: Callable[[], None] = lambda: None,
     ) -> None:

@@ -58,11 +58,7 @@ class Message:
         self.count = 0
 
     def parse(self, text: str) -> None:
-        """Take one received string (SERVER.mod PROC ParseMsg).
-
-        Raises:
-            RapidError: more parameters than the array has.
-        """
+        """Take one received string (PROC ParseMsg); RapidError for more parameters than the array has."""
         end = match(text, 1, "#")
         after = match(text, 1, " ") + 1
         code = to_value(text[: after - 2])

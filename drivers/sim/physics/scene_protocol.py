@@ -53,11 +53,7 @@ class Feeder:
     """Feeder and ground truth of a simulated cell, whichever way it is asked."""
 
     def next_part(self) -> int:
-        """Take the part away and bring the next; returns its number.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
+        """Bring the next part; returns its number; LinkError where the cell is gone, or refuses."""
         return int(str(self._ask("next_part")["part"]))
 
     def truth(self) -> Truth:

@@ -72,9 +72,5 @@ class VirtualCell:
         return Gripper(self.link(report), self.pace, report)
 
     def arm(self) -> Arm:
-        """The driver, connected; it knows where the base is and refuses what it cannot reach.
-
-        Raises:
-            ArmError: the controller does not answer.
-        """
+        """The driver, connected, which knows where the base is; ArmError without an answer."""
         return over(self._arm_port.connect, self.pace, Setup(base=ARM_BASE))

@@ -10,7 +10,7 @@ from drivers.robotiq.frames import RTU
 from drivers.robotiq.modbus import BAUD
 from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import GripperRegisters, answer, crc16, frame_length
-from drivers.sim.wire.serving import Server, SimulatedTime
+from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 
 GAP_S = 0.010  # wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps
 IDLE_S = 0.05  # wall; between two looks at whether the server is to stop
@@ -36,11 +36,7 @@ class Slave:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Piece]:
-        """Take bytes off the wire and return what comes back.
-
-        Raises:
-            UnpluggedError: there is no line any more.
-        """
+        """Take bytes off the wire and return what comes back; UnpluggedError without a line."""
         self._buffer += data
         pieces: list[Piece] = []
         while length := self._frame_length():
@@ -92,7 +88,7 @@ class RtuSlave(Slave):
 def exchange(
     slave: Slave,
     descriptor: int,
-    lock: "threading.RLock | threading.Lock",
+    lock: Lock,
     time: SimulatedTime,
     stopped: threading.Event,
     byte_s: float = 0.0,
@@ -135,9 +131,7 @@ class PtyPort(Server):
         time: simulated time; bytes take theirs on a 115200 baud line.
     """
 
-    def __init__(
-        self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", time: SimulatedTime
-    ) -> None:
+    def __init__(self, slave: RtuSlave, lock: Lock, time: SimulatedTime) -> None:
         super().__init__("gripper", threading.Event())
         self._slave = slave
         self._lock = lock

@@ -6,6 +6,8 @@ import socket
 import threading
 import time
 
+Lock = contextlib.AbstractContextManager[object]
+
 
 class SimulatedTime:
     """Simulated seconds: wall time since the start, times the scale.
