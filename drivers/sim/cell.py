@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.devices.arm_logger import ArmLogger
-from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, stop_jaws
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting

@@ -13,7 +13,7 @@ from drivers.camera.calibration.measure import Measured, measure
 from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.sources import Source
-from drivers.camera.vision.tags import Finder
+from drivers.camera.vision.tags import find
 from drivers.planar import Pose2
 from runtime.table import GoalSpec, distance, residual, threshold
 
@@ -103,8 +103,7 @@ class Auditor:
         self._calibration = calibration
         self._subject = subject
         self._limit_mm = limit_mm
-        self._album = None if pictures is None else overlay.Album(pictures)
-        self._finder = Finder()
+        self._pictures = pictures
 
     def audit(self, part: int, predicted: Pose2, until: float) -> Answer:
         """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
@@ -123,7 +122,7 @@ class Auditor:
         try:
             self._calibration.check_size(picture.shape)
             explain.check_exposure(picture)
-            seen = self._finder.find(picture)
+            seen = find(picture)
             moved_mm = drift.check(self._calibration.references, seen, view, self._limit_mm)
             found = measure(picture, seen, self._calibration, self._subject.tag, predicted)
             allowed = self._subject.poses_of(predicted)
@@ -131,9 +130,9 @@ class Auditor:
             answer = replace(judged, moved_mm=moved_mm)
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
-        if self._album is None or answer.verdict == PASS:
+        if self._pictures is None or answer.verdict == PASS:
             return answer
         sentence = f"{answer.verdict}: {answer.reason}"
         drawn = overlay.draw(picture, view, self._subject, predicted, found, sentence)
-        path = self._album.keep(part, answer.verdict, drawn)
+        path = overlay.keep(self._pictures, part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))

@@ -22,32 +22,28 @@ MOST_PICTURES = 1000
 QUALITY = 85
 
 
-class Album:
-    """A folder of overlays; the oldest go when there are too many.
+def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES) -> Path | None:
+    """Write an overlay; None where the disk refuses, for an audit does not depend on it.
 
     Args:
         folder: made where it is missing.
-        most: how many are kept.
+        part: its number.
+        verdict: on it.
+        drawn: (h, w, 3).
+        most: how many are kept; the oldest go.
     """
-
-    def __init__(self, folder: Path, most: int = MOST_PICTURES) -> None:
-        self._folder = folder
-        self._most = most
-
-    def keep(self, part: int, verdict: str, drawn: Picture) -> Path | None:
-        """Write one; None where the disk refuses, for an audit does not depend on it."""
-        path = self._folder / f"part-{part:07d}-{verdict}.jpg"
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            kept = sorted(self._folder.glob("part-*.jpg"))
-            for old in kept[: max(0, len(kept) - self._most + 1)]:
-                old.unlink(missing_ok=True)
-            _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-            with writing(path) as draft:
-                draft.write_bytes(coded.tobytes())
-        except OSError:
-            return None
-        return path
+    path = folder / f"part-{part:07d}-{verdict}.jpg"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = sorted(folder.glob("part-*.jpg"))
+        for old in kept[: max(0, len(kept) - most + 1)]:
+            old.unlink(missing_ok=True)
+        _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        with writing(path) as draft:
+            draft.write_bytes(coded.tobytes())
+    except OSError:
+        return None
+    return path
 
 
 def draw(

@@ -16,7 +16,7 @@ from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.board import Board, BoardView
 from drivers.camera.vision.sources import SUFFIXES, decoded
 from drivers.camera.vision.tag_file import PartTag
-from drivers.camera.vision.tags import Finder, Sighting
+from drivers.camera.vision.tags import Sighting, find
 from drivers.planar import Pose2
 
 ZERO: Pose2 = (0.0, 0.0, 0.0)
@@ -100,13 +100,12 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
     Raises:
         CameraError: a tag is not seen, or the poses contradict one another.
     """
-    finder = Finder()
     fixed = {reference.number for reference in calibration.references}
     seen = []
     for known in touched:
         picture = load_picture(known.picture)
         calibration.check_size(picture.shape)
-        sighting = the_one(finder.find(picture), tag.number, fixed)
+        sighting = the_one(find(picture), tag.number, fixed)
         if sighting is None:
             raise CalibrationRefusedError(
                 f"{known.picture.name}: tag {tag.number} is not seen; take it again"
@@ -180,7 +179,7 @@ def _views(board: Board, paths: Sequence[Path]) -> tuple[tuple[int, int], list[B
 
 
 def _tags(path: Path) -> list[Sighting]:
-    return Finder().find(load_picture(path))
+    return find(load_picture(path))
 
 
 def _only_tag(path: Path, number: int) -> Sighting:

@@ -53,7 +53,7 @@ def _held(
     back = optics.rotation.T
     axes, field = back @ turn, _field_mm(optics)
     cells, centre = board_cells(COLUMNS, ROWS), optics.eye_mm + back @ middle
-    return Card(cells, field / 8, field / 3, centre, axes[:, 0], axes[:, 1], np.zeros(3))
+    return Card(cells, field / 8, field / 3, centre, axes[:, 0], axes[:, 1])
 
 
 def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:

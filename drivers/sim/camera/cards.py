@@ -1,6 +1,6 @@
 """Printed cards as the simulated camera sees them: a grid of black and white squares, somewhere in space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -21,7 +21,9 @@ class Card:
     centre_mm: Array  # (3,) middle of the grid in the world
     right: Array  # (3,) unit vector along which its rows run
     down: Array  # (3,) unit vector along which its columns run
-    speed_mm: Array  # (3,) by how much it moves while the picture is taken
+    speed_mm: Array = field(
+        default_factory=lambda: np.zeros(3)
+    )  # (3,) by how much it moves while the picture is taken
     tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1
 
     @property
@@ -37,9 +39,7 @@ def lying(
     pose: tuple[float, float, float],
     *,
     face_down: bool,
-    height_mm: float = 0.0,
     margin_mm: float | None = None,
-    speed_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Card:
     """A card flat on the table.
 
@@ -48,9 +48,7 @@ def lying(
         cell_mm: edge of a square.
         pose: x, y and the angle of its rows in the world: mm, mm, rad.
         face_down: read from below.
-        height_mm: of its face above the table.
         margin_mm: white border, None for one square.
-        speed_mm: by how much it moves while the picture is taken.
     """
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
@@ -59,10 +57,9 @@ def lying(
         cells,
         cell_mm,
         cell_mm if margin_mm is None else margin_mm,
-        np.array([x, y, height_mm]),
+        np.array([x, y, 0.0]),
         np.array([c, s, 0.0]),
         down,
-        np.array([*speed_mm, 0.0]),
     )
 
 

@@ -67,9 +67,9 @@ class VirtualCell:
         """The gripper's register blocks over RTU frames; PortError where the port is gone."""
         return rtu_link(self._gripper_port.open(), self.pace, report)
 
-    def gripper(self, report: Report = no_report) -> Gripper:
+    def gripper(self) -> Gripper:
         """The driver, connected; PortError where the port is gone. LinkError: the gripper does not answer."""
-        return Gripper(self.link(report), self.pace, report)
+        return Gripper(self.link(), self.pace)
 
     def arm(self) -> Arm:
         """The driver, connected, which knows where the base is; ArmError without an answer."""

@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.camera.audit.auditor import COVERAGE, FAIL, PASS, UNKNOWN, Auditor, Subject, judge
-from drivers.camera.audit.overlay import MEASURED, PREDICTED, Album
+from drivers.camera.audit.overlay import MEASURED, PREDICTED, keep
 from drivers.camera.errors import SourceError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
@@ -225,15 +225,14 @@ def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
 
 
 def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path):
-    album = Album(tmp_path / "a", most=3)
     picture = np.zeros((20, 20, 3), np.uint8)
     for part in range(6):
-        assert album.keep(part, FAIL, picture) is not None
+        assert keep(tmp_path / "a", part, FAIL, picture, most=3) is not None
     assert [p.name for p in sorted((tmp_path / "a").iterdir())] == [
         f"part-{k:07d}-fail.jpg" for k in (3, 4, 5)
     ]
     (tmp_path / "b").write_text("in the way")
-    assert Album(tmp_path / "b").keep(0, FAIL, picture) is None
+    assert keep(tmp_path / "b", 0, FAIL, picture) is None
 
 
 def test_outline_of_an_answer_has_units_in_its_names():

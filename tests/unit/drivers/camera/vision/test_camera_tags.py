@@ -1,5 +1,7 @@
 """Tags are found, read and measured, to a few hundredths of a millimetre, down to the stated limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, stain, true_calibration, true_view
@@ -8,7 +10,7 @@ from drivers.camera.calibration import measure
 from drivers.camera.errors import TagError
 from drivers.camera.vision import edges
 from drivers.camera.vision.plane import placed
-from drivers.camera.vision.tags import SQUARES, Finder, Sighting
+from drivers.camera.vision.tags import SQUARES, Sighting, find
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render
 
@@ -29,7 +31,8 @@ def poses(count, seed):
 
 
 def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0.0), before=()):
-    card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=optics.eye_mm[2] < 0, speed_mm=speed_mm)
+    card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=optics.eye_mm[2] < 0)
+    card = replace(card, speed_mm=np.array([*speed_mm, 0.0]))
     return render(optics, [card, *before], flaws or Flaws(), np.random.default_rng(seed))
 
 
@@ -39,7 +42,7 @@ def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
     found = []
     for seed, pose in enumerate(poses(count, 5)):
         picture = picture_of(optics, pose, flaws=flaws, seed=seed, speed_mm=speed_mm)
-        measured = measure.measure(picture, Finder().find(picture), calibration, tag)
+        measured = measure.measure(picture, find(picture), calibration, tag)
         off = np.hypot(measured.pose[0] - pose[0], measured.pose[1] - pose[1])
         found.append((off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm))
     return np.array(found).T
@@ -70,7 +73,7 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
     print_mm = measure.print_corners(SIDE_MM)
     for seed, (x, y, theta) in enumerate(poses(6, 6)):
         truth = view.pixels_at(placed(print_mm, (x, y, theta)))
-        found = Finder().find(picture_of(BELOW, (x, y, theta), seed=seed))
+        found = find(picture_of(BELOW, (x, y, theta), seed=seed))
         off.append(found[0].corners - truth)
     assert np.sqrt(np.mean(np.square(off))) < 0.06
     assert np.abs(np.mean(off, axis=(0, 1))).max() < 0.03
@@ -79,13 +82,13 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
 def test_stain_on_a_side_does_not_move_it():
     pose = (20.0, 10.0, 0.0)
     spots = ((), (stain((29.5, 21.1, 0.0), (3.0, 2.2)),))
-    clean, stained = (Finder().find(picture_of(BELOW, pose, before=cards))[0].corners for cards in spots)
+    clean, stained = (find(picture_of(BELOW, pose, before=cards))[0].corners for cards in spots)
     assert np.abs(clean - stained).max() < 0.15
 
 
 def test_every_id_is_read_as_itself():
     for number in np.random.default_rng(7).integers(0, 587, 12).tolist():
-        assert [tag.number for tag in Finder().find(picture_of(BELOW, (0.0, 0.0, 0.7), number))] == [number]
+        assert [tag.number for tag in find(picture_of(BELOW, (0.0, 0.0, 0.7), number))] == [number]
 
 
 def test_pattern_without_a_tag_is_not_read_as_one():
@@ -93,7 +96,7 @@ def test_pattern_without_a_tag_is_not_read_as_one():
     for _ in range(4):
         cells = rng.integers(0, 2, (24, 24)).astype(np.uint8)
         card = lying(cells, 5.0, (0.0, 0.0, 0.4), face_down=True)
-        assert Finder().find(render(BELOW, [card], Flaws(), rng)) == []
+        assert find(render(BELOW, [card], Flaws(), rng)) == []
 
 
 def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
@@ -108,7 +111,7 @@ def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
 def test_tag_of_another_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
     with pytest.raises(TagError, match=r"looks .* mm large"):
-        measure.measure(picture, Finder().find(picture), true_calibration(BELOW), part_tag(**wrong))
+        measure.measure(picture, find(picture), true_calibration(BELOW), part_tag(**wrong))
 
 
 def test_error_budget_grows_with_every_term():

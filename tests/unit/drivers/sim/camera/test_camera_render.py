@@ -1,5 +1,7 @@
 """The simulated camera is honest: edges fall where they are, and each flaw does what it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cameras import SIZE, camera, rig, stain
@@ -64,8 +66,10 @@ def test_blur_spreads_an_edge_without_moving_light():
 
 def test_motion_smears_along_its_way_only():
     def smeared(axis, speed):
-        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0, speed_mm=speed)
-        steps = np.abs(np.diff(taken([card]).astype(float), axis=axis))
+        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
+        steps = np.abs(
+            np.diff(taken([replace(card, speed_mm=np.array([*speed, 0.0]))]).astype(float), axis=axis)
+        )
         return steps.max()
 
     still = smeared(1, (0.0, 0.0))
