@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.devices.arm_logger import ArmLogger
-from drivers.sim.devices.arm_server import ArmServer
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.devices.arm_server import ArmLogger, ArmServer
+from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, stop_jaws
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
@@ -48,18 +47,13 @@ class Cell:
         self._lock = threading.RLock()
         self._time = SimulatedTime(time_scale, self.stopped)
         self.works = Workcell(setting, seed, self._time.now, faults)
-        device, now = self.works.device, self._time.now
-        self._pty = PtyPort(
-            RtuSlave(GripperRegisters(device, now), self.works.line()), self._lock, self._time
-        )
-        self._rtu_tcp = TcpPort(rtu_over_tcp(device, now, self.works.line()), self._lock, self._time)
-        self._modbus_tcp = TcpPort(
-            modbus_tcp(device, now, self.works.line(checked=False)),
-            self._lock,
-            self._time,
-            lambda: stop_jaws(device, now),
-        )
-        self._arm_server = ArmServer(self.works.controller, self._lock, self._time, self._locked_arm_stands)
+        device, now = self.works.gripper, self._time.now
+        registers = GripperRegisters(device, now)
+        self._pty = PtyPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
+        self._rtu_tcp = TcpPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
+        tcp = modbus_tcp(device, now, self.works.line(checked=False))
+        self._modbus_tcp = TcpPort(tcp, self._lock, self._time, lambda: stop_jaws(device, now))
+        self._arm_server = ArmServer(self.works.arm, self._lock, self._time, self._locked_arm_stands)
         self._logger = ArmLogger(self._look_at_arm, self._time)
         self._scene_server = SceneServer(self._answer, self.stopped)
         self._camera = None if rig is None else CameraServer(rig.watcher(self._look, seed))
@@ -110,9 +104,6 @@ class Cell:
     def _answer(self, what: str) -> Mapping[str, object]:
         with self._lock:
             said = self.works.answer(what)
-        if said is not None:
-            return said
-        if what == "quit":
-            self.stopped.set()
+        if said is None and what == "quit":
             return {"quit": True}
-        return {"error": f"cannot {what}; next_part, truth and quit are known"}
+        return said or {"error": f"cannot {what}; next_part, truth and quit are known"}

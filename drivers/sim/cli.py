@@ -87,12 +87,23 @@ def serve(options: argparse.Namespace) -> int:
     if options.world is None and not setting.truthful:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
-        return write_views(options)
+        rig = _audit_extra("rig").standard_rig()
+        for words in _audit_extra("album").write(rig, options.camera_views, options.seed):
+            print(f"grasp-calibrate {words}", flush=True)
+        return 0
     rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
     failures: list[str] = []
     with Cell(setting, options.seed, options.time_scale, faults, rig) as cell:
-        threading.excepthook = lambda failed: _give_up(failed, failures, cell.stopped, debug=options.debug)
+
+        def give_up(failed: threading.ExceptHookArgs) -> None:
+            """A server thread failed, most likely in the world: end the cell, no device is left mute."""
+            failures.append(one_line(failed.exc_value))
+            if options.debug:
+                threading.__excepthook__(failed)
+            cell.stopped.set()
+
+        threading.excepthook = give_up
         signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
         if options.until_stdin_closes:
             threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
@@ -107,24 +118,12 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def camera(setting: Setting) -> Any:
-    """The camera under the table.
-
-    Raises:
-        SimulationError: OpenCV is missing, or the world knows no poses to take pictures of.
-    """
+    """The camera under the table; SimulationError without OpenCV, or where the world knows no poses."""
     if not setting.truthful:
         raise SimulationError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
         )
     return _audit_extra("rig").standard_rig()
-
-
-def write_views(options: argparse.Namespace) -> int:
-    """Write the pictures that calibrate the camera, and print what to do with them."""
-    album, rig = _audit_extra("album"), _audit_extra("rig").standard_rig()
-    for words in album.write(rig, options.camera_views, options.seed):
-        print(f"grasp-calibrate {words}", flush=True)
-    return 0
 
 
 def _audit_extra(name: str) -> Any:
@@ -135,16 +134,6 @@ def _audit_extra(name: str) -> Any:
         raise SimulationError(
             f"the camera needs the audit extra ({error.name} is missing); pip install 'squeezetree[audit]'"
         ) from error
-
-
-def _give_up(
-    failed: threading.ExceptHookArgs, failures: list[str], stopped: threading.Event, *, debug: bool
-) -> None:
-    """A server thread failed, most likely in the world: end the cell rather than leave a device mute."""
-    failures.append(one_line(failed.exc_value))
-    if debug:
-        threading.__excepthook__(failed)
-    stopped.set()
 
 
 def _watch_stdin(stopped: threading.Event) -> None:

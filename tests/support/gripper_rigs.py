@@ -14,7 +14,7 @@ from can_node import CanNode
 from drivers import connect
 from drivers.robotiq.canopen import CanMap
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, stop_jaws
 from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
@@ -47,7 +47,7 @@ class Robotiq:
             node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
             return node, f"can:{channel}?interface=virtual"
         if bus == "rtu+tcp":
-            self.slave = rtu_over_tcp(self.model, self.now)
+            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
             port = TcpPort(self.slave, self.lock, self.time)
         else:
             self.slave = modbus_tcp(self.model, self.now)

@@ -16,34 +16,21 @@ WINDOW_SQUARES = (
 
 
 class BoardView(NamedTuple):
-    """A board in a picture.
+    """A board in a picture."""
 
-    Attributes:
-        name: of the picture.
-        points: (n, 2) corners on the board, mm from its middle, x right and y down as one reads it.
-        pixels: (n, 2) where they are seen.
-    """
-
-    name: str
-    points: Array
-    pixels: Array
+    name: str  # of the picture
+    points: Array  # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
+    pixels: Array  # (n, 2) where they are seen
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A printed board.
+    """A printed board."""
 
-    Attributes:
-        columns: fields across.
-        rows: fields down.
-        field_mm: edge of a field, as measured on the print.
-        marker_mm: edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard.
-    """
-
-    columns: int
-    rows: int
-    field_mm: float
-    marker_mm: float
+    columns: int  # fields across
+    rows: int  # fields down
+    field_mm: float  # edge of a field, as measured on the print
+    marker_mm: float  # edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard
 
     def find(self, picture: Picture, name: str) -> BoardView | None:
         """The board in a picture; None where too little of it is seen."""

@@ -20,37 +20,22 @@ Levels = NDArray[np.float32]
 
 SAMPLES = 4
 BEHIND_TONE = 0.45
-OCCLUDER_TONE = 0.25
 # In which of the moments of an exposure each sample is taken: any order without a pattern in space does.
 MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """What spoils a picture.
+    """What spoils a picture."""
 
-    Attributes:
-        blur_px: standard deviation of the lens's blur.
-        noise: standard deviation of the sensor's noise, grey levels of 255.
-        gain: grey level of a perfect white, as a share of 255.
-        gradient: by how much light falls off from the upper left to the lower right, as a share.
-        jpeg_quality: 1 to 100; None: not compressed.
-    """
-
-    blur_px: float = 0.7
-    noise: float = 2.5
-    gain: float = 0.9
-    gradient: float = 0.2
-    jpeg_quality: int | None = 90
+    blur_px: float = 0.7  # standard deviation of the lens's blur
+    noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
+    gain: float = 0.9  # grey level of a perfect white, as a share of 255
+    gradient: float = 0.2  # by how much light falls off from the upper left to the lower right, as a share
+    jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
 
-def render(
-    optics: Optics,
-    cards: Sequence[Card],
-    flaws: Flaws,
-    rng: np.random.Generator,
-    occluders: Sequence[Array] = (),
-) -> Picture:
+def render(optics: Optics, cards: Sequence[Card], flaws: Flaws, rng: np.random.Generator) -> Picture:
     """Take a picture.
 
     Args:
@@ -58,7 +43,6 @@ def render(
         cards: what lies before it; a later one covers an earlier one.
         flaws: of lens, light, sensor and compression.
         rng: of the noise.
-        occluders: convex polygons on the table's plane, (k, 2) mm in either order, dark, before all cards.
 
     Returns:
         (height, width) grey levels.
@@ -66,8 +50,6 @@ def render(
     levels = np.full((optics.height, optics.width), BEHIND_TONE, np.float32)
     for card in cards:
         _draw(levels, optics, card)
-    for polygon in occluders:
-        _cover(levels, optics, np.asarray(polygon, np.float64))
     levels *= _light(optics, flaws)
     if flaws.blur_px > 0.0:
         levels = np.asarray(cv2.GaussianBlur(levels, (0, 0), flaws.blur_px), np.float32)
@@ -126,27 +108,6 @@ def _tone(card: Card, along: Array, across: Array, behind: Levels) -> Levels:
     on_card = (np.abs(along) <= half_along) & (np.abs(across) <= half_across)
     black, bright = card.tones
     return np.where(on_card, np.where(white > 0, np.float32(bright), np.float32(black)), behind)
-
-
-def _cover(levels: Levels, optics: Optics, polygon: Array) -> None:
-    """Cover a convex polygon of the table's plane, in place."""
-    box = _box(optics, np.column_stack([polygon, np.zeros(len(polygon))]))
-    if box is None:
-        return
-    top, bottom, left, right = box
-    share = np.zeros((bottom - top, right - left), np.float32)
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    for _, rays in _rays(optics, box):
-        spot = optics.eye_mm - (optics.eye_mm[2] / rays[..., 2:]) * rays
-        sides = [
-            e[0] * (spot[..., 1] - p[1]) - e[1] * (spot[..., 0] - p[0])
-            for p, e in zip(polygon, edges, strict=True)
-        ]
-        share += np.all(np.array(sides) >= 0.0, axis=0) | np.all(np.array(sides) <= 0.0, axis=0)
-    share /= SAMPLES * SAMPLES
-    patch = levels[top:bottom, left:right]
-    patch *= 1.0 - share
-    patch += share * OCCLUDER_TONE
 
 
 def _outline(card: Card) -> Array:

@@ -9,12 +9,13 @@ import contextlib
 import json
 import math
 import socket
+import socketserver
 import threading
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from drivers.errors import LinkError, PortError
-from drivers.sim.wire.serving import TcpServer
+from drivers.sim.wire.serving import Server
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
@@ -22,10 +23,7 @@ MAX_LINE = 4096
 
 
 class Truth(NamedTuple):
-    """Where the part is now (NaN: the world does not know), and what happened to it.
-
-    `covered` tells that a camera would see nothing.
-    """
+    """Where the part is now (NaN: the world does not know), and whether a camera is covered."""
 
     x_mm: float
     y_mm: float
@@ -51,12 +49,26 @@ class Truth(NamedTuple):
         return cls(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
 
 
-class Scene:
-    """Client of a simulated cell's scene.
+class Feeder:
+    """Feeder and ground truth of a simulated cell, whichever way it is asked."""
 
-    Raises:
-        PortError: nobody accepts the connection.
-    """
+    def next_part(self) -> int:
+        """Bring the next part; returns its number; LinkError where the cell is gone, or refuses."""
+        return int(str(self._ask("next_part")["part"]))
+
+    def truth(self) -> Truth:
+        """Where the part really is; LinkError where the cell is gone, or refuses."""
+        return Truth.told(self._ask("truth"))
+
+    def close(self) -> None:
+        """Hang up; the cell stays."""
+
+    def _ask(self, what: str) -> Mapping[str, object]:
+        raise NotImplementedError
+
+
+class Scene(Feeder):
+    """Client of a simulated cell's scene; PortError where nobody accepts the connection."""
 
     def __init__(self, host: str, port: int) -> None:
         self.endpoint = f"tcp://{host}:{port}"
@@ -67,22 +79,6 @@ class Scene:
                 f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
             ) from error
         self._file = self._socket.makefile("rb")
-
-    def next_part(self) -> int:
-        """Take the part away and bring the next; returns its number.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
-        return int(str(self._ask("next_part")["part"]))
-
-    def truth(self) -> Truth:
-        """Where the part really is.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
-        return Truth.told(self._ask("truth"))
 
     def close(self) -> None:
         """Hang up; the cell stays."""
@@ -101,44 +97,54 @@ class Scene:
         return said
 
 
-class SceneServer(TcpServer):
+class _ThreadForEach(socketserver.ThreadingTCPServer):
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, *_: object) -> None:
+        """Let the world's failure reach the thread's end, where the cell hears of it."""
+        raise
+
+
+class SceneServer(Server):
     """Answers scene requests of any number of clients.
 
     Args:
-        answer: request -> reply.
+        answer: request -> reply; called by a thread for each client.
         stopped: tells that the cell stops.
     """
 
     def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
         super().__init__("scene", stopped)
-        self._answer = answer
+
+        class Client(socketserver.StreamRequestHandler):
+            """Answers one client's lines."""
+
+            def handle(self) -> None:
+                with contextlib.suppress(ConnectionError):
+                    while (line := self.rfile.readline(MAX_LINE)).endswith(b"\n"):
+                        said = _reply(line, answer)
+                        self.wfile.write(json.dumps(said).encode() + b"\n")
+                        if "quit" in said:
+                            stopped.set()
+
+        self._server = _ThreadForEach(("127.0.0.1", 0), Client)
+        self.url = f"tcp://127.0.0.1:{self._server.server_address[1]}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+        super().close()
+        self._server.server_close()
 
     def _run(self) -> None:
-        pending: dict[socket.socket, bytes] = {}  # of each client, what is no whole line yet
-        with contextlib.ExitStack() as clients:
-            while not self._stopped.is_set():
-                for ready in self._readable([self._listener, *pending]):
-                    if ready is self._listener:
-                        pending[clients.enter_context(ready.accept()[0])] = b""
-                    elif (left := self._heard(ready, pending.pop(ready))) is not None:
-                        pending[ready] = left
+        self._server.serve_forever(0.1)
 
-    def _heard(self, client: socket.socket, pending: bytes) -> bytes | None:
-        """Answer the lines of a client; returns what is left over, None once it is gone."""
-        with contextlib.suppress(OSError):
-            data = client.recv(MAX_LINE)
-            *lines, left = (pending + data).split(b"\n")
-            for line in lines:
-                client.sendall(json.dumps(self._reply(line)).encode() + b"\n")
-            if data and len(left) <= MAX_LINE:
-                return left
-        client.close()
-        return None
 
-    def _reply(self, line: bytes) -> Mapping[str, object]:
-        try:
-            request = strict_json.parse(line)
-            what = request["do"]
-        except (ValueError, TypeError, KeyError):
-            return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
-        return self._answer(str(what))
+def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mapping[str, object]:
+    try:
+        what = strict_json.parse(line)["do"]
+    except (ValueError, TypeError, KeyError):
+        return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
+    return answer(str(what))

@@ -15,7 +15,7 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.fit import read_poses
 from drivers.camera.errors import CameraFileError
 from drivers.camera.vision import tag_file
-from drivers.camera.vision.plane import compose
+from drivers.planar import compose
 from drivers.sim.camera.render import Flaws, render
 
 

@@ -15,11 +15,12 @@ from drivers.camera.calibration import command as calibrate_command
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import decoded
+from drivers.planar import compose
 from drivers.sim import cli
 from drivers.sim.camera import album
 from drivers.sim.errors import SimulationError
 from drivers.sim.faults import Channel, Desk, Fault, Listed
-from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
+from drivers.sim.physics.tabletop import BESIDE, Look, TableTop
 
 pytestmark = pytest.mark.slow
 
