@@ -126,8 +126,7 @@ def say(line: str, file: TextIO | None = None) -> None:
 
 def tell(name: str, words: object) -> None:
     """Print what is wrong as one line on standard error, if there is one."""
-    with contextlib.suppress(OSError):
-        print(f"{name}: {one_line(words)}", file=sys.stderr, flush=True)
+    say(f"{name}: {one_line(words)}", sys.stderr)
 
 
 def told(error: BaseException) -> str:
