@@ -26,8 +26,7 @@ from runtime.table import (
     predicted_pose,
 )
 
-MARGIN_COUNTS = 2
-"""A branch's interval reaches this many counts beyond the widths seen in planning: rare, not strange."""
+MARGIN_COUNTS = 2  # that a branch's interval reaches beyond the widths seen in planning: rare, not strange
 
 
 def lower(root: TreeNode, job: Job) -> Table:

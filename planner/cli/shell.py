@@ -31,12 +31,9 @@ from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
 from runtime.table import TableFile, load
 
-WIDTH = 98
-"""Columns of what --help says."""
-PICTURES = (".png", ".svg", ".pdf")
-"""What matplotlib's pictures may end in."""
-ROLL_OUTS = "rollouts"
-"""Folder of the roll-outs in the cache folder."""
+WIDTH = 98  # columns of what --help says
+PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
 exit codes:
   0 done; 1 internal error; 2 usage; 3 a file is missing or cannot be used; 4 not valid TOML; 5 unknown or

@@ -21,8 +21,7 @@ from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
-PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}
-"""What the options that ask for pictures may end in."""
+PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 

@@ -16,11 +16,9 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from runtime.table import Table
 
-LONG = 3.6
-"""Squeezes a part from which a plan is long."""
+LONG = 3.6  # squeezes a part from which a plan is long
 MOST_LATE = 3
-MOST_TRIALS = 5000
-"""Parts squeezed for each source of noise."""
+MOST_TRIALS = 5000  # parts squeezed for each source of noise
 
 
 @dataclass(frozen=True, slots=True)

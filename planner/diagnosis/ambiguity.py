@@ -17,17 +17,13 @@ from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
 from runtime.table import HELD_UM, Table
 
-SAMPLES = 40
-"""Squeezes of each pose at each placement that is tried."""
+SAMPLES = 40  # squeezes of each pose at each placement that is tried
 TURNS = 12
 OFFSETS_MM = (-16.0, -10.0, -5.0, 0.0, 5.0, 10.0, 16.0)
-HALF_TURN_ALIKE = 2
-"""A hand turned by half a turn squeezes alike."""
-TELLING = 4.0
-"""A placement tells two poses apart if their mean widths differ by this many standard deviations of both."""
+HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
+TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
 LEAST_TRIALS = 20
-APART = 3.0
-"""Poses further apart than so many times the goal are different poses, nearer ones scatter about one."""
+APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter about one
 SEED_AMBIGUITY = 0x414D4249
 
 

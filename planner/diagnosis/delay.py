@@ -8,8 +8,7 @@ from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 
-LATE = 3
-"""Squeezes after which most parts should be located."""
+LATE = 3  # squeezes after which most parts should be located
 LEAST_SHARE = 0.02
 MOST_POSES = 2
 

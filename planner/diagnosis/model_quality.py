@@ -22,8 +22,7 @@ from planner.search.actions import actions_of
 from planner.work.progress import Report, silent
 
 PARTICLES = 2000
-RUNS = 4
-"""Of the model and of the simulator."""
+RUNS = 4  # of the model and of the simulator
 PLACEMENTS = 100_000
 SEED = 0x5155
 

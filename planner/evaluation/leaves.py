@@ -12,8 +12,7 @@ from planner.evaluation.outcome import NOWHERE, Evaluation
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
-LEAST_VISITS = 200
-"""Leaves visited less often say too little."""
+LEAST_VISITS = 200  # leaves visited less often say too little
 TAIL = 0.025
 JEFFREYS = 0.5
 

@@ -30,8 +30,7 @@ from runtime.table import (
     refuted,
 )  # fmt: skip
 
-LEAST_VISITS = 200
-"""A node that fewer parts came to keeps the shares that its branches were planned with."""
+LEAST_VISITS = 200  # a node that fewer parts came to keeps the shares that its branches were planned with
 
 
 def with_figures(

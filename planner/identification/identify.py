@@ -25,12 +25,10 @@ from planner.work.progress import Report, silent
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
 
-RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-"""Pulls towards the ellipsoid to choose from, as numbers of pairs."""
+RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid, as numbers of pairs
 
 FOLDS = 5
-LEAST_PAIRS = 12
-"""Of a file; a split keeps at least half of them for the fit."""
+LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
 
 _FRICTION_ROUNDS = 5
 

@@ -46,6 +46,7 @@ class Method:
     job: tuple[str, ...] = ()
 
 
+# The default, the default without placements proposed by the belief, and the paper's three.
 METHODS = {
     name: Method(name, job)
     for name, job in {
@@ -56,7 +57,6 @@ METHODS = {
         "sensorless": ("search.method=sensorless",),
     }.items()
 }
-"""The default, the default without placements proposed by the belief, and the paper's three."""
 
 
 def table_rows(trees: Path) -> list[Row]:

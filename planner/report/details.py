@@ -16,10 +16,8 @@ from planner.evaluation.trials import Step
 from planner.report.replay import Replay
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
 
-MOST = 60
-"""Most outlines of one belief."""
-BUDGET = 30_000
-"""Outlines of all beliefs together: at some 15 bytes each, half a MB."""
+MOST = 60  # most outlines of one belief
+BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
 
 
 def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:

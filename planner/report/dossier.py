@@ -28,10 +28,8 @@ from runtime.table import PPM, Table
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
-STRIPS = 400
-"""Most nodes whose clusters are drawn on the page itself; the others' are drawn when they are chosen."""
-LISTED = 5000
-"""Most parts of a journal that the page lets one walk through: all that failed first, then the latest."""
+STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
+LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,14 +14,10 @@ from planner.report import canvas
 MOST_PANELS = 12
 COLUMNS = 4
 COLUMNS_IF_TALL = 6
-TALL = 1.4
-"""Height over width of a panel that counts as tall."""
-BETWEEN = 4
-"""Intermediate states drawn of one squeeze."""
-MARK_MM = 1.5
-"""Distance between the marks of a trace."""
-WIDTH_IN = 2.1
-"""Width of one panel."""
+TALL = 1.4  # height over width of a panel that counts as tall
+BETWEEN = 4  # intermediate states drawn of one squeeze
+MARK_MM = 1.5  # distance between the marks of a trace
+WIDTH_IN = 2.1  # width of one panel
 
 
 class Squeezed(NamedTuple):
