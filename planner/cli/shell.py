@@ -10,15 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
@@ -171,10 +164,10 @@ def progress(quiet: bool) -> Iterator[Report]:
         yield silent
         return
     columns = [
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
-        TextColumn("left:"), TimeRemainingColumn(),
+        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeElapsedColumn(),
+        bars.TextColumn("left:"), bars.TimeRemainingColumn(),
     ]  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as bar:
+    with bars.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=None)
         stage_now = ""
 
