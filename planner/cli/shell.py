@@ -164,8 +164,8 @@ def progress(quiet: bool) -> Iterator[Report]:
         yield silent
         return
     columns = [
-        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeElapsedColumn(),
-        bars.TextColumn("left:"), bars.TimeRemainingColumn(),
+        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
+        bars.TimeElapsedColumn(), bars.TextColumn("left:"), bars.TimeRemainingColumn(),
     ]  # fmt: skip
     with bars.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=None)

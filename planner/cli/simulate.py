@@ -97,7 +97,7 @@ def draw(
 
     The files go by the names of `PICTURES`; the simulator and the parameters are those of the results.
     """
-    from planner.report import animation, canvas, trajectory  # matplotlib takes its time
+    from planner.report import canvas, trajectory  # matplotlib takes its time
 
     traces = []
     cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)
@@ -108,9 +108,9 @@ def draw(
     if path := pictures.get("figure"):
         canvas.save(path, lambda: trajectory.figure(outline, jaws, traces))
     if path := pictures.get("gif"):
-        animation.gif(outline, jaws, traces[0], path)
+        trajectory.gif(outline, jaws, traces[0], path)
     if path := pictures.get("html"):
-        animation.html(outline, jaws, traces, title, path)
+        trajectory.html(outline, jaws, traces, title, path)
 
 
 def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:

@@ -1,7 +1,6 @@
 """A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,8 +33,7 @@ class LeafRecord(NamedTuple):
         return self.low <= self.hits <= self.high
 
 
-@dataclass(frozen=True, slots=True)
-class Reliability:
+class Reliability(NamedTuple):
     """The reliability table."""
 
     rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table

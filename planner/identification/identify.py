@@ -9,7 +9,6 @@ Learning", 7.10).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
@@ -53,8 +52,7 @@ class Fit(NamedTuple):
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identified:
+class Identified(NamedTuple):
     """An identified limit surface and how well its kind predicts pushes that it was not fitted to."""
 
     kind: Kind  # "ellipsoid" or "quartic"
