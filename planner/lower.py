@@ -12,32 +12,19 @@ from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
-from runtime.table import (
-    PPM,
-    Branch,
-    GoalSpec,
-    GripperSpec,
-    Leaf,
-    Limits,
-    Node,
-    Prediction,
-    Squeeze,
-    Table,
-    predicted_pose,
-)
+from runtime import table as tables
 
-MARGIN_COUNTS = 2
-"""A branch's interval reaches this many counts beyond the widths seen in planning: rare, not strange."""
+MARGIN_COUNTS = 2  # that a branch's interval reaches beyond the widths seen in planning: rare, not strange
 
 
-def lower(root: TreeNode, job: Job) -> Table:
+def lower(root: TreeNode, job: Job) -> tables.Table:
     """Numbers an expanded tree of a job breadth first and writes it down, without evaluation figures yet."""
     encoder = encoder_of(job)
     nodes = [node for node in breadth_first(root) if node.children]
     leaves = [node for node in breadth_first(root) if not node.children]
     targets = {id(node): index for index, node in enumerate(nodes)}
     targets |= {id(leaf): ~index for index, leaf in enumerate(leaves)}
-    return Table(
+    return tables.Table(
         tool=_tool(),
         job_digest=job.digest(),
         gripper=_gripper(job),
@@ -45,16 +32,16 @@ def lower(root: TreeNode, job: Job) -> Table:
         limits=_limits(job, max(leaf.depth for leaf in leaves)),
         nodes=tuple(_node(node, targets, job, encoder) for node in nodes),
         leaves=tuple(_leaf(leaf, job) for leaf in leaves),
-        predicted=Prediction(0, 0, 0),
+        predicted=tables.Prediction(0, 0, 0),
         job=job.canonical(),
     )
 
 
-def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> Node:
+def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
     assert node.squeeze is not None
     placement, opening_mm, clearance_mm, clusters, unstable, release_mm, _ = node.squeeze
     x_um, y_um, angle_urad = pose_of(placement)
-    squeeze = Squeeze(
+    squeeze = tables.Squeeze(
         x_um=x_um,
         y_um=y_um,
         angle_urad=angle_urad,
@@ -68,10 +55,10 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
     for k, child in enumerate(node.children):
         low, high = _interval(clusters.low[k], clusters.high[k], encoder)
         expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
-        share = round(PPM * float(clusters.size[k]) / total)
-        branches.append(Branch(low, expected, high, share, targets[id(child)]))
+        share = round(tables.PPM * float(clusters.size[k]) / total)
+        branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
     release = None if release_mm is None else (round(1e3 * release_mm[0]), round(1e3 * release_mm[1]))
-    return Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
+    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
 
 
 def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
@@ -82,14 +69,14 @@ def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, i
     return round(1e3 * least), round(1e3 * greatest)
 
 
-def _leaf(node: TreeNode, job: Job) -> Leaf:
+def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
     x_um, y_um, theta_urad = pose_of(node.mode.pose)
-    leaf = Leaf(
+    leaf = tables.Leaf(
         x_um=x_um,
         y_um=y_um,
         theta_urad=theta_urad,
         covariance=(0, 0, 0, 0, 0, 0),
-        success_ppm=round(PPM * node.mode.ratio),
+        success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
         resolved=node.mode.ratio >= job.goal.confidence,
         alternatives=tuple(map(pose_of, node.mode.others)),
@@ -103,18 +90,18 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def covariance_of(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+def covariance_of(poses: Array, leaf: tables.Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
     """Second moments of poses about the leaf's pose: xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad."""
-    offset = poses - predicted_pose(leaf)
+    offset = poses - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
     scaled = offset * np.array([10.0, 10.0, 100.0])
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
     return round(xx), round(xy), round(yy), round(xt), round(yt), round(tt)
 
 
-def _gripper(job: Job) -> GripperSpec:
+def _gripper(job: Job) -> tables.GripperSpec:
     gripper = job.gripper
-    return GripperSpec(
+    return tables.GripperSpec(
         model=gripper.model,
         opening_um=round(1e3 * gripper.opening_mm),
         finger_length_um=round(1e3 * gripper.finger_length_mm),
@@ -125,7 +112,7 @@ def _gripper(job: Job) -> GripperSpec:
     )
 
 
-def _goal(job: Job) -> GoalSpec:
+def _goal(job: Job) -> tables.GoalSpec:
     rho_mm = radius_of_gyration(job.part.outline_mm)
     metric = metric_of(job, rho_mm)
     x, y, theta = (
@@ -133,9 +120,9 @@ def _goal(job: Job) -> GoalSpec:
     )
     # Tolerances that the kind of goal does not look at are zero.
     tolerance = {"tolerances": (x, y, theta), "orientation": (0, 0, theta)}.get(metric.kind, (0, 0, 0))
-    return GoalSpec(
+    return tables.GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
-        confidence_ppm=round(PPM * job.goal.confidence),
+        confidence_ppm=round(tables.PPM * job.goal.confidence),
         rho_um=round(1e3 * rho_mm),
         symmetry=job.part.symmetry,
         kind=metric.kind,
@@ -144,10 +131,10 @@ def _goal(job: Job) -> GoalSpec:
     )
 
 
-def _limits(job: Job, depth: int) -> Limits:
+def _limits(job: Job, depth: int) -> tables.Limits:
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
-    return Limits(
+    return tables.Limits(
         max_depth=depth,
         max_force_mn=round(1e3 * cell.max_force_n),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),

@@ -18,8 +18,7 @@ from runtime.shell.files import usable, writing
 
 NAME = "plan-init"
 T = TypeVar("T")
-FITTING = 0.8
-"""Share of the room between open fingers that is proposed for the uncertainty."""
+FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -15,8 +15,7 @@ from planner.work.progress import Report
 from planner.work.scheduler import Scheduler
 from runtime.shell.files import writing
 
-BESIDE = "beside the table"
-"""What the option has for its value when no file is named."""
+BESIDE = "beside the table"  # what the option has for its value when no file is named
 
 
 def picture_path(value: str, table: Path) -> Path:

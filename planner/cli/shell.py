@@ -10,15 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
@@ -31,12 +24,9 @@ from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
 from runtime.table import TableFile, load
 
-WIDTH = 98
-"""Columns of what --help says."""
-PICTURES = (".png", ".svg", ".pdf")
-"""What matplotlib's pictures may end in."""
-ROLL_OUTS = "rollouts"
-"""Folder of the roll-outs in the cache folder."""
+WIDTH = 98  # columns of what --help says
+PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
 exit codes:
   0 done; 1 internal error; 2 usage; 3 a file is missing or cannot be used; 4 not valid TOML; 5 unknown or
@@ -174,10 +164,10 @@ def progress(quiet: bool) -> Iterator[Report]:
         yield silent
         return
     columns = [
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
-        TextColumn("left:"), TimeRemainingColumn(),
+        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
+        bars.TimeElapsedColumn(), bars.TextColumn("left:"), bars.TimeRemainingColumn(),
     ]  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as bar:
+    with bars.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=None)
         stage_now = ""
 

@@ -21,8 +21,7 @@ from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
-PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}
-"""What the options that ask for pictures may end in."""
+PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 
@@ -98,7 +97,7 @@ def draw(
 
     The files go by the names of `PICTURES`; the simulator and the parameters are those of the results.
     """
-    from planner.report import animation, canvas, trajectory  # matplotlib takes its time
+    from planner.report import canvas, trajectory  # matplotlib takes its time
 
     traces = []
     cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)
@@ -109,9 +108,9 @@ def draw(
     if path := pictures.get("figure"):
         canvas.save(path, lambda: trajectory.figure(outline, jaws, traces))
     if path := pictures.get("gif"):
-        animation.gif(outline, jaws, traces[0], path)
+        trajectory.gif(outline, jaws, traces[0], path)
     if path := pictures.get("html"):
-        animation.html(outline, jaws, traces, title, path)
+        trajectory.html(outline, jaws, traces, title, path)
 
 
 def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:

@@ -1,13 +1,11 @@
 """What to change where a plan falls short: the measures of this package, put together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from planner.diagnosis import close_widths, noise
-from planner.diagnosis.ambiguity import Ambiguity, ambiguities
+from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
 from planner.diagnosis.close_widths import ClosePair, close_pairs
-from planner.diagnosis.delay import Delay, delays
 from planner.diagnosis.noise import Gain, gains_without_noise
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -16,15 +14,12 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from runtime.table import Table
 
-LONG = 3.6
-"""Squeezes a part from which a plan is long."""
+LONG = 3.6  # squeezes a part from which a plan is long
 MOST_LATE = 3
-MOST_TRIALS = 5000
-"""Parts squeezed for each source of noise."""
+MOST_TRIALS = 5000  # parts squeezed for each source of noise
 
 
-@dataclass(frozen=True, slots=True)
-class Advice:
+class Advice(NamedTuple):
     """What limits a plan."""
 
     failing: float  # share of the parts that are not located

@@ -1,4 +1,4 @@
-"""Poses that a plan leaves open, and the squeeze that would tell them apart, if there is one."""
+"""Poses that a plan leaves open in the end or for long, and squeezes that would tell them apart."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric
+from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
@@ -15,20 +15,21 @@ from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
+from planner.part.outline import radius_of_gyration
+from planner.search.expand import TreeNode, breadth_first
 from runtime.table import HELD_UM, Table
 
-SAMPLES = 40
-"""Squeezes of each pose at each placement that is tried."""
+SAMPLES = 40  # squeezes of each pose at each placement that is tried
 TURNS = 12
 OFFSETS_MM = (-16.0, -10.0, -5.0, 0.0, 5.0, 10.0, 16.0)
-HALF_TURN_ALIKE = 2
-"""A hand turned by half a turn squeezes alike."""
-TELLING = 4.0
-"""A placement tells two poses apart if their mean widths differ by this many standard deviations of both."""
+HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
+TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
 LEAST_TRIALS = 20
-APART = 3.0
-"""Poses further apart than so many times the goal are different poses, nearer ones scatter about one."""
+APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter about one
 SEED_AMBIGUITY = 0x414D4249
+LATE = 3  # squeezes after which most parts should be located
+LEAST_LATE = 0.02  # share of the parts that a late node must hold to be told
+MOST_TOLD = 2  # poses of it
 
 
 class Separator(NamedTuple):
@@ -101,6 +102,26 @@ class Ambiguity(NamedTuple):
         return f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
 
 
+class Delay(NamedTuple):
+    """A node whose parts take one squeeze more."""
+
+    node: int  # its index in the table
+    made: int  # squeezes before it
+    share: float  # of all parts that come to it
+    where: Whereabouts  # the poses of these parts
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"node": self.node, "made": self.made, "share": self.share, **self.where.figures()}
+
+    def line(self) -> str:
+        """For people."""
+        poses, shares, scatter = self.where
+        named = Whereabouts(poses[:MOST_TOLD], shares[:MOST_TOLD]).text(0)
+        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {named}"
+        return text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
+
+
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
     """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
@@ -115,6 +136,18 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
         separator = _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
         share = float(visits[leaf] / len(evaluation.leaf))
         found.append(Ambiguity(leaf, share, where, separator))
+    return found
+
+
+def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
+    """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    inner = [node for node in breadth_first(root) if node.children]
+    late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
+    found = []
+    for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
+        where = whereabouts(inner[k].belief.poses, metric)
+        found.append(Delay(k, inner[k].depth, inner[k].share, where))
     return found
 
 

@@ -11,10 +11,8 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from runtime.table import Calibration, Table, by_count, decision_map
 
-CLOSE_COUNTS = 4.0
-"""Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
-BORDER_COUNTS = 2.0
-"""A reading this near to the border between two branches may have been the other one."""
+CLOSE_COUNTS = 4.0  # nearer widths share readings: settled grippers of the kind differ by as much
+BORDER_COUNTS = 2.0  # a reading this near to the border between two branches may have been the other one
 MOST_LINES = 5
 
 

@@ -1,6 +1,5 @@
 """How good the learned models of a job are, judged by what they were learned from: the squeeze itself."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +21,7 @@ from planner.search.actions import actions_of
 from planner.work.progress import Report, silent
 
 PARTICLES = 2000
-RUNS = 4
-"""Of the model and of the simulator."""
+RUNS = 4  # of the model and of the simulator
 PLACEMENTS = 100_000
 SEED = 0x5155
 
@@ -45,8 +43,7 @@ class ActionQuality(NamedTuple):
     simulated: float  # share of the particles that the model leaves to the simulator
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Quality:
+class Quality(NamedTuple):
     """What there is to say about the models of a job."""
 
     rollouts: int  # how many there are

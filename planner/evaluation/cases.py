@@ -13,14 +13,10 @@ from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.part.outline import convex_hull, min_width
 
-OFFSET_COUNTS = 2.0
-"""An encoder's zero may be off by so much."""
-UNEVEN = 0.1
-"""A finger may make so much more or less of the closing motion than planned."""
-SLIGHTLY_UNEVEN = 0.02
-"""The same, for a report: 1.3 mm where the jaws close by 64."""
-STEADY_DOF = 1_000_000
-"""Degrees of freedom at which the limit surface no longer scatters."""
+OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
+UNEVEN = 0.1  # a finger may make so much more or less of the closing motion than planned
+SLIGHTLY_UNEVEN = 0.02  # the same, for a report: 1.3 mm where the jaws close by 64
+STEADY_DOF = 1_000_000  # degrees of freedom at which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
 """Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
 that one more makes the others slower; the outermost tell soon enough of a friction that lies farther away."""

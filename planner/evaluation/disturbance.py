@@ -32,5 +32,4 @@ class Disturbance:
         return np.asarray(placed)
 
 
-NONE = Disturbance()
-"""A cell as the plan believes it to be."""
+NONE = Disturbance()  # a cell as the plan believes it to be

@@ -9,8 +9,7 @@ from planner.belief.metric import Metric, Mode
 from runtime.table import Table, poses_of
 
 MOST_POSES = 4
-LEAST_SHARE = 0.1
-"""Poses that hold less of a leaf's parts are scatter."""
+LEAST_SHARE = 0.1  # poses that hold less of a leaf's parts are scatter
 
 
 class Verdict(NamedTuple):

@@ -1,7 +1,6 @@
 """A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,31 +11,24 @@ from planner.evaluation.outcome import NOWHERE, Evaluation
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
-LEAST_VISITS = 200
-"""Leaves visited less often say too little."""
+LEAST_VISITS = 200  # leaves visited less often say too little
 TAIL = 0.025
 JEFFREYS = 0.5
 
 
 class LeafRecord(NamedTuple):
-    """One leaf's account."""
+    """One leaf's account, as JSON tells it."""
 
     leaf: int  # its index
     visits: int  # trials that ended there
-    hits: int  # trials of these in which its pose was within the goal
     predicted: float  # success probability that the table states
-    trials: int  # on how many trials the table's figure rests
-    low: int  # least number of hits that 95 % of such counts lie within, if the prediction is right
-    high: int  # greatest
-
-    @property
-    def holds(self) -> bool:
-        """Whether the observation lies in the interval of the prediction."""
-        return self.low <= self.hits <= self.high
+    predicted_trials: int  # on how many trials the table's figure rests
+    observed: float  # share of the visits in which its pose was within the goal
+    interval95: tuple[float, float]  # that 95 % of such shares lie within, if the prediction is right
+    holds: bool  # whether the observed share does
 
 
-@dataclass(frozen=True, slots=True)
-class Reliability:
+class Reliability(NamedTuple):
     """The reliability table."""
 
     rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table
@@ -49,18 +41,7 @@ class Reliability:
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        rows = [
-            {
-                "leaf": row.leaf,
-                "visits": row.visits,
-                "predicted": row.predicted,
-                "predicted_trials": row.trials,
-                "observed": row.hits / row.visits,
-                "interval95": [row.low / row.visits, row.high / row.visits],
-                "holds": row.holds,
-            }
-            for row in self.rows
-        ]
+        rows = [row._asdict() for row in self.rows]
         return {"leaves": len(rows), "share_within_95": self.share, "mean_gap": self.gap, "table": rows}
 
 
@@ -84,9 +65,10 @@ def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_
         seen = predicted * leaf.trials
         prior = (seen + JEFFREYS, leaf.trials - seen + JEFFREYS)
         low, high = (int(betabinom.ppf(q, visits, *prior)) for q in (TAIL, 1.0 - TAIL))
-        rows.append(LeafRecord(index, visits, hits, predicted, leaf.trials, low, high))
+        interval, holds = (low / visits, high / visits), low <= hits <= high
+        rows.append(LeafRecord(index, visits, predicted, leaf.trials, hits / visits, interval, holds))
     total = sum(row.visits for row in rows)
-    gap = sum(abs(row.hits - row.predicted * row.visits) for row in rows) / max(total, 1)
+    gap = sum(row.visits * abs(row.observed - row.predicted) for row in rows) / max(total, 1)
     return Reliability(tuple(rows), float(np.round(gap, 12)))
 
 

@@ -24,10 +24,8 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-TOLERATED = 0.002
-"""Share of confident wrong answers that each such world may have."""
-AMPLIFIED = 0.1
-"""Share of a doubted belief that is wrong, at least: so much that a look-ahead of few particles sees it."""
+TOLERATED = 0.002  # share of confident wrong answers that each such world may have
+AMPLIFIED = 0.1  # least share of a doubted belief that is wrong, for a look-ahead of few particles to see it
 SEED_STRESS = 0x53545253
 
 

@@ -38,10 +38,10 @@ def predictions(table: Table, outcome: Reliability) -> list[str]:
     lines = [f"leaves     {share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
     for row in failed[:MOST_ROWS]:
+        low, high = row.interval95
         lines.append(
-            f"           leaf {row.leaf}: {row.hits / row.visits:.2%} of {row.visits}, predicted "
-            f"{row.predicted:.2%}, with 95 % between {row.low / row.visits:.2%} and "
-            f"{row.high / row.visits:.2%}"
+            f"           leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
+            f"with 95 % between {low:.2%} and {high:.2%}"
         )
     return lines + _more(len(failed))
 

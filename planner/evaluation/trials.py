@@ -21,8 +21,7 @@ from planner.world import World
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
-DISMISSED = int(np.iinfo(np.int64).min)
-"""Target of a count that fits no branch."""
+DISMISSED = int(np.iinfo(np.int64).min)  # target of a count that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 
 

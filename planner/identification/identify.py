@@ -9,7 +9,6 @@ Learning", 7.10).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
@@ -25,12 +24,10 @@ from planner.work.progress import Report, silent
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
 
-RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-"""Pulls towards the ellipsoid to choose from, as numbers of pairs."""
+RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid, as numbers of pairs
 
 FOLDS = 5
-LEAST_PAIRS = 12
-"""Of a file; a split keeps at least half of them for the fit."""
+LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
 
 _FRICTION_ROUNDS = 5
 
@@ -55,8 +52,7 @@ class Fit(NamedTuple):
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identified:
+class Identified(NamedTuple):
     """An identified limit surface and how well its kind predicts pushes that it was not fitted to."""
 
     kind: Kind  # "ellipsoid" or "quartic"

@@ -30,16 +30,13 @@ MARKER_TO_PART_MM = np.array([50.0, 50.0])
 FACES = np.array([[-1.0, 0.0], [0.0, -1.0], [math.sqrt(0.5), math.sqrt(0.5)]])
 """Outward normals of the block's faces."""
 
-FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])
-"""Distances of the faces from the centroid."""
+FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the faces from the centroid
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = 0.5
-"""Scatter of a contact's distance from its face over the likely size of the tip's offset: mm over mm."""
+TIP_PRIOR = 0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
 
-MAX_TILT_DEG = 15.0
-"""A pose tilted more than this is not that of a block on a table: the numbers are in another order."""
+MAX_TILT_DEG = 15.0  # of a block on a table; beyond it the numbers are in another order
 
 MOST_PUSHES = 100_000
 MOST = 1e30

@@ -40,12 +40,12 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 DPI = 200
+# What to leave out of a file, by suffix, so that it does not change with the day.
 UNSIGNED = {
     ".png": {"Software": None},
     ".svg": {"Creator": None, "Date": None},
     ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
 }
-"""What to leave out of a file, by suffix, so that it does not change with the day."""
 
 
 def style() -> AbstractContextManager[None]:

@@ -28,10 +28,8 @@ METHOD_COLOURS = {
     "paper-sequence": canvas.GREEN,
     "sensorless": canvas.RED,
 }
-PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)
-"""Squeezes a second by the paper's simulation: "0.5 to 3 seconds for rolling out 1 particle" (V.B)."""
-PAPER_LEARNED = 5000.0
-"""Particles a second by the paper's learned motion: "about 1 second to roll out 5000 particles" (V.B)."""
+PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
+PAPER_LEARNED = 5000.0  # particles a second: "about 1 second to roll out 5000 particles" (V.B)
 
 
 class Bar(NamedTuple):

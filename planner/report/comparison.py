@@ -5,10 +5,9 @@ The judge is the stochastic contact world of the row, with fresh seeds, whatever
 
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,7 @@ SEED_TRIALS = 0x5432
 Figures = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """A part in a world."""
 
     name: str  # what the row is called: an experiment of the paper, or a part
@@ -38,14 +36,14 @@ class Row:
     world: tuple[str, ...] = ()  # values that differ in the world that judges, which the planner is not told
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(NamedTuple):
     """A way to plan: a name, and the values of the job that ask for it."""
 
     name: str
     job: tuple[str, ...] = ()
 
 
+# The default, the default without placements proposed by the belief, and the paper's three.
 METHODS = {
     name: Method(name, job)
     for name, job in {
@@ -56,7 +54,6 @@ METHODS = {
         "sensorless": ("search.method=sensorless",),
     }.items()
 }
-"""The default, the default without placements proposed by the belief, and the paper's three."""
 
 
 def table_rows(trees: Path) -> list[Row]:

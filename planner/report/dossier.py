@@ -6,35 +6,37 @@ seed give the same bytes.
 
 import hashlib
 import json
-from dataclasses import dataclass
-from typing import Any
+from collections import Counter
+from itertools import groupby
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from planner.arrays import Array
+from planner.belief.particles import subsample
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.trials import Step
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
-from planner.report.details import leaf_details, node_details
 from planner.report.models import Models
-from planner.report.replay import replay
+from planner.report.replay import Replay, replay
 from planner.report.run_log import RunLog
 from planner.report.templating import points, template
 from planner.world import make
-from runtime.table import PPM, Table, wilson_interval
+from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
-STRIPS = 400
-"""Most nodes whose clusters are drawn on the page itself; the others' are drawn when they are chosen."""
-LISTED = 5000
-"""Most parts of a journal that the page lets one walk through: all that failed first, then the latest."""
+STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
+MOST = 60  # most outlines of one belief
+BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
+LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(NamedTuple):
     """What a page is about: the table's file name and bytes, the journal laid over it, and its models."""
 
     name: str
@@ -68,6 +70,27 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         worlds=[(line.case.name, line.evaluation.summary()) for line in others],
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
     )  # fmt: skip
+
+
+def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
+    """One object a node: its squeeze, branches, belief, and counts read in the replay."""
+    most, calibration = _most(table), Calibration.linear(table.gripper)
+    return [
+        _node(node, visit, by_count(decision_map(node, calibration)), most)
+        for node, visit in zip(table.nodes, beliefs.visits, strict=True)
+    ]
+
+
+def leaf_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
+    """One object a leaf: its pose, what its trials showed, where its parts lay."""
+    most = _most(table)
+    return [_leaf(leaf, poses, most) for leaf, poses in zip(table.leaves, beliefs.leaves, strict=True)]
+
+
+def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """Neighbouring encoder counts of one meaning: the first, the last, and the branch's index or `REJECT`."""
+    groups = (list(group) for _, group in groupby(range(len(outcome)), key=outcome.__getitem__))
+    return [(counts[0], counts[-1], outcome[counts[0]]) for counts in groups]
 
 
 def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
@@ -129,3 +152,52 @@ def _log(log: RunLog) -> dict[str, Any]:
             for part in (log.parts[number] for number in shown)
         ],
     }
+
+
+def _most(table: Table) -> int:
+    return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
+
+
+def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
+    """Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table."""
+    squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
+    return {
+        "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
+        "opening": squeeze.opening_um,
+        "speed": squeeze.speed_um_s,
+        "force": squeeze.force_mn,
+        "clearance": squeeze.clearance_um,
+        "release": node.release,
+        "visits": len(visit.before),
+        "belief": _poses(visit.before, most),
+        "branches": [
+            [
+                branch.low_um, branch.expected_um, branch.high_um, branch.probability_ppm, branch.target,
+                taken[number],
+            ]
+            for number, branch in enumerate(node.branches)
+        ],
+        "rejected": taken[REJECT],
+        "map": [run for run in runs(outcome) if run[2] != REJECT],
+        "seen": sorted(Counter(visit.counts.tolist()).items()),
+    }  # fmt: skip
+
+
+def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
+    success = round(leaf.success_ppm * leaf.trials / PPM)
+    return {
+        "pose": [leaf.x_um, leaf.y_um, leaf.theta_urad],
+        "covariance": leaf.covariance,
+        "success": leaf.success_ppm,
+        "interval": [round(bound, 5) for bound in wilson_interval(success, leaf.trials)],
+        "trials": leaf.trials,
+        "resolved": leaf.resolved,
+        "alternatives": leaf.alternatives,
+        "visits": len(poses),
+        "belief": _poses(poses, most),
+    }
+
+
+def _poses(poses: Array, most: int) -> list[list[int]]:
+    scaled = np.rint(subsample(poses, most) * (100.0, 100.0, 1000.0))
+    return cast(list[list[int]], scaled.astype(np.int64).tolist())

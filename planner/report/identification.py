@@ -14,11 +14,9 @@ from planner.report import canvas
 COLOURS = {"ellipsoid": canvas.BLUE, "quartic": canvas.RED}
 MARKS = {"ellipsoid": "o", "quartic": "^"}
 AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
-SECTIONS = ((0, 1), (0, 2), (1, 2))
-"""Axes of each cross-section; the third is zero there."""
+SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
-NEAR = 0.35
-"""Data whose wrench is out of a section's plane by less than this share of its length are drawn dark."""
+NEAR = 0.35  # wrenches out of a section's plane by less than this share of their length are drawn dark
 
 SIZE_IN = (7.4, 5.0)
 

@@ -10,8 +10,7 @@ from runtime.shell import strict_json
 MAX_BYTES = 16 << 20
 WRITE = "have plan-compile --models-report write it"
 
-Models: TypeAlias = dict[str, Any]
-"""The figures of `planner.cli.models_report.figures`, as far as a page shows them."""
+Models: TypeAlias = dict[str, Any]  # the figures of `planner.cli.models_report.figures` that a page shows
 
 
 def _number(told: Any) -> float:
@@ -21,6 +20,7 @@ def _number(told: Any) -> float:
     return value
 
 
+# What must be there, and what reads it.
 SHAPE: Models = {
     "job_digest": str,
     "rollouts": int,
@@ -41,7 +41,6 @@ SHAPE: Models = {
     "subspaces": [{"low_mm": _number, "mean_mm": _number, "high_mm": _number, "rollouts": int}],
     "notes": [str],
 }  # fmt: skip
-"""What must be there, and what reads it."""
 
 
 def read(path: Path, job_digest: str) -> Models:

@@ -21,31 +21,25 @@ from planner.report import canvas, trajectory
 from planner.report.replay import Replay
 from runtime.table import Table
 
-OUTLINES = 90
-"""Most outlines drawn in one panel."""
-DARKNESS = 0.75
-"""Of the place that all outlines of a panel cover."""
-WIDTH_IN = 8.3
-"""Of a picture: 800 pixels at a text of 8 to 9 points, what a README shows without shrinking it."""
+OUTLINES = 90  # most outlines drawn in one panel
+DARKNESS = 0.75  # of the place that all outlines of a panel cover
+WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: what a README shows without shrinking it
 FONT = 8.5
 
+# The four ends of the paper's Fig. 3, and poses in the hand frame [mm, mm, rad] that lead to them.
 BUTTERFLY_POSES = (
     ("slipped into free space", (19.3, -15.0, 0.7)),
     ("jammed", (-5.7, 12.1, 0.8)),
     ("grasped with offset", (-13.3, -11.5, 1.5)),
     ("grasped with offset", (-0.7, 3.8, 2.7)),
 )
-"""The four ends of the paper's Fig. 3, and poses in the hand frame [mm, mm, rad] that lead to them."""
 MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
-SQUEEZES = 8000
-"""Rolled out for the subspaces of Fig. 4."""
-SPREAD_MM = 20.0
-"""Half the side of the square that their centres start in: enough for some to be missed."""
+SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
+SPREAD_MM = 20.0  # half the side of the square that their centres start in: enough for some to be missed
 SEED = 4
-COLUMNS = 4
-"""Most panels beside each other."""
+COLUMNS = 4  # most panels beside each other
 
 
 class Step(NamedTuple):

@@ -23,12 +23,9 @@ from runtime.table import Leaf, Table, predicted_pose
 
 PANEL = 64.0
 EDGE = 8.0
-DARKNESS = 0.7
-"""Of the place that all outlines of a panel cover."""
-MOST = 40
-"""Most outlines in one panel."""
-BUDGET = 4000
-"""Outlines that a page draws at once without a wait; shared by all panels."""
+DARKNESS = 0.7  # of the place that all outlines of a panel cover
+MOST = 40  # most outlines in one panel
+BUDGET = 4000  # outlines that a page draws at once without a wait; shared by all panels
 TRIALS = 20_000
 NOTHING = np.empty((0, 3, 2))
 

@@ -14,7 +14,7 @@ from run_logs import chained, header, part
 from planner.cli import report
 from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
-from planner.report import details, dossier, run_log
+from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
 from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load, wilson_interval
 
@@ -102,7 +102,7 @@ def test_counts_and_branches_are_those_of_the_look_up(data):
 
 def test_runs_put_a_map_together_again():
     outcome = (1, 1, -1, 0, 0, 0, 1)
-    assert details.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
+    assert dossier.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
 
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():
