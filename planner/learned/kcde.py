@@ -3,13 +3,9 @@
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight, exactly: all count whose weight exceeds e^-20
-of the largest. Beyond the paper:
-
-- The estimate is made of the roll-outs that touch (`planner.mechanics.clearance`) and used for the parts that
-  are touched. All others stay exactly where they are.
-- Turning the hand by half a turn exchanges the fingers. Where both close alike every roll-out counts twice
-  (not in paper mode).
+part's rotational order. A draw picks a roll-out by its weight; all count whose weight exceeds e^-20 of the
+largest. Beyond the paper, only parts that are touched (`planner.mechanics.clearance`) are moved, and each
+roll-out counts twice where a hand turned by half a turn closes alike (not in paper mode).
 """
 
 from __future__ import annotations
@@ -22,18 +18,15 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
-from planner.learned.neighbours import Grid, grid_of, keep_least, nearest_within
+from planner.learned.neighbours import Grid, grid_of, keep_nearest, nearest_within
 from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
-SPREAD = 40.0
-"""In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing."""
-PAPER_MM = 0.5
-"""h1 and h2 of the paper."""
+SPREAD = 40.0  # In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing
+PAPER_MM = 0.5  # h1 and h2 of the paper
 PAPER_NEIGHBOURS = 400
-LOOK = 0.8
-"""Guess of the distance to the nearest roll-out, in spacings; it affects speed only."""
+LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
 HALF_TURN = np.array([-1.0, -1.0, 1.0])
 
@@ -161,8 +154,9 @@ def _draw(
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
         found, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
-        if model.most > 0:
-            found = keep_least(place, squares, found, model.most)
+        if 0 < model.most < found:
+            keep_nearest(place, squares, found, model.most)
+            found = model.most
         j = place[_pick(squares, found, h1, chance[i])]
         out[i, 0] = model.end[j, 0] + h2 * noise[i, 0]
         out[i, 1] = model.end[j, 1] + h2 * noise[i, 1]

@@ -27,8 +27,7 @@ from planner.work.scheduler import Scheduler, Threads
 
 FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
-H1_SPACINGS = 0.125
-"""h1, in spacings of the roll-outs."""
+H1_SPACINGS = 0.125  # h1, in spacings of the roll-outs
 H2_MM = 0.05
 """h2. Both are far below what the held-out likelihood prefers: it judges the density pose by pose, while a
 belief averages over its particles by itself. Its energy distance from the simulator's decides (0022).
@@ -47,13 +46,7 @@ class LearnedModel:
 
     @classmethod
     def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
-        """Learns the model from n roll-outs.
-
-        Args:
-            simulator: what they were made with.
-            encoder: what reads the widths.
-            order: rotational order of the part.
-            rolled: the roll-outs.
+        """Learns the model from roll-outs of the simulator, for a part of a rotational order.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -122,14 +115,7 @@ def learned_model(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> tuple[LearnedModel, RollOuts]:
-    """The model learned from the roll-outs of a job, and the roll-outs.
-
-    Args:
-        job: the checked job.
-        simulator: its squeezes.
-        store: where roll-outs are kept; nowhere if None.
-        scheduler: who rolls them out; as many threads as the simulator has if None.
-        report: told about progress.
+    """The model learned from the roll-outs of a job, and the roll-outs; arguments as `roll_outs`.
 
     Raises:
         ClusterError: the cluster was lost.

@@ -17,10 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 
 DIGEST = 32
-LIMIT_BYTES = 4 * 2**30
-"""Size above which the entries not used for longest are removed."""
-STALE_S = 3600.0
-"""Age at which a half-written file counts as left by a process that was killed."""
+LIMIT_BYTES = 4 * 2**30  # Size above which the entries not used for longest are removed
+STALE_S = 3600.0  # Age at which a half-written file counts as left by a process that was killed
 
 _KEY = re.compile(r"[0-9a-f]{8,}")
 

@@ -1,7 +1,6 @@
 """Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
 
-A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and
-friction, so the result depends on the arguments alone, never on the number of workers.
+Every roll-out has its own limit surface and friction, so the result does not depend on the number of workers.
 """
 
 from __future__ import annotations
@@ -18,17 +17,8 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.squeeze import (
-    GRASPED,
-    JAMMED,
-    STATUS_NAMES,
-    Body,
-    Scratch,
-    grip_of,
-    squeeze,
-    squeeze_many,
-    squeeze_workspace,
-)
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, grip_of, squeeze, squeeze_many
+from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.part.outline import reach, simplified
 from planner.work.scheduler import Threads
@@ -102,12 +92,7 @@ class Simulator:
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
-        """One squeeze, step by step.
-
-        Args:
-            pose: (3,) in the hand frame, jaws open.
-            surface: (3, 3) ellipsoid or (6, 6) quartic.
-            mu: friction at both fingers.
+        """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 
         Returns:
             (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
@@ -123,15 +108,7 @@ class Simulator:
         return np.concatenate([rows[:count], end]), int(status)
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes each pose once.
-
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            parameters: one set for each.
-
-        Returns:
-            Final poses, widths and statuses, independent of the number of workers.
-        """
+        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)

@@ -31,14 +31,7 @@ def plan_paper(
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
     longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
-    free of collision, or none keeps the ratio.
-
-    Args:
-        job: the checked job.
-        simulator: its squeeze.
-        store: where roll-outs are kept.
-        scheduler: who rolls out.
-        report: told about progress.
+    free of collision, or none keeps the ratio. Roll-outs as `roll_outs`.
     """
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)

@@ -10,22 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.part.outline import Outline, convex_hull
 
-FLUSH_RAD = 1e-9
-"""Edges whose normals differ by less than this are parallel."""
-
-
-class Extrema(NamedTuple):
-    """Local minima and maxima of a width function, each (k,), in [0, pi), rising and alternating."""
-
-    minima: Array
-    maxima: Array
+FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this are parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +35,7 @@ class WidthFunction:
         chord = self.chords[arc]
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
-    def extrema(self, ripple_mm: float = 0.0) -> Extrema:
+    def extrema(self, ripple_mm: float = 0.0) -> tuple[Array, Array]:
         """The minima and maxima that are left when ripples shallower than `ripple_mm` are smoothed out.
 
         A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
@@ -61,7 +52,7 @@ class WidthFunction:
                 break
             kept = np.setdiff1d(np.arange(len(at)), [first, (first + 1) % len(at)])
             at, depth, kinds = at[kept], depth[kept], kinds[kept]
-        return Extrema(at[kinds], at[~kinds])
+        return at[kinds], at[~kinds]
 
 
 def width_function(outline: Outline) -> WidthFunction:
