@@ -74,9 +74,8 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
     """Checks a parsed job file, key by key; conflicts between keys are the job's business.
 
-    Returns:
-        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
-        one of `ABSENT_SECTIONS` that is not there.
+    Returns section name to key to checked value, defaults filled in; the section "" is the top level, and one
+    of `ABSENT_SECTIONS` that is not there is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.

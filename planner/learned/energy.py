@@ -53,17 +53,10 @@ def compare(
     """Compares push-forwards of a belief through squeezes at placements (k, 3), one comparison after each.
 
     Runs that start from the same particles differ by the squeezes' doing alone: that is the strictest
-    comparison. Runs that start from particles of their own also differ as samples of one belief do.
-
-    Args:
-        model: the motion model in question.
-        reference: the simulator as a motion model.
-        beliefs: (n, 3) particles in the world that each run starts from, n >= 1 [mm, mm, rad]: as many runs
-            of the simulator, at least 2, after as many of the model.
-        placements: where the hand squeezes, one after the other.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-        rng: source of all randomness.
+    comparison. Runs that start from particles of their own also differ as samples of one belief do. Each run
+    starts from (n, 3) particles in the world, n >= 1 [mm, mm, rad]: as many runs of the simulator
+    (`reference`), at least 2, after as many of the model. `rho_mm` is what one radian weighs, `order` the
+    part's rotational order.
     """
     half = len(beliefs) // 2
     models = [model] * half + [reference] * half

@@ -28,7 +28,7 @@ PAPER_MM = 0.5  # h1 and h2 of the paper
 PAPER_NEIGHBOURS = 400
 LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
-HALF_TURN = np.array([-1.0, -1.0, 1.0])
+HALF_TURN, TURN = np.array([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, math.pi])
 
 
 class Sampled(NamedTuple):
@@ -62,15 +62,9 @@ class Kcde(NamedTuple):
     ) -> Self:  # fmt: skip
         """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
 
-        Args:
-            rolled: the roll-outs.
-            outline: (N, 2) the part [mm].
-            jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-            rho_mm: what one radian weighs, above 0.
-            order: rotational order of the part, at least 1.
-            h1_mm: bandwidth of initial poses, above 0.
-            h2_mm: bandwidth of final poses, not below 0.
-            paper: use each roll-out once, and the nearest 400 only.
+        The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
+        those of `clearance.jaws_of`. Bandwidths of initial and final poses are h1, above 0, and h2. In paper
+        mode each roll-out is used once, and the nearest 400 only.
 
         Raises:
             ValueError: no roll-out touches the part, or a bandwidth is out of range.
@@ -83,8 +77,9 @@ class Kcde(NamedTuple):
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
         if jaws[3] == 0.5 and not paper:
-            initial, end = _with_half_turns(initial, end)
-            used = np.concatenate([used, used])
+            turned = np.column_stack([end[:, :3] * HALF_TURN + TURN, end[:, 3]])
+            initial = np.concatenate([initial, initial * HALF_TURN + TURN])
+            end, used = np.concatenate([end, turned]), np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
         row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm, order, h1_mm, h2_mm, most)
@@ -118,12 +113,6 @@ class Kcde(NamedTuple):
         result.source[touched] = self.source[source]
         result.nearest_mm[touched] = nearest
         return result
-
-
-def _with_half_turns(initial: Array, end: Array) -> tuple[Array, Array]:
-    turn = np.array([0.0, 0.0, math.pi])
-    turned = np.column_stack([end[:, :3] * HALF_TURN + turn, end[:, 3]])
-    return np.concatenate([initial, initial * HALF_TURN + turn]), np.concatenate([end, turned])
 
 
 @kernel

@@ -135,9 +135,8 @@ def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> N
 def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
     """What closing fingers do first to a part (N, 2) with `jaws` (4,), at `poses` (n, 3) in the hand frame.
 
-    Returns:
-        (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger
-        would come down on the part.
+    (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger would
+    come down on the part.
     """
     verdict = np.zeros(len(poses), np.int64)
     _classify(outline, np.ascontiguousarray(poses), jaws, verdict)

@@ -8,11 +8,10 @@ extend outwards by their thickness. Four pairs of features can touch:
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
-A pair counts only where its normal lies in the normal cones of both features, so that "vertex on face" and
-"corner on edge" at the end of a finger are alternatives and never both; nearly parallel pairs are the
+A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
 
-Contacts live in two plain arrays, one row a contact, so that the kernels pass few arguments:
+Contacts live in two plain arrays, one row a contact:
 
     C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and

@@ -97,12 +97,8 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the part of A F across the
     unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the result
-    indefinite, eigenvalues are raised to `MIN_EIGENVALUE`.
-
-    Args:
-        F: (K, 3) normalised wrenches.
-        V: (K, 3) normalised twists, any magnitude but 0.
-        weights: (K,) of the pairs' squared residuals; even if not given.
+    indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any magnitude
+    but 0; `weights` (K,) are those of the squared residuals.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b

@@ -87,10 +87,9 @@ def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) 
     """Draws random convex quartics around a nominal one: their certificates (n, 9, 9), by Wishart.
 
     A Wishart draw with mean Q is positive definite, but 21 of its 45 dimensions belong to no quartic. They
-    are projected away, orthogonally in the metric of Q (with Q = C C^T, on C^-1 Q' C^-T); averaging plain
-    entries instead would lose convexity. The mean stays Q, and the result does not depend on the units of F.
-    The rare draw that the projection leaves indefinite is moved towards Q until it is not. `dof` is at least
-    9.
+    are projected away, orthogonally in the metric of Q (with Q = C C^T, on C^-1 Q' C^-T): so the mean stays
+    Q, and the result does not depend on the units of F. The rare draw that this leaves indefinite is moved
+    towards Q until it is not. `dof` is at least 9.
     """
     factor = np.linalg.cholesky(surface.certificate)
     inverse = np.linalg.inv(factor)

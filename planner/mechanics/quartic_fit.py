@@ -49,13 +49,9 @@ def fit(
 ) -> QuarticSurface:
     """Fits a convex quartic to pairs of normalised wrenches (K, 3) and twists (K, 3) of any magnitude but 0.
 
-    Args:
-        F: wrenches.
-        V: twists.
-        rho_mm: the length that both are normalised with.
-        weights: (K,) of the pairs' squared residuals; even if not given.
-        ridge: pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
-        robust: fit the twist's angle, and that by size instead of square, for measured pairs with outliers.
+    `rho_mm` normalises both; `weights` (K,) are those of the pairs' squared residuals. `ridge` pulls towards
+    the ellipsoid fitted to the same pairs, as a number of pairs. `robust` fits the twist's angle, and that by
+    size instead of square, for measured pairs with outliers.
 
     Raises:
         QuarticFitError: the solver fails.

@@ -80,9 +80,8 @@ class Simulator:
 
     def nominal(self, n: int, mu: float) -> Parameters:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
-        return Parameters(
-            np.repeat(limit_surface.nominal(self.surface)[None], n, axis=0), np.full((n, 2), mu)
-        )
+        surface = limit_surface.nominal(self.surface)
+        return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
 
     def sample(self, n: int, rng: np.random.Generator) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
@@ -94,9 +93,8 @@ class Simulator:
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
         """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 
-        Returns:
-            (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
-            and the status.
+        Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
+        status.
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
         body = Body(self.outline, reach(self.outline), surface, self.surface.rho_mm)

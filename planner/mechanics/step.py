@@ -71,7 +71,7 @@ STEP_WORK = np.dtype(
 )
 """Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G.
 
-One record instead of many arrays: a kernel hands it on as one pointer, without counting references.
+One record is handed on as one pointer, without counting references (decision 0008).
 """
 StepWork: TypeAlias = Any
 
@@ -215,17 +215,9 @@ def solve(
     """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
 
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method.
-
-    Args:
-        A: (3, 3) limit surface matrix in the hand frame.
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
-        C: `count` contacts, completed by `directions`; the forces are modified in place.
-        I: the same, integers.
-        count: of contacts.
-        work: workspace, modified in place.
-        V: (3,) receives the displacement (dx, dy, rho dtheta) [mm].
+    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method. A
+    (3, 3) is in the hand frame; C and I are `count` contacts, completed by `directions`, whose forces are
+    modified in place; V (3,) receives the displacement (dx, dy, rho dtheta) [mm].
     """
     V[0] = V[1] = V[2] = 0.0
     active = work.active

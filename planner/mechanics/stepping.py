@@ -47,10 +47,9 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-C, I: contact buffers. step: workspace of the step. listed: how many vertices are placed, how many are near,
-and how many contacts were found. A: the ellipsoid, or the quartic's local one, in the hand frame; local: the
-same in the part's frame. F: unit wrench of the last step, in the part's frame. V: displacement. trial: pose
-after the step; half: pose in its middle. fingers: y of the inner faces, upper and lower.
+C, I: contacts. listed: how many vertices are placed and near, how many contacts were found. A: the
+ellipsoid, or the quartic's local one, in the hand frame; local: in the part's. F: unit wrench of the last
+step, in the part's frame. trial, half: pose after the step and in its middle. fingers: y of the inner faces.
 """
 SqueezeWork: TypeAlias = Any
 

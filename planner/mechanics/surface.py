@@ -36,11 +36,7 @@ def nominal(surface: Surface) -> Array:
 
 
 def sample(surface: Surface, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Physically consistent random surfaces for kernels (paper IV: Wishart with n_df = `dof`).
-
-    Returns:
-        (n, 3, 3) matrices of ellipsoids or (n, 6, 6) tables of quartics.
-    """
+    """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
     return hessian_tables(coefficients_of(quartic.sample(surface, dof, rng, n)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from planner.belief.observation import encoder_of
@@ -40,9 +42,7 @@ def plan_paper(
         placements=placements,
         models=learn(rolled, simulator, encoder, rho_mm, job.part.symmetry),
         encoder=encoder,
-        clearance=lambda belief, placement: least_clearance(
-            simulator.outline, simulator.jaws, belief, placement
-        ),
+        clearance=partial(least_clearance, simulator.outline, simulator.jaws),
         method=job.search.method,
         depth=search_depth(len(placements)),
         max_depth=job.search.max_depth,

@@ -73,12 +73,12 @@ def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
     held = width_mm[~empty]
     groups, merged = _held_groups(held, encoder.opening_mm, apart_mm, 1.0 - EXPLAINED)
     groups = [width_mm[empty], *groups]
-    low = np.array([part.min() if len(part) else 0.0 for part in groups])
-    high = np.array([part.max() if len(part) else 0.0 for part in groups])
+    measures = [(part.min(), part.mean(), part.max()) if len(part) else (0.0, 0.0, 0.0) for part in groups]
+    low, mean, high = np.array(measures).T
     between = 0.5 * (high[1:-1] + low[2:])
     return Subspaces(
         low_mm=low,
-        mean_mm=np.array([part.mean() if len(part) else 0.0 for part in groups]),
+        mean_mm=mean,
         high_mm=high,
         size=np.array([len(part) for part in groups]),
         edges_mm=np.concatenate([[free_mm], between])[: len(groups) - 1],

@@ -1,9 +1,8 @@
 """The width function of a part: how far apart two parallel jaws stand that both touch it (Goldberg 1993).
 
-K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993), calls it the diameter
-function. Its argument here is the closing direction phi in the part's frame: a part at angle theta in the
-hand frame, where the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the normals of
-the hull's edges two fixed vertices touch: maxima lie within such an arc and minima at its ends.
+Its argument is the closing direction phi in the part's frame: a part at angle theta in the hand frame, where
+the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges
+two fixed vertices touch: maxima lie within such an arc and minima at its ends.
 """
 
 from __future__ import annotations

@@ -98,9 +98,8 @@ def _split_triangle(count: int) -> Array:
     upright = np.column_stack([i, j])[i + j < count]
     corners = np.array([[0, 0], [1, 0], [0, 1]])
     inverted = upright[upright.sum(axis=1) < count - 1]
-    small = (
-        np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
-    )  # (count^2, 3, 2)
+    # (count^2, 3, 2)
+    small = np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
     # The rule of degree 2 with points at (2/3, 1/6, 1/6) and its turns.
     rule = np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3)
     inner = (rule @ small).reshape(-1, 2)

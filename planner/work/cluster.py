@@ -1,7 +1,7 @@
 """Work on more than one machine: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
 
-The scheduler and every worker run in an environment with the same version of this package. The scheduler
-gives the work of a worker that dies to the others; no more is lost than what was running there.
+All run in an environment with the same version of this package. The scheduler gives the work of a worker that
+dies to the others.
 """
 
 from __future__ import annotations

@@ -66,9 +66,8 @@ def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contou
     contour = found[(number or 1) - 1]
     notes = []
     if contour.holes:
-        notes.append(
-            f"{contour.holes} inner {'contour' if contour.holes == 1 else 'contours'} (holes) ignored"
-        )
+        what = "contour" if contour.holes == 1 else "contours"
+        notes.append(f"{contour.holes} inner {what} (holes) ignored")
     if len(found) > 1:
         notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
     return contour, notes

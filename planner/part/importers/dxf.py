@@ -42,15 +42,10 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The shapes of a DXF file.
+    """The shapes of a DXF file; raises what `file.read_outline` does.
 
     `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
     of a chord from its curve; `where` names the file in errors.
-
-    Raises:
-        UsageError: it does not tell its unit.
-        InputFileError: it is no DXF file, or too damaged to repair.
-        OutlineError: it is too large to be a part's drawing.
     """
     document = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
@@ -127,9 +122,7 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
 
 def _visible(document: Drawing, space: Modelspace) -> Iterator[DXFEntity]:
     """The entities of the model space on layers that are switched on."""
-    hidden = {
-        layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()
-    }  # fmt: skip
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
     for entity in disassemble.recursive_decompose(space):
         if str(entity.dxf.get("layer", "0")).lower() not in hidden:
             yield entity

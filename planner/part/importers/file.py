@@ -43,10 +43,10 @@ def read_outline(path: Path, options: Options) -> Imported:
     """Reads an outline from a file that ends in one of `SUFFIXES`.
 
     Raises:
-        UsageError: the file does not tell its unit or which contour is meant, and the options neither; or its
-            suffix is not known.
+        UsageError: neither file nor options tell the unit or which contour is meant; the height lies beside
+            the solid; the suffix is not known, or trimesh not installed.
         InputFileError: it is missing, too large, or not what its suffix says.
-        OutlineError: it holds no closed contour, or one that crosses itself.
+        OutlineError: it holds no closed contour, one that crosses itself, or too much.
         ValueRangeError: a line of a CSV file is not two numbers.
     """
     where = str(path)

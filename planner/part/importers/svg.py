@@ -35,13 +35,7 @@ ASPECT = 1e-3
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The shapes of an SVG file; arguments as `dxf.read`, a unit_mm of None believes its width and viewBox.
-
-    Raises:
-        UsageError: it does not tell its scale.
-        InputFileError: it is no SVG file, or holds entities.
-        OutlineError: it is too large to be a part's drawing.
-    """
+    """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox."""
     root = _root(data, where)
     if _size(root, where) > MAX_SHAPES:
         raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its copies written out")

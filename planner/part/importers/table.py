@@ -15,16 +15,10 @@ HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORE
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The one ring of a CSV file; arguments as `dxf.read`.
+    """The one ring of a CSV file; as `dxf.read`.
 
     Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
     that begin with # are skipped.
-
-    Raises:
-        UsageError: neither header nor caller tells the unit.
-        InputFileError: it is not text.
-        ValueRangeError: a line is not two numbers.
-        OutlineError: it is far too long.
     """
     try:
         text = data.decode("utf-8-sig")
