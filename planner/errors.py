@@ -33,11 +33,7 @@ class UsageError(PlannerError):
 
 
 class JobError(PlannerError):
-    """The job file cannot be used as it stands.
-
-    Attributes:
-        problem: what is wrong and what to do, without the place: file, section ("" for the top level), key.
-    """
+    """The job file cannot be used as it stands: file, section ("": the top level), key and problem."""
 
     def __init__(self, problem: str, *, where: str = "", section: str = "", key: str = "") -> None:
         # All but `problem` have defaults, so that the error survives pickling between worker processes.
@@ -88,11 +84,7 @@ class FitError(JobError):
 
 
 class NoPlanError(PlannerError):
-    """The search ended without a tree that reaches the goal.
-
-    Attributes:
-        success: the best success rate found, 0 to 1.
-    """
+    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1."""
 
     exit_code = 9
     success = 0.0

@@ -1,8 +1,7 @@
 """The one place that compiles kernels: numba, cached on disk.
 
-Numba notices a change in the file of a cached function, but not in those of the functions it calls. So the
-cache folder is named after the content of all kernels and numba's version; it is the user's, so that an
-installation that is not writable caches as well.
+Numba does not notice a change in the files of the functions that a cached one calls. So the cache folder is
+named after the content of all kernels and numba's version.
 """
 
 from __future__ import annotations

@@ -14,8 +14,7 @@ from planner.learned.model import LearnedModel
 from planner.learned.rollouts import COLLIDES, RollOuts, region_radius
 from planner.mechanics.clearance import STANDS_ON, classify_contact, free_placements
 from planner.mechanics.simulator import Simulator
-from planner.paper.models import CollisionTree
-from planner.paper.sensor import SensorError, SensorModel
+from planner.paper.sensor import CollisionTree, SensorError, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.search.actions import actions_of
 from planner.work.progress import Report, silent

@@ -15,14 +15,11 @@ from planner.part import outline, symmetry
 
 Values = dict[str, Any]
 
-LEAST_QUARTIC_DOF = 9
-"""As many degrees of freedom as the certificate of a quartic has rows."""
+LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 TIP_MARGIN_MM = 1.0
 """How far below the part's top the finger tips squeeze at least: the arm is off, a rim is rounded."""
-HIGHEST_TIPS_MM = 8.0
-"""Where the tips squeeze a part whose height nobody states, or a high one."""
-ON_PART_MM = 1e-3
-"""How far outside the outline a support point may lie, for rounded drawings."""
+HIGHEST_TIPS_MM = 8.0  # Where the tips squeeze a part whose height nobody states, or a high one
+ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
@@ -64,11 +61,10 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     pressure.update(points_mm=points, weights=weights)
 
 
-def place_tips(height_mm: float | None, cell: dict[str, Any]) -> None:
-    """Fills in (in place) a squeeze height that is not stated: half-way up, at most `HIGHEST_TIPS_MM`."""
-    if cell["squeeze_height_mm"] is None:
-        top_mm = math.inf if height_mm is None else height_mm
-        cell["squeeze_height_mm"] = min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
+def tips_height_mm(height_mm: float | None) -> float:
+    """Where the tips squeeze if nobody says: half-way up the part, at most `HIGHEST_TIPS_MM`."""
+    top_mm = math.inf if height_mm is None else height_mm
+    return min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
 
 
 def check_conflicts(values: Values) -> None:

@@ -17,8 +17,7 @@ from runtime.shell import strict_json
 INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
-}
-"""Keys that state the same thing in two ways: to set one drops the other."""
+}  # Keys that state the same thing in two ways: to set one drops the other
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
@@ -75,9 +74,8 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
     """Checks a parsed job file, key by key; conflicts between keys are the job's business.
 
-    Returns:
-        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
-        one of `ABSENT_SECTIONS` that is not there.
+    Returns section name to key to checked value, defaults filled in; the section "" is the top level, and one
+    of `ABSENT_SECTIONS` that is not there is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
@@ -104,12 +102,9 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """A document with values replaced; types and ranges are checked with the job as a whole.
+    """A document (not modified) with values replaced; types and ranges are checked with the job as a whole.
 
-    Args:
-        document: sections and keys, as parsed; not modified.
-        changes: values of the top level, and for each section its new values, applied in this order.
-        where: what errors name as the place.
+    `changes` has values of the top level, and for each section its new values, applied in this order.
 
     Raises:
         UsageError: a key of the top level is taken for a section.
@@ -142,7 +137,6 @@ def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any])
 
 
 def _pressure_fields(table: Any) -> Mapping[str, Field]:
-    """Return the keys that the stated kind of pressure takes."""
     common = FIELDS["pressure"]
     kind_only = {"kind": table["kind"]} if isinstance(table, dict) and "kind" in table else {}
     kind = read_section(kind_only, common, "pressure")["kind"]
@@ -150,7 +144,7 @@ def _pressure_fields(table: Any) -> Mapping[str, Field]:
 
 
 def _check_strays(table: Any, valid: Container[str], section: str) -> None:
-    """Refuse a key that is valid elsewhere, and say where."""
+    """Refuses a key that is valid elsewhere, and says where."""
     if not isinstance(table, dict):
         return
     homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}

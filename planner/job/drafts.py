@@ -9,13 +9,12 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
-from planner.job.checks import place_tips
+from planner.job.checks import tips_height_mm
 from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Imported
 from planner.part.outline import reach
 
-DECIMALS = 4
-"""Of a vertex: 0.1 um, far below any tolerance of a drawing."""
+DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
 class Answers(NamedTuple):
@@ -31,12 +30,7 @@ class Answers(NamedTuple):
 
 
 def draft(imported: Imported, source: str, answers: Answers) -> str:
-    """The text of a job file, checked as every job is.
-
-    Args:
-        imported: the outline.
-        source: name of the file that it came from.
-        answers: the rest.
+    """The text of a job file for an outline from the file `source`, checked as every job is.
 
     Raises:
         JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
@@ -48,8 +42,6 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     width, height = imported.size_mm
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
-    cell: dict[str, float | None] = {"squeeze_height_mm": None}
-    place_tips(thickness, cell)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
@@ -57,7 +49,7 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
         size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
         height=thickness,
-        tips=cell["squeeze_height_mm"],
+        tips=tips_height_mm(thickness),
         vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],

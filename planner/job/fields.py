@@ -17,8 +17,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import KeyNameError, ValueRangeError
 
-REQUIRED: Final = object()
-"""Default of a field that must be stated."""
+REQUIRED: Final = object()  # Default of a field that must be stated
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,18 +45,22 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Integer:
-    """A whole number from `low` to `high`."""
+    """A whole number from `low` to `high`, or a word in its place, if one is given."""
 
     low: int
     high: int
     default: Any = REQUIRED
+    word: str = ""
 
-    def read(self, value: Any) -> int:
+    def read(self, value: Any) -> Any:
         """The value."""
+        advice = f'; or write "{self.word}"' if self.word else ""
+        if self.word and value == self.word:
+            return value
         if isinstance(value, bool) or not isinstance(value, int):
-            raise ValueRangeError(f"must be a whole number, not {shown(value)}")
+            raise ValueRangeError(f"must be a whole number, not {shown(value)}{advice}")
         if not self.low <= value <= self.high:
-            raise ValueRangeError(f"must be from {self.low} to {self.high}, not {shown(value)}")
+            raise ValueRangeError(f"must be from {self.low} to {self.high}, not {shown(value)}{advice}")
         return value
 
 
@@ -80,24 +83,6 @@ class Text:
             wanted = f"one line of 1 to {self.longest} printable characters"
             raise ValueRangeError(f"must be {wanted}, not {shown(value)}")
         return value
-
-
-@dataclass(frozen=True, slots=True)
-class Either:
-    """A word, or else whatever another field takes."""
-
-    word: str
-    other: Integer
-    default: Any = REQUIRED
-
-    def read(self, value: Any) -> Any:
-        """The word or the other field's value."""
-        if value == self.word:
-            return value
-        try:
-            return self.other.read(value)
-        except ValueRangeError as error:
-            raise ValueRangeError(f'{error}; or write "{self.word}"') from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +120,7 @@ class Numbers:
         return "of [x, y] pairs" if self.columns == 2 else f"of rows of {self.columns} numbers"
 
 
-Field: TypeAlias = Number | Integer | Text | Either | Numbers
+Field: TypeAlias = Number | Integer | Text | Numbers
 
 
 def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Grippers and finger materials to begin a job with: starting values, to be measured in the cell.
 
-The 2F-85's figures are those that the rest of the project uses. The others are starting values near what
-the maker announces and checked against no manual; counts, fingertips and friction are measured in the cell.
+The 2F-85's figures are those of the rest of the project; the others are near what the maker announces.
 """
 
 from __future__ import annotations

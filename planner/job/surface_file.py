@@ -7,8 +7,7 @@
 
     [identification]            # how it came about, for people; not read back
 
-A job takes it by `kind = "identified"` and `surface_file`, a path relative to the job file, or with the same
-keys written inline. A job in canonical form always holds them inline.
+A job takes it by `kind = "identified"` and `surface_file`, or inline, as a job in canonical form always does.
 """
 
 from __future__ import annotations
@@ -37,11 +36,9 @@ _FIELDS: Mapping[str, Field] = {
 
 
 def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
-    """The text of a surface file; numbers are exact.
+    """The text of a surface file with values of `schema.LIMIT_SURFACE`; numbers are exact.
 
-    Args:
-        values: rho_mm, and ellipsoid or quartic and certificate, as in `planner.job.schema.LIMIT_SURFACE`.
-        identification: texts, numbers and lists of texts that say how it came about.
+    `identification` has texts, numbers and lists of texts that say how it came about.
     """
     kind = "quartic" if "quartic" in values else "ellipsoid"
     head = {"format": FORMAT, "kind": kind, **values}
@@ -54,12 +51,10 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Reads a surface file: the values of `planner.job.schema.LIMIT_SURFACE`, checked, absent ones None.
+    """Reads a surface file: the values of `schema.LIMIT_SURFACE`, checked, absent ones None.
 
     Raises:
-        InputFileError: missing, unreadable or not UTF-8.
-        TomlError: not valid TOML.
-        JobError: a key unknown or missing, or a value out of range.
+        JobError: the file or a key is missing, unreadable, unknown or out of range.
     """
     document = documents.from_toml(documents.read(path, "check surface_file"), str(path))
     document.pop(IDENTIFICATION, None)
@@ -78,10 +73,8 @@ def load(path: Path) -> dict[str, Any]:
 def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
     """Replaces `surface_file` by what the file holds, and checks what is inline (in place).
 
-    Args:
-        pressure: the checked section of a job; other kinds than "identified" are left as they are.
-        where: the job file; `surface_file` is relative to it.
-        drawn: a job file as people write it; the canonical form may not refer to files.
+    Other kinds than "identified" are left as they are. `surface_file` is relative to the job file `where`;
+    the canonical form (not `drawn`) may not refer to files.
 
     Raises:
         JobError: the file cannot be used, or the surface is stated twice, not at all or not convex.

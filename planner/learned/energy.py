@@ -39,11 +39,7 @@ class Comparison(NamedTuple):
 def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
     """Energy distance of two samples of poses (n, 3) and (m, 3), n, m >= 1 [mm]; at least 0.
 
-    Args:
-        a: poses [mm, mm, rad].
-        b: poses.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
+    `rho_mm` is what one radian weighs, `order` the part's rotational order.
     """
     first, second = _points(a, rho_mm, order), _points(b, rho_mm, order)
     within = float(cdist(first, first).mean() + cdist(second, second).mean())
@@ -54,20 +50,13 @@ def compare(
     model: MotionModel, reference: MotionModel, beliefs: Sequence[Array], placements: Array, rho_mm: float,
     order: int, rng: np.random.Generator,
 ) -> list[Comparison]:  # fmt: skip
-    """Compares push-forwards of a belief through a sequence of squeezes, one comparison after each.
+    """Compares push-forwards of a belief through squeezes at placements (k, 3), one comparison after each.
 
     Runs that start from the same particles differ by the squeezes' doing alone: that is the strictest
-    comparison. Runs that start from particles of their own also differ as samples of one belief do.
-
-    Args:
-        model: the motion model in question.
-        reference: the simulator as a motion model.
-        beliefs: (n, 3) particles in the world that each run starts from, n >= 1 [mm, mm, rad]: as many runs
-            of the simulator, at least 2, after as many of the model.
-        placements: (k, 3) where the hand squeezes, one after the other.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-        rng: source of all randomness.
+    comparison. Runs that start from particles of their own also differ as samples of one belief do. Each run
+    starts from (n, 3) particles in the world, n >= 1 [mm, mm, rad]: as many runs of the simulator
+    (`reference`), at least 2, after as many of the model. `rho_mm` is what one radian weighs, `order` the
+    part's rotational order.
     """
     half = len(beliefs) // 2
     models = [model] * half + [reference] * half

@@ -3,13 +3,9 @@
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight, exactly: all count whose weight exceeds e^-20
-of the largest. Beyond the paper:
-
-- The estimate is made of the roll-outs that touch (`planner.mechanics.clearance`) and used for the parts that
-  are touched. All others stay exactly where they are.
-- Turning the hand by half a turn exchanges the fingers. Where both close alike every roll-out counts twice
-  (not in paper mode).
+part's rotational order. A draw picks a roll-out by its weight; all count whose weight exceeds e^-20 of the
+largest. Beyond the paper, only parts that are touched (`planner.mechanics.clearance`) are moved, and each
+roll-out counts twice where a hand turned by half a turn closes alike (not in paper mode).
 """
 
 from __future__ import annotations
@@ -22,20 +18,17 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
-from planner.learned.neighbours import Grid, grid_of, keep_least, nearest_within
+from planner.learned.neighbours import Grid, grid_of, keep_nearest, nearest_within
 from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
-SPREAD = 40.0
-"""In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing."""
-PAPER_MM = 0.5
-"""h1 and h2 of the paper."""
+SPREAD = 40.0  # In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing
+PAPER_MM = 0.5  # h1 and h2 of the paper
 PAPER_NEIGHBOURS = 400
-LOOK = 0.8
-"""Guess of the distance to the nearest roll-out, in spacings; it affects speed only."""
+LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
-HALF_TURN = np.array([-1.0, -1.0, 1.0])
+HALF_TURN, TURN = np.array([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, math.pi])
 
 
 class Sampled(NamedTuple):
@@ -69,15 +62,9 @@ class Kcde(NamedTuple):
     ) -> Self:  # fmt: skip
         """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
 
-        Args:
-            rolled: the roll-outs.
-            outline: (N, 2) the part [mm].
-            jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-            rho_mm: what one radian weighs, above 0.
-            order: rotational order of the part, at least 1.
-            h1_mm: bandwidth of initial poses, above 0.
-            h2_mm: bandwidth of final poses, not below 0.
-            paper: use each roll-out once, and the nearest 400 only.
+        The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
+        those of `clearance.jaws_of`. Bandwidths of initial and final poses are h1, above 0, and h2. In paper
+        mode each roll-out is used once, and the nearest 400 only.
 
         Raises:
             ValueError: no roll-out touches the part, or a bandwidth is out of range.
@@ -90,8 +77,9 @@ class Kcde(NamedTuple):
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
         if jaws[3] == 0.5 and not paper:
-            initial, end = _with_half_turns(initial, end)
-            used = np.concatenate([used, used])
+            turned = np.column_stack([end[:, :3] * HALF_TURN + TURN, end[:, 3]])
+            initial = np.concatenate([initial, initial * HALF_TURN + TURN])
+            end, used = np.concatenate([end, turned]), np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
         row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm, order, h1_mm, h2_mm, most)
@@ -127,12 +115,6 @@ class Kcde(NamedTuple):
         return result
 
 
-def _with_half_turns(initial: Array, end: Array) -> tuple[Array, Array]:
-    turn = np.array([0.0, 0.0, math.pi])
-    turned = np.column_stack([end[:, :3] * HALF_TURN + turn, end[:, 3]])
-    return np.concatenate([initial, initial * HALF_TURN + turn]), np.concatenate([end, turned])
-
-
 @kernel
 def _pick(squares: Array, found: int, h1: float, chance: float) -> int:
     """Which of the roll-outs found a uniform number picks; `squares` becomes the cumulated weights."""
@@ -161,8 +143,9 @@ def _draw(
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
         found, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
-        if model.most > 0:
-            found = keep_least(place, squares, found, model.most)
+        if 0 < model.most < found:
+            keep_nearest(place, squares, found, model.most)
+            found = model.most
         j = place[_pick(squares, found, h1, chance[i])]
         out[i, 0] = model.end[j, 0] + h2 * noise[i, 0]
         out[i, 1] = model.end[j, 1] + h2 * noise[i, 1]

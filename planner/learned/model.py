@@ -27,12 +27,9 @@ from planner.work.scheduler import Scheduler, Threads
 
 FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
-H1_SPACINGS = 0.125
-"""h1, in spacings of the roll-outs."""
+H1_SPACINGS = 0.125  # h1, in spacings of the roll-outs
 H2_MM = 0.05
-"""h2. Both are far below what the held-out likelihood prefers: it judges the density pose by pose, while a
-belief averages over its particles by itself. Its energy distance from the simulator's decides (0022).
-"""
+"""h2. Both are far below what the held-out likelihood prefers; the energy distance decides (0022)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +44,7 @@ class LearnedModel:
 
     @classmethod
     def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
-        """Learns the model from n roll-outs.
-
-        Args:
-            simulator: what they were made with.
-            encoder: what reads the widths.
-            order: rotational order of the part.
-            rolled: the roll-outs.
+        """Learns the model from roll-outs of the simulator, for a part of a rotational order.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -67,13 +58,10 @@ class LearnedModel:
     def roll_out(
         self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
     ) -> RollOut:
-        """Squeezes poses, as `Simulator.roll_out` does.
+        """Squeezes poses (n, 3) in the hand frame, jaws open, as `Simulator.roll_out` does.
 
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            belief: (n,) number of the belief that each is a particle of, from 0 on.
-            rng: source of all randomness.
-            friction: (n,) of particles that carry one and so are simulated, NaN of the others; None: none do.
+        `belief` (n,) numbers the beliefs, from 0 on, that each is a particle of. `friction` (n,) is that of
+        particles that carry one and so are simulated, NaN of the others.
         """
         drawn = self.motion.sample(poses, rng, self.simulator.workers)
         touched = drawn.source >= 0
@@ -122,14 +110,7 @@ def learned_model(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> tuple[LearnedModel, RollOuts]:
-    """The model learned from the roll-outs of a job, and the roll-outs.
-
-    Args:
-        job: the checked job.
-        simulator: its squeezes.
-        store: where roll-outs are kept; nowhere if None.
-        scheduler: who rolls them out; as many threads as the simulator has if None.
-        report: told about progress.
+    """The model learned from the roll-outs of a job, and the roll-outs; arguments as `roll_outs`.
 
     Raises:
         ClusterError: the cluster was lost.

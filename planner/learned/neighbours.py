@@ -14,8 +14,7 @@ from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
 POINTS_PER_CELL = 2.0
-LARGEST_GRID = 4_000_000
-"""Cells; thin data spread over much space gets larger ones."""
+LARGEST_GRID = 4_000_000  # Cells; thin data spread over much space gets larger ones
 
 
 class Grid(NamedTuple):
@@ -83,14 +82,10 @@ def _scan(
 
 @kernel
 def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) -> int:
-    """Finds all points within `reach` [mm] of a pose; returns how many.
+    """Finds the points within `reach` [mm] of a normalised pose q (3,), its last coordinate in [0, period).
 
-    Args:
-        grid: the points.
-        q: (3,) normalised, the last coordinate in [0, period) [mm].
-        reach: distance [mm].
-        place: (N + 1,) receives where in the grid they stand, in order.
-        squares: (N + 1,) receives their squared distances [mm^2].
+    Returns how many; `place` and `squares` (N + 1,) receive where in the grid they stand, in order, and their
+    squared distances [mm^2].
     """
     nx, ny, nz = grid.shape
     sx, sy, sz = grid.size
@@ -126,18 +121,11 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
 ) -> tuple[int, float]:
-    """Finds the nearest point and all that are at most `spread` farther, in squares of distance.
+    """Finds the nearest point and all that are at most `spread` [mm^2] farther, in squared distance.
 
-    Args:
-        grid: the points, at least one.
-        q: (3,) normalised, the last coordinate in [0, period) [mm].
-        start: distance to look at first [mm]; a good guess saves a second look.
-        spread: what is added to the nearest point's squared distance [mm^2].
-        place: (N + 1,) receives where in the grid they stand.
-        squares: (N + 1,) receives by how much each squared distance exceeds the least [mm^2].
-
-    Returns:
-        How many there are, at least 1; and the nearest point's squared distance [mm^2].
+    Looks at a distance of `start` [mm] first: a good guess saves a second look. Returns how many there are,
+    at least 1, and the nearest point's squared distance; `place` and `squares` (N + 1,) receive where in the
+    grid they stand and by how much each squared distance exceeds the least.
     """
     reach, found = start, 0
     while True:
@@ -159,29 +147,14 @@ def nearest_within(
 
 
 @kernel
-def keep_least(place: IntArray, squares: Array, found: int, most: int) -> int:
-    """Moves the `most` of `found` points of least squared distance to the front (quickselect, Hoare 1961).
-
-    `place` and `squares` (N + 1,) are modified in place. Returns how many are left.
-    """
-    low, high = 0, found - 1
-    while low < high and most < found:
-        pivot = squares[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while squares[i] < pivot:
-                i += 1
-            while squares[j] > pivot:
-                j -= 1
-            if i <= j:
-                squares[i], squares[j] = squares[j], squares[i]
-                place[i], place[j] = place[j], place[i]
-                i += 1
-                j -= 1
-        if most - 1 <= j:
-            high = j
-        elif most - 1 >= i:
-            low = i
-        else:
-            break
-    return min(found, most)
+def keep_nearest(place: IntArray, squares: Array, found: int, most: int) -> None:
+    """Moves the `most` nearest of the points found to the front, in their order; of ties the first."""
+    farthest = np.partition(squares[:found], most - 1)[most - 1]
+    ties = most - np.sum(squares[:found] < farthest)
+    kept = 0
+    for k in range(found):
+        tie = squares[k] == farthest and ties > 0
+        if tie or squares[k] < farthest:
+            place[kept], squares[kept] = place[k], squares[k]
+            kept += 1
+            ties -= tie

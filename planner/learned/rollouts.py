@@ -3,8 +3,7 @@
 They start all over a disc of part centres about the hand, at any angle, each with its own limit surface and
 friction. The disc is cut into rings of one density, rolled out in blocks of `BLOCK` starts. A block depends
 on nothing but the squeeze and its place, which name it in the store and seed its random stream: a larger
-region or more roll-outs are more blocks beside those that are there. Uncertainty, actions, goal and seed of a
-job play no part in it.
+region or more roll-outs are more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
 """
 
 from __future__ import annotations
@@ -33,21 +32,16 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 
 COLLIDES = -1
-PAPER_COUNT = 9_000
-"""Roll-outs for a model in the paper (VII)."""
-BLOCK = 1024
-"""Starts that are rolled out, sent and stored together: a few hundredths of a second."""
+PAPER_COUNT = 9_000  # Roll-outs for a model in the paper (VII)
+BLOCK = 1024  # Starts that are rolled out, sent and stored together: a few hundredths of a second
 FORMAT = b"roll-outs 1"
-RING_MM = 5.0
-"""Width of a ring."""
-FACTOR = 3.0
-"""Radius of the region in radii of the job's uncertainty (paper, VII)."""
+RING_MM = 5.0  # Width of a ring
+FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
 
 Rows: TypeAlias = NDArray[np.void]
 ROW = np.dtype(
     [("index", "<u2"), ("status", "i1"), ("initial", "<f8", 3), ("final", "<f8", 3), ("width_mm", "<f8")]
-)
-"""One roll-out of a block, in the store and on the way between machines."""
+)  # One roll-out of a block, in the store and on the way between machines
 
 
 class RollOuts(NamedTuple):
@@ -78,14 +72,8 @@ def roll_outs(
 
     The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
     left out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
-
-    Args:
-        simulator: the squeeze; its number of workers does not matter.
-        radius_mm: of the disc; `region_radius` has a job's.
-        count: starts spread over the disc.
-        store: where blocks are kept; nowhere if None.
-        scheduler: who rolls out; the threads of this machine if None.
-        report: told about progress in blocks.
+    Blocks are kept in the store, if any, rolled out by the scheduler (threads if None), and counted for the
+    report.
 
     Raises:
         ValueError: radius or count are not above 0.

@@ -1,8 +1,8 @@
 """A folder of finished work, named by what it depends on.
 
-An entry is written beside its place and moved there whole. It carries a digest of its name and content, which
-is verified when it is read: what a full disk or a power cut left behind is never used. Several processes may
-share a folder; equal names mean equal content.
+An entry is moved to its place whole, with a digest of its name and content that is verified when it is read:
+what a power cut left behind is never used. Several processes may share a folder; equal names mean equal
+content.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 
 DIGEST = 32
-LIMIT_BYTES = 4 * 2**30
-"""Size above which the entries not used for longest are removed."""
-STALE_S = 3600.0
-"""Age at which a half-written file counts as left by a process that was killed."""
+LIMIT_BYTES = 4 * 2**30  # Size above which the entries not used for longest are removed
+STALE_S = 3600.0  # Age at which a half-written file counts as left by a process that was killed
 
 _KEY = re.compile(r"[0-9a-f]{8,}")
 

@@ -1,7 +1,6 @@
 """Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
 
-A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and
-friction, so the result depends on the arguments alone, never on the number of workers.
+Every roll-out has its own limit surface and friction, so the result does not depend on the number of workers.
 """
 
 from __future__ import annotations
@@ -18,17 +17,8 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.squeeze import (
-    GRASPED,
-    JAMMED,
-    STATUS_NAMES,
-    Body,
-    Scratch,
-    grip_of,
-    squeeze,
-    squeeze_many,
-    squeeze_workspace,
-)
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, grip_of, squeeze, squeeze_many
+from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.part.outline import reach, simplified
 from planner.work.scheduler import Threads
@@ -90,9 +80,8 @@ class Simulator:
 
     def nominal(self, n: int, mu: float) -> Parameters:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
-        return Parameters(
-            np.repeat(limit_surface.nominal(self.surface)[None], n, axis=0), np.full((n, 2), mu)
-        )
+        surface = limit_surface.nominal(self.surface)
+        return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
 
     def sample(self, n: int, rng: np.random.Generator) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
@@ -102,16 +91,10 @@ class Simulator:
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
-        """One squeeze, step by step.
+        """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 
-        Args:
-            pose: (3,) in the hand frame, jaws open.
-            surface: (3, 3) ellipsoid or (6, 6) quartic.
-            mu: friction at both fingers.
-
-        Returns:
-            (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
-            and the status.
+        Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
+        status.
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
         body = Body(self.outline, reach(self.outline), surface, self.surface.rho_mm)
@@ -123,15 +106,7 @@ class Simulator:
         return np.concatenate([rows[:count], end]), int(status)
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes each pose once.
-
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            parameters: one set for each.
-
-        Returns:
-            Final poses, widths and statuses, independent of the number of workers.
-        """
+        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)

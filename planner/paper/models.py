@@ -3,46 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.belief.observation import Encoder
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import COLLIDES, RollOuts
 from planner.mechanics.simulator import Simulator
 from planner.paper.projection import Projection
-from planner.paper.sensor import SensorModel, features
+from planner.paper.sensor import CollisionTree, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
-
-if TYPE_CHECKING:
-    from sklearn.tree import DecisionTreeClassifier
-
 
 Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CollisionTree:
-    """CollisionFree-DecisionTree: what roll-outs found. The planner itself goes by `mechanics.clearance`."""
-
-    tree: DecisionTreeClassifier
-    order: int
-
-    @classmethod
-    def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
-        """Learns from initial poses (n, 3) where an open finger stands on the part (n,)."""
-        from sklearn.tree import DecisionTreeClassifier  # takes two seconds; most plans learn nothing
-
-        tree = DecisionTreeClassifier(random_state=0)
-        return cls(tree.fit(features(initial, order), stands), order)
-
-    def collides(self, poses: Array) -> BoolArray:
-        """Where an open finger would stand on the part; poses are (n, 3) in the hand frame."""
-        return np.asarray(self.tree.predict(features(poses, self.order)), dtype=np.bool_)
 
 
 class Models(NamedTuple):
@@ -56,14 +31,9 @@ class Models(NamedTuple):
 
 
 def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
-    """Fits all models.
+    """Fits all models to roll-outs, of which some touch the part and some collide with it.
 
-    Args:
-        rolled: roll-outs, of which some touch the part and some collide with it.
-        simulator: what they were rolled out with.
-        encoder: what reads the widths.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
+    `rho_mm` is what one radian weighs, `order` the part's rotational order.
 
     Raises:
         ValueError: no roll-out touches the part, or there are too few.

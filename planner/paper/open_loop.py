@@ -4,11 +4,10 @@ A breadth-first search over sequences of actions, blind to what the squeezes wou
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
 - Ties go to the sequence found first. The root is no sequence: some action is found even if none gains.
-- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one whose ratio has fallen to less than
-  alpha of its parent's. They differ where both are 0, as for a belief of two modes: there the print would
-  end the tree at once, so the text is followed.
-- CollisionFree asks of the whole belief. A learned detector errs, and a belief wider than the jaws always
-  has a few particles under a finger, so a small share is let through (`COLLIDING_SHARE`).
+- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one below alpha of its parent's. Where
+  both are 0, as for a belief of two modes, the print would end the tree at once, so the text is followed.
+- CollisionFree asks of the whole belief. A learned detector errs, so a small share is let through
+  (`COLLIDING_SHARE`).
 """
 
 from __future__ import annotations
@@ -22,7 +21,8 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.frames import to_hand, to_world
-from planner.paper.models import CollisionTree, Motion
+from planner.paper.models import Motion
+from planner.paper.sensor import CollisionTree
 
 ALPHA = 0.75
 """A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""

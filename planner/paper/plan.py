@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from planner.belief.observation import encoder_of
@@ -31,14 +33,7 @@ def plan_paper(
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
     longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
-    free of collision, or none keeps the ratio.
-
-    Args:
-        job: the checked job.
-        simulator: its squeeze.
-        store: where roll-outs are kept.
-        scheduler: who rolls out.
-        report: told about progress.
+    free of collision, or none keeps the ratio. Roll-outs as `roll_outs`.
     """
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
@@ -47,9 +42,7 @@ def plan_paper(
         placements=placements,
         models=learn(rolled, simulator, encoder, rho_mm, job.part.symmetry),
         encoder=encoder,
-        clearance=lambda belief, placement: least_clearance(
-            simulator.outline, simulator.jaws, belief, placement
-        ),
+        clearance=partial(least_clearance, simulator.outline, simulator.jaws),
         method=job.search.method,
         depth=search_depth(len(placements)),
         max_depth=job.search.max_depth,

@@ -18,16 +18,14 @@ from planner.arrays import Array, IntArray
 from planner.frames import wrap
 from planner.learned.neighbours import wrap_up
 
-STILL_MM = 1e-6
-"""A particle this near to a stored pose is that pose already."""
+STILL_MM = 1e-6  # A particle this near to a stored pose is that pose already
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
     """The subspaces of one part, as final poses in the hand frame."""
 
-    poses: list[Array]  # for each subspace the (n_k, 3) poses seen in it; the first is free space, and empty
-    trees: list[cKDTree | None]  # for each of them its search tree, None for free space
+    stored: dict[int, tuple[Array, cKDTree]]  # by subspace: the poses (n_k, 3) seen in it, and their tree
     rho_mm: float  # what one radian weighs
     order: int  # rotational order of the part
 
@@ -38,15 +36,14 @@ class Projection:
         Raises:
             ValueError: a subspace has no pose, though one with a higher number has.
         """
-        poses, trees = [np.empty((0, 3))], [None]
+        stored = {}
         for k in range(1, int(label.max(initial=0)) + 1):
-            members = np.ascontiguousarray(final[label == k])
-            if not len(members):
+            poses = np.ascontiguousarray(final[label == k])
+            if not len(poses):
                 raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
-            poses.append(members)
             box = [0.0, 0.0, rho_mm * math.tau / order]
-            trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
-        return cls(poses, trees, rho_mm, order)
+            stored[k] = poses, cKDTree(_points(poses, rho_mm, order), boxsize=box)
+        return cls(stored, rho_mm, order)
 
     def project(self, poses: Array, label: IntArray) -> Array:
         """BeliefUpdateProjection: the nearest stored poses for particles (n, 3) of subspaces `label` (n,).
@@ -54,19 +51,14 @@ class Projection:
         At that of their equal angles which is nearest to the particle's; free particles stay. Idempotent.
         """
         result = np.array(poses, dtype=np.float64)
-        for k in range(1, len(self.trees)):
+        for k, (stored, tree) in self.stored.items():
             members = np.flatnonzero(label == k)
-            if len(members):
-                result[members] = self._onto(k, result[members])
+            start = result[members]
+            distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
+            end = stored[nearest]
+            end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
+            result[members] = np.where(distance[:, None] > STILL_MM, end, start)
         return result
-
-    def _onto(self, k: int, start: Array) -> Array:
-        tree = self.trees[k]
-        assert tree is not None
-        distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
-        end = self.poses[k][nearest]
-        end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
-        return np.where(distance[:, None] > STILL_MM, end, start)
 
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:

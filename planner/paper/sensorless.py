@@ -1,10 +1,9 @@
-"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993).
+"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993), Algorithmica 10.
 
-K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993). Jaws that are long and
-frictionless and touch at once turn the part until its width is at a local minimum. The squeeze function maps
-each closing direction to that minimum: it is constant between two maxima of the width. A plan is a list of
-intervals of directions, each of which one squeeze takes into the next narrower one; it is found backwards, in
-O(n^2).
+Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
+squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
+A plan is a list of intervals of directions, each of which one squeeze takes into the next narrower one; it is
+found backwards, in O(n^2).
 """
 
 from __future__ import annotations
@@ -20,10 +19,8 @@ from planner.arrays import Array
 from planner.paper.width import width_function
 from planner.part.outline import Outline
 
-RIPPLE_MM = 0.05
-"""Minima of the width shallower than this hold no part: the facets of a sampled curve."""
-ALIKE_RAD = 1e-6
-"""Steps of the squeeze function that differ by less are equal."""
+RIPPLE_MM = 0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+ALIKE_RAD = 1e-6  # Steps of the squeeze function that differ by less are equal
 
 
 @dataclass(frozen=True, slots=True, eq=False)

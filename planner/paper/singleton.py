@@ -15,8 +15,7 @@ from planner.arrays import Array, BoolArray
 from planner.belief.metric import Mode
 from planner.frames import wrap
 
-PRINTED_ORDER = 2
-"""The paper maps theta to [cos 2 theta, sin 2 theta]."""
+PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 
 
 class Tolerances(NamedTuple):

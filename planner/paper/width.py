@@ -1,31 +1,21 @@
 """The width function of a part: how far apart two parallel jaws stand that both touch it (Goldberg 1993).
 
-K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993), calls it the diameter
-function. Its argument here is the closing direction phi in the part's frame: a part at angle theta in the
-hand frame, where the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the normals of
-the hull's edges two fixed vertices touch: maxima lie within such an arc and minima at its ends.
+Its argument is the closing direction phi in the part's frame: a part at angle theta in the hand frame, where
+the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges
+two fixed vertices touch: maxima lie within such an arc and minima at its ends.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.part.outline import Outline, convex_hull
 
-FLUSH_RAD = 1e-9
-"""Edges whose normals differ by less than this are parallel."""
-
-
-class Extrema(NamedTuple):
-    """Local minima and maxima of a width function, each (k,), in [0, pi), rising and alternating."""
-
-    minima: Array
-    maxima: Array
+FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this are parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +34,7 @@ class WidthFunction:
         chord = self.chords[arc]
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
-    def extrema(self, ripple_mm: float = 0.0) -> Extrema:
+    def extrema(self, ripple_mm: float = 0.0) -> tuple[Array, Array]:
         """The minima and maxima that are left when ripples shallower than `ripple_mm` are smoothed out.
 
         A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
@@ -61,7 +51,7 @@ class WidthFunction:
                 break
             kept = np.setdiff1d(np.arange(len(at)), [first, (first + 1) % len(at)])
             at, depth, kinds = at[kept], depth[kept], kinds[kept]
-        return Extrema(at[kinds], at[~kinds])
+        return at[kinds], at[~kinds]
 
 
 def width_function(outline: Outline) -> WidthFunction:

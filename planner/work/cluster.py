@@ -1,7 +1,7 @@
 """Work on more than one machine: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
 
-The scheduler and every worker run in an environment with the same version of this package. The scheduler
-gives the work of a worker that dies to the others; no more is lost than what was running there.
+All run in an environment with the same version of this package. The scheduler gives the work of a worker that
+dies to the others.
 """
 
 from __future__ import annotations
@@ -23,11 +23,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 4
-"""Items handed out for each thread of the cluster before the first of their results has been taken."""
+AHEAD = 4  # Items handed out for each thread of the cluster before the first of their results has been taken
 CONNECT_S = 10.0
-PATIENCE_S = 30.0
-"""How long a cluster may be without workers."""
+PATIENCE_S = 30.0  # How long a cluster may be without workers
 POLL_S = 1.0
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|inproc)://\S+")
@@ -37,11 +35,7 @@ class Cluster:
     """A connection to a Dask scheduler; a context manager."""
 
     def __init__(self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S) -> None:
-        """Remembers where to connect to, such as "tcp://192.168.0.7:8786".
-
-        Raises:
-            UsageError: the address is not one.
-        """
+        """Remembers where to connect to; a `UsageError` tells that the address is not one."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
         self.address = address

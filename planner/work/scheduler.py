@@ -18,8 +18,7 @@ from planner.work.cluster import Cluster
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 3
-"""Items handed out for each worker before the first of their results has been taken."""
+AHEAD = 3  # Items handed out for each worker before the first of their results has been taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +50,7 @@ class Threads:
             pool.shutdown(cancel_futures=True)
 
 
-Scheduler: TypeAlias = Threads | Cluster
-"""Where work runs; `workers` is how many items run at once."""
+Scheduler: TypeAlias = Threads | Cluster  # Where work runs; `workers` is how many items run at once
 
 
 @contextmanager

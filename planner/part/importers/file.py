@@ -11,7 +11,7 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
+from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, time_limit
 
 READERS = {".dxf": dxf.read, ".svg": svg.read, ".csv": table.read}
 SUFFIXES = (*READERS, ".stl")
@@ -40,25 +40,25 @@ class Imported(NamedTuple):
 
 
 def read_outline(path: Path, options: Options) -> Imported:
-    """Reads an outline.
-
-    Args:
-        path: ends in one of `SUFFIXES`.
-        options: how.
+    """Reads an outline from a file that ends in one of `SUFFIXES`.
 
     Raises:
-        UsageError: the file does not tell its unit or which contour is meant, and the options neither; or its
-            suffix is not known.
+        UsageError: neither file nor options tell the unit or which contour is meant; the height lies beside
+            the solid; the suffix is not known, or trimesh not installed.
         InputFileError: it is missing, too large, or not what its suffix says.
-        OutlineError: it holds no closed contour, or one that crosses itself.
+        OutlineError: it holds no closed contour, one that crosses itself, or too much.
         ValueRangeError: a line of a CSV file is not two numbers.
     """
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
-    data = _bytes(path)
+    data, suffix = _bytes(path), path.suffix.lower()
+    unit_mm = UNITS_MM[options.units] if options.units else None
     with time_limit(where):
-        pieces = _pieces(data, path.suffix.lower(), where, options)
+        if suffix == ".stl":
+            pieces = mesh.read(data, where, unit_mm, options.height_mm)
+        else:  # half the tolerance is for leaving vertices out
+            pieces = READERS[suffix](data, where, unit_mm, 0.5 * options.tolerance_mm)
         found, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(found, options.contour, where)
         imported = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
@@ -81,14 +81,6 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def _pieces(data: bytes, suffix: str, where: str, options: Options) -> Pieces:
-    unit_mm = UNITS_MM[options.units] if options.units else None
-    half = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
-    if suffix == ".stl":
-        return mesh.read(data, where, unit_mm, options.height_mm)
-    return READERS[suffix](data, where, unit_mm, half)
-
-
 def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]) -> Imported:
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
@@ -108,11 +100,7 @@ def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, .
 
 
 def _apart(points: Array, where: str) -> Array:
-    """The points without those that repeat the one before.
-
-    Raises:
-        OutlineError: a point comes twice elsewhere, so that the contour touches itself.
-    """
+    """The points without those that repeat the one before; refuses a contour that touches itself."""
     gaps = np.hypot(*(points - np.roll(points, 1, axis=0)).T)
     fresh = points[gaps > 10 * outline.REPEAT_MM]
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)

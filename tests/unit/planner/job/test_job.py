@@ -38,15 +38,15 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert np.ptp(part.outline_mm, axis=0).tolist() == [30.0, 21.0]
     assert part.symmetry == 2
     assert rectangle.pressure.kind == "boundary"
-    assert rectangle.friction == job.Friction(0.4, 0.6, 0.3)
+    assert rectangle.friction == schema.Friction(0.4, 0.6, 0.3)
     gripper = rectangle.gripper
     assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (27.5, 9.5, 85.0)
     assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)
-    assert rectangle.uncertainty == job.Uncertainty(12.75, 180.0)
+    assert rectangle.uncertainty == schema.Uncertainty(12.75, 180.0)
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == job.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
+    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 

@@ -14,13 +14,13 @@ from contact_problems import (
     sticking,
     wrenches,
 )
-from lcp_twin import motions
+from contact_solutions import workspace
+from lcp_twin import motions, solve
 
 from planner.mechanics.closed_form import motion, one_contact, two_contacts
 from planner.mechanics.contacts import FN, FT
-from planner.mechanics.lcp import RAY, SOLVED, residual, solve
+from planner.mechanics.lcp import RAY, SOLVED, residual
 from planner.mechanics.step import solve as solve_step
-from planner.mechanics.step import workspace
 
 pytestmark = pytest.mark.slow
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contact_solutions import workspace
 from problems import (
     JAWS,
     LONG_JAWS,
@@ -135,7 +136,7 @@ def pushed_by(outline, surface, jaws, pose, push):
     A, V = np.zeros((3, 3)), np.zeros(3)
     step.rotate_surface(surface.A, pose[2], A)
     step.directions(C, I, count, surface.rho_mm, push, 0.0)
-    assert step.solve(A, 0.5, 0.5, C, I, count, step.workspace(), V) == step.SOLVED
+    assert step.solve(A, 0.5, 0.5, C, I, count, workspace(), V) == step.SOLVED
     return pose + V / [1, 1, surface.rho_mm]
 
 
