@@ -82,4 +82,3 @@ def _default_world(table: Table, console: Console) -> str:
     reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
     console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
     return REHEARSAL
-
