@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
@@ -101,7 +102,7 @@ def run(
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
-    ask = ask or _Terminal(sys.stderr if arguments.json else sys.stdout)
+    ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     widths_mm, tips, current = _checked(arguments)
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
@@ -153,16 +154,12 @@ def figures(made: GripperCalibration) -> Measured:
     return {"gripper": made.gripper, "blocks": blocks}
 
 
-class _Terminal:
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
-
-    def __call__(self, sentence: str) -> None:
-        say(sentence, self._file)
-        with suppress(OSError):  # a terminal that is gone
-            if sys.stdin.readline():
-                return
-        raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
+def _ask_terminal(sentence: str, file: TextIO) -> None:
+    say(sentence, file)
+    with suppress(OSError):  # a terminal that is gone
+        if sys.stdin.readline():
+            return
+    raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _checked(

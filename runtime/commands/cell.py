@@ -15,7 +15,7 @@ from runtime.table import Table
 
 REHEARSAL = "runtime.devices.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
-PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
+PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
 class Devices(NamedTuple):
@@ -76,16 +76,9 @@ def connect(
 
 def _default_world(table: Table, console: Console) -> str:
     """The contact world if it can run here, else the rehearsal, with a line that says so."""
-    missing = [name for name in PLANNER_NEEDS if not _is_installed(name)]
+    missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
         return CONTACT_WORLD
     reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
     console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
     return REHEARSAL
-
-
-def _is_installed(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False

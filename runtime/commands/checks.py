@@ -17,7 +17,7 @@ from typing import NamedTuple
 from drivers.ports import Arm, Gripper
 from runtime.devices.ports import Clock, Heard
 from runtime.execution.safety import NO_COMMUNICATION
-from runtime.table import Calibration, Pose2, Table, misfits
+from runtime.table import Calibration, Limits, Table, misfits
 
 READS = 200
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
@@ -160,11 +160,11 @@ def check_rate(gripper: Gripper, clock: Clock, reads: int = READS) -> Iterator[F
         yield good(told)
 
 
-def check_arm(arm: Arm, area_mm: tuple[float, float, float, float] | None) -> Iterator[Finding]:
+def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
     """Whether the arm tells where it is, and is near the work area."""
     x_mm, y_mm, z_mm, _ = arm.pose()
     yield good(f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
-    if area_mm is not None and not _is_near((x_mm, y_mm, 0.0), area_mm):
+    if table is not None and not _is_near(x_mm, y_mm, table.limits):
         yield warning(
             "It stands far outside the table's work area.",
             "Check its work object and tool frames (drivers/abb/README.md), or jog it there first.",
@@ -181,10 +181,10 @@ def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
     yield good(f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
 
 
-def _is_near(place: Pose2, area_mm: tuple[float, float, float, float]) -> bool:
-    x_min, y_min, x_max, y_max = area_mm
+def _is_near(x_mm: float, y_mm: float, limits: Limits) -> bool:
+    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
     room = max(x_max - x_min, y_max - y_min)
-    return x_min - room <= place[0] <= x_max + room and y_min - room <= place[1] <= y_max + room
+    return x_min - room <= x_mm <= x_max + room and y_min - room <= y_mm <= y_max + room
 
 
 def _group(path: Path) -> str:

@@ -104,13 +104,11 @@ class Monitor:
 
     def _serve(self, text: str, stack: ExitStack) -> None:
         from runtime.monitoring.live import page
-        from runtime.monitoring.live.server import Answers, PageServer, is_loopback, parse
+        from runtime.monitoring.live.server import PageServer, parse
 
-        at = parse(text)
-        local = is_loopback(at.host)
-        answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
-        server = stack.enter_context(PageServer(at, answers))
-        open_to = "" if local else ", for everybody who reaches this machine"
+        pages = page.pages(self._table, Path(self._name).name, self._status)
+        server = stack.enter_context(PageServer(parse(text), pages))
+        open_to = "" if server.local else ", for everybody who reaches this machine"
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
 

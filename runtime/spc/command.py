@@ -24,11 +24,7 @@ exit codes:
   30 the table in a journal is refused   130 interrupted (Ctrl-C)
 """
 ALARMED = 13
-COLUMNS = (
-    *("index", "part", "time", "outcome", "leaf", "verdict", "squeezes"),
-    *RESIDUAL,
-    "alarms",
-)
+COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *RESIDUAL, "alarms")
 # A column without a single value has its type all the same, so that the files of many reports fit together.
 KINDS = {
     **dict.fromkeys(COLUMNS, "string"),

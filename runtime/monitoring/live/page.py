@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from runtime.monitoring.live.server import Page
+from runtime.monitoring.live.server import Pages
 from runtime.monitoring.status import Status
 from runtime.table import Table, job_of
 
@@ -19,7 +19,7 @@ JSON = "application/json"
 METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]]:
+def pages(table: Table, name: str, status: Status) -> Pages:
     """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
     told = page(table, name).encode()  # once, before anything moves
 

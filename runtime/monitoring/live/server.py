@@ -8,6 +8,7 @@ import ipaddress
 import re
 import socket
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
@@ -16,7 +17,7 @@ from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
 
 LOOPBACK = "127.0.0.1"
 MAX_PORT = 65535
-Page = Callable[[], bytes]
+Pages = Mapping[str, tuple[str, Callable[[], bytes]]]
 REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
 HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 TEXT = "text/plain; charset=utf-8"
@@ -66,10 +67,11 @@ class PageServer(Server):
         ArgumentsError: nothing can listen there.
     """
 
-    def __init__(self, address: Address, answer: Callable[[bytes], bytes]) -> None:
+    def __init__(self, address: Address, pages: Pages) -> None:
         listener = _listening(address)
         self.address = Address(address.host, int(listener.getsockname()[1]))
-        super().__init__(listener, answer)
+        self.local = is_loopback(address.host)
+        super().__init__(listener, partial(answer, pages, local=self.local))
 
 
 def _listening(address: Address) -> socket.socket:
@@ -104,38 +106,30 @@ def _told(error: OSError, address: Address) -> str:
     return f"{reason}; {_WORD}"
 
 
-class Answers:
-    """The pages of one server.
+def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
+    """The whole response to a request's head.
 
     Args:
         pages: by path, each with its media type.
+        asked: the head.
         local: whether only questions to this machine's own name are answered: a page elsewhere that has its
             name point here (DNS rebinding) then learns nothing.
     """
-
-    def __init__(self, pages: Mapping[str, tuple[str, Page]], *, local: bool) -> None:
-        self._pages, self._local = pages, local
-
-    def __call__(self, asked: bytes) -> bytes:
-        """The whole response to a request's head."""
-        line, _, fields = asked.partition(b"\n")
-        understood = REQUEST.match(line)
-        if understood is None:
-            return response(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
-        method, path = understood[1].decode(), understood[2].decode().partition("?")[0]
-        if method not in ("GET", "HEAD"):
-            return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
-        if self._local and not _asks_here(fields):
-            return self._cut(method, response(403, TEXT, b"ask for localhost or 127.0.0.1\n"))
-        if path not in self._pages:
-            told = f"there are {', '.join(self._pages)}\n".encode()
-            return self._cut(method, response(404, TEXT, told))
-        kind, page = self._pages[path]
-        return self._cut(method, response(200, kind, page()))
-
-    @staticmethod
-    def _cut(method: str, answer: bytes) -> bytes:
-        return answer if method == "GET" else answer[: answer.index(b"\r\n\r\n") + 4]
+    line, _, fields = asked.partition(b"\n")
+    understood = REQUEST.match(line)
+    if understood is None:
+        return response(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
+    method, path = understood[1].decode(), understood[2].decode().partition("?")[0]
+    if method not in ("GET", "HEAD"):
+        return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
+    if local and not _asks_here(fields):
+        told = response(403, TEXT, b"ask for localhost or 127.0.0.1\n")
+    elif path not in pages:
+        told = response(404, TEXT, f"there are {', '.join(pages)}\n".encode())
+    else:
+        kind, page = pages[path]
+        told = response(200, kind, page())
+    return told if method == "GET" else told[: told.index(b"\r\n\r\n") + 4]
 
 
 def _asks_here(fields: bytes) -> bool:

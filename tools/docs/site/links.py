@@ -56,7 +56,7 @@ def check(site: Path) -> Found:
         faults += [
             f"{name}: loads {target} from elsewhere" for target in page.loads if target.startswith(OUTSIDE)
         ]
-        outside |= {target for target in page.links if target.startswith(OUTSIDE[:2])}
+        outside |= {target for target in page.links if re.match("https?://[^/]", target)}
         for target in (*page.links, *page.loads):
             if not target.startswith(OUTSIDE):
                 faults += [f"{name}: {fault}" for fault in _faults(path, target, pages)]
