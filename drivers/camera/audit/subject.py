@@ -33,12 +33,7 @@ class Subject:
 
 
 def from_table(path: Path, tag: PartTag) -> Subject:
-    """The subject of a table's file.
-
-    Raises:
-        TableFileError: it cannot be read.
-        TableError: its content is refused.
-    """
+    """The subject of a table's file; errors of the table's reader pass as they are."""
     table = load(path).table
     known = [poses_of(table.goal, leaf) for leaf in table.leaves]
 
