@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
+from drivers.robotiq.frames import TCP
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, stop_jaws
+from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
@@ -51,7 +52,7 @@ class Cell:
         registers = GripperRegisters(device, now)
         self._pty = PtyPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
         self._rtu_tcp = TcpPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
-        tcp = modbus_tcp(device, now, self.works.line(checked=False))
+        tcp = MbapSlave(GripperRegisters(device, now, TCP), self.works.line(checked=False))
         self._modbus_tcp = TcpPort(tcp, self._lock, self._time, lambda: stop_jaws(device, now))
         self._arm_server = ArmServer(self.works.arm, self._lock, self._time, self._locked_arm_stands)
         self._logger = ArmLogger(self._look_at_arm, self._time)

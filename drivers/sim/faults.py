@@ -142,14 +142,10 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
 
 
 class Desk:
-    """Counts the events of a part and says which faults hold now.
-
-    Attributes:
-        met: names of the faults that have held so far, in order.
-    """
+    """Counts the events of a part and says which faults hold now."""
 
     def __init__(self, schedule: Listed) -> None:
-        self.met: list[str] = []
+        self.met: list[str] = []  # names of the faults that have held so far, in order
         self._schedule = schedule
         self.begin(0)
 
