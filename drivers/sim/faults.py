@@ -176,11 +176,7 @@ class Desk:
 
 
 def parse(text: str | None) -> Listed:
-    """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
-
-    Raises:
-        SimulationError: it is not understood.
-    """
+    """A schedule as `--faults` names it, None for none; SimulationError where it is not understood."""
     if text is None:
         return Listed()
     if text.startswith("seed:"):

@@ -57,12 +57,8 @@ def parser() -> Parser:
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
     add("--tag", type=Path, required=True, metavar="F", help="from grasp-calibrate tag")
     add("--pictures", type=Path, metavar="DIR", help="keep an overlay of every part that does not pass")
-    add(
-        "--moved-mm",
-        type=positive,
-        default=drift.LIMIT_MM,
-        help="limit of reference tags (default: %(default)s)",
-    )
+    limit = "limit of reference tags (default: %(default)s)"
+    add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
     add("--deadline", type=positive, default=5.0, metavar="S", help="for an answer (default: %(default)s)")
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
     made.add_debug()

@@ -140,14 +140,9 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Bound this process's memory.
+    """Bound this process's memory to so much more than now; returns whether that is reached.
 
-    Args:
-        memory_mb: resident memory beyond what it uses now at which it should start anew; of address space it
-            gets `RESERVE_BYTES` more, and then none.
-
-    Returns:
-        Whether the first bound is reached.
+    Address space is bounded as well, `RESERVE_BYTES` above that; beyond it nothing is given.
     """
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))

@@ -17,18 +17,12 @@ SAME_RAD = 2e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """What is audited.
-
-    Attributes:
-        goal: of the table.
-        tag: the part's.
-        outline_mm: (n, 2) in the part's frame, for overlays; None: not known.
-        poses_of: further poses that the leaf of a predicted pose allows.
-    """
+    """What is audited."""
 
     goal: GoalSpec
     tag: PartTag
-    outline_mm: Array | None = None
+    outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: not known
+    # A predicted pose, and others that its leaf allows.
     poses_of: Callable[[Pose2], Sequence[Pose2]] = field(default=lambda pose: (pose,))
 
 
