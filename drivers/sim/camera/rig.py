@@ -45,10 +45,6 @@ class Rig:
         """One tag at a pose of its own."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
-    def picture(self, part: Pose2 | None, rng: np.random.Generator) -> Picture:
-        """The picture with the part at a pose, or without it."""
-        return render(self.optics, self.cards(part), self.flaws, rng)
-
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
         """Takes pictures of what there is to `look` at, as the bytes of a JPEG; the seed is the noise's."""
         rng = np.random.default_rng([seed, 0x43414D])
