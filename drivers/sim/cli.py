@@ -43,33 +43,19 @@ def parser() -> Parser:
     source = made.add_mutually_exclusive_group(required=True)
     source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job")
     source.add_argument("--job", type=Path, metavar="JOB.toml", help="part and world from a job file")
-    made.add_argument(
-        "--world",
-        metavar="MODULE:FACTORY",
-        help=f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})",
-    )
-    made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
-    made.add_argument(
-        "--time-scale",
-        type=positive,
-        default=1.0,
-        metavar="S",
-        help="simulated seconds per second (default: 1)",
-    )
-    made.add_argument(
-        "--faults",
-        metavar="SCHEDULE",
-        help="what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)",
-    )
-    made.add_argument("--camera", action="store_true", help="serve what a camera under the table sees")
-    made.add_argument(
-        "--camera-views",
-        type=Path,
-        metavar="DIR",
-        help="instead of serving, write the pictures to calibrate that camera from, and the commands for it",
-    )
+    add = made.add_argument
+    world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
+    add("--world", metavar="MODULE:FACTORY", help=world)
+    add("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
+    scale = "simulated seconds per second (default: 1)"
+    add("--time-scale", type=positive, default=1.0, metavar="S", help=scale)
+    faults = "what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)"
+    add("--faults", metavar="SCHEDULE", help=faults)
+    add("--camera", action="store_true", help="serve what a camera under the table sees")
+    views = "instead of serving, write the pictures to calibrate that camera from, and the commands for it"
+    add("--camera-views", type=Path, metavar="DIR", help=views)
     made.add_common()
-    made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
+    add("--until-stdin-closes", action="store_true", help="end when standard input does")
     return made
 
 

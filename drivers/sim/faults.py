@@ -142,14 +142,10 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
 
 
 class Desk:
-    """Counts the events of a part and says which faults hold now.
-
-    Attributes:
-        met: names of the faults that have held so far, in order.
-    """
+    """Counts the events of a part and says which faults hold now."""
 
     def __init__(self, schedule: Listed) -> None:
-        self.met: list[str] = []
+        self.met: list[str] = []  # names of the faults that have held so far, in order
         self._schedule = schedule
         self.begin(0)
 
@@ -180,11 +176,7 @@ class Desk:
 
 
 def parse(text: str | None) -> Listed:
-    """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
-
-    Raises:
-        SimulationError: it is not understood.
-    """
+    """A schedule as `--faults` names it, None for none; SimulationError where it is not understood."""
     if text is None:
         return Listed()
     if text.startswith("seed:"):

@@ -13,8 +13,9 @@ from can_node import CanNode
 
 from drivers import connect
 from drivers.robotiq.canopen import CanMap
+from drivers.robotiq.frames import TCP
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, stop_jaws
+from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
@@ -50,7 +51,7 @@ class Robotiq:
             self.slave = RtuSlave(GripperRegisters(self.model, self.now))
             port = TcpPort(self.slave, self.lock, self.time)
         else:
-            self.slave = modbus_tcp(self.model, self.now)
+            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
             port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
         return port, f"{bus}://127.0.0.1:{port.port}"
 

@@ -33,6 +33,8 @@ class Worker:
     """A thread that judges one part after the other, so that one that hangs cannot hold up an answer."""
 
     def __init__(self, make: Callable[[], Auditor]) -> None:
+        self.asked = False
+        self.why_not: Exception | None = None  # why there is no auditor
         self._make = make
         self._questions: queue.Queue[tuple[int, Pose2, float]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
@@ -41,6 +43,7 @@ class Worker:
 
     def ask(self, part: int, predicted: Pose2, deadline_s: float) -> Answer:
         """Judge one part within so many seconds."""
+        self.asked = True
         start = time.monotonic()
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
@@ -64,7 +67,7 @@ class Worker:
         while True:
             question = self._questions.get()
             try:
-                audits = audits or self._make()
+                audits = audits or self._made()
                 answer = audits.audit(*question)
             except MemoryError:
                 answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
@@ -73,6 +76,14 @@ class Worker:
                 foreseen = hasattr(error, "exit_code")
                 answer = Answer(UNKNOWN, said if foreseen else f"{said} ({type(error).__name__})")
             self._answers.put(answer)
+
+    def _made(self) -> Auditor:
+        self.why_not = None
+        try:
+            return self._make()
+        except Exception as error:
+            self.why_not = error
+            raise
 
 
 class Lines:
@@ -129,14 +140,9 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Bound this process's memory.
+    """Bound this process's memory to so much more than now; returns whether that is reached.
 
-    Args:
-        memory_mb: resident memory beyond what it uses now at which it should start anew; of address space it
-            gets `RESERVE_BYTES` more, and then none.
-
-    Returns:
-        Whether the first bound is reached.
+    Address space is bounded as well, `RESERVE_BYTES` above that; beyond it nothing is given.
     """
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))

@@ -17,28 +17,17 @@ SAME_RAD = 2e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """What is audited.
-
-    Attributes:
-        goal: of the table.
-        tag: the part's.
-        outline_mm: (n, 2) in the part's frame, for overlays; None: not known.
-        poses_of: further poses that the leaf of a predicted pose allows.
-    """
+    """What is audited."""
 
     goal: GoalSpec
     tag: PartTag
-    outline_mm: Array | None = None
+    outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: not known
+    # A predicted pose, and others that its leaf allows.
     poses_of: Callable[[Pose2], Sequence[Pose2]] = field(default=lambda pose: (pose,))
 
 
 def from_table(path: Path, tag: PartTag) -> Subject:
-    """The subject of a table's file.
-
-    Raises:
-        TableFileError: it cannot be read.
-        TableError: its content is refused.
-    """
+    """The subject of a table's file; errors of the table's reader pass as they are."""
     table = load(path).table
     known = [poses_of(table.goal, leaf) for leaf in table.leaves]
 

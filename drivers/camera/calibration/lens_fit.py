@@ -29,11 +29,7 @@ class LensFit(NamedTuple):
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fit a lens to views of a board, the first of which lies on the table.
-
-    Args:
-        views: at least `LEAST_VIEWS`.
-        size: width and height of the pictures.
+    """Fit a lens to views of a board, the first of which lies on the table, in pictures of a size in pixels.
 
     Raises:
         CalibrationRefusedError: too few views, a corner without any, large residuals, little tilt.
@@ -103,10 +99,7 @@ def _check_residuals(rms_px: float, view_rms_px: Array, views: Sequence[BoardVie
 
 
 def _cofactor(slopes: Sequence[Array]) -> Array:
-    """The covariance of intrinsics and first pose for residuals of rms 1, both coordinates together.
-
-    The poses of all other views are eliminated from the normal equations (Schur complement).
-    """
+    """Covariance of intrinsics and first pose at unit rms, other poses eliminated (Schur complement)."""
     normal = slopes[0].T @ slopes[0]
     for other in slopes[1:]:
         block = other.T @ other

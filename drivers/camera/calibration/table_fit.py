@@ -52,14 +52,11 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 
 
 def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
-    """The arm's world frame in the board's, and how well they agree.
+    """Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
     Args:
         touched: places in the arm's world, mm.
         seen: the same in the board's frame, mm.
-
-    Returns:
-        Pose2 of the arm's world in the board's frame, and the rms of the residuals, mm.
 
     Raises:
         CalibrationRefusedError: too few places, too near to one another, or in contradiction.
@@ -133,10 +130,11 @@ def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
 
 
 def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
-    """Where a tag is on its part, from poses of the part that are known and of the tag that were seen.
+    """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
 
-    Returns:
-        Pose2 of the tag in the part's frame, and the standard deviations of its place (mm) and angle (rad).
+    Args:
+        parts: poses of the part that are known.
+        tags: poses of the tag that were seen.
 
     Raises:
         CalibrationRefusedError: too few, or they contradict one another.

@@ -60,14 +60,7 @@ class Board:
 
 
 def parse(text: str) -> Board:
-    """A board as the command line names it.
-
-    Args:
-        text: `charuco:12x9:30:22.5` or `chessboard:12x9:30`: fields across, down, mm of a field, a marker.
-
-    Raises:
-        CalibrationRefusedError: it is not understood.
-    """
+    """A board as the command line names it; CalibrationRefusedError where it is not understood."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))

@@ -33,15 +33,7 @@ class View:
         return bool(self.eye[2] < 0.0)
 
     def on_plane(self, pixels: Array, height_mm: float = 0.0) -> Array:
-        """Where the rays of pixels meet a level plane.
-
-        Args:
-            pixels: (n, 2).
-            height_mm: of the plane above the table.
-
-        Returns:
-            (n, 2) world x and y, mm; NaN for a ray that never meets it.
-        """
+        """World x and y, mm, at which rays of pixels (n, 2) meet a level plane; NaN where they never do."""
         rays = self.lens.rays(np.asarray(pixels, np.float64).reshape(-1, 2))
         heading = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation
         eye = self.eye
@@ -94,11 +86,7 @@ def placed(points: Array, pose: Pose2) -> Array:
 
 
 def rigid_fit(points: Array, seen: Array) -> Fit:
-    """The rotation and shift that take points to where they are seen, by least squares.
-
-    Args:
-        points: (n, 2) mm, n >= 2.
-        seen: (n, 2) mm.
+    """The motion that takes points (n, 2) to where they are seen, mm, by least squares.
 
     Source: Umeyama, IEEE PAMI 13 (1991); in the plane, with complex numbers, the angle of one product.
     """

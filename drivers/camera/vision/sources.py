@@ -26,14 +26,7 @@ class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
-        """A picture taken after this call began, (h, w) grey levels.
-
-        Args:
-            until: `time.monotonic` at which it must be there.
-
-        Raises:
-            SourceError: there is none in time.
-        """
+        """A picture (h, w) taken after this call began, by a `time.monotonic`; SourceError without one."""
         raise NotImplementedError
 
     def close(self) -> None:

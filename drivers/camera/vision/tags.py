@@ -52,10 +52,7 @@ def families_seen(picture: Picture) -> list[str]:
 
 
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
-    """Ids and coarse corners of all tags found.
-
-    OpenCV 4 gives the ids as a column, OpenCV 5 as a row, and both give None for none.
-    """
+    """Ids and coarse corners of all tags found; OpenCV 4 and 5 give different shapes, and None for none."""
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
     corners, ids, _ = _detector(dictionary).detectMarkers(
         cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)

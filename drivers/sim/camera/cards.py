@@ -70,10 +70,7 @@ def tag_cells(number: int) -> Cells:
 
 
 def board_cells(columns: int, rows: int) -> Cells:
-    """The squares of a ChArUco board whose markers (DICT_4X4) fill three quarters of a field.
-
-    Each field is 8 by 8 squares, so that the board is a grid of squares like a tag.
-    """
+    """The squares of a ChArUco board: fields of 8 by 8, markers (DICT_4X4) of three quarters of that."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
     board = cv2.aruco.CharucoBoard((columns, rows), 8.0, 6.0, dictionary)
     drawn = board.generateImage((8 * columns, 8 * rows), marginSize=0, borderBits=1)

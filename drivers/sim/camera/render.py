@@ -84,8 +84,8 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
     box = _box(optics, _outline(card))
     if box is None:
         return
-    top, bottom, left, right = box
-    behind = levels[top:bottom, left:right]
+    rows, columns = box
+    behind = levels[rows, columns]
     total = np.zeros(behind.shape, np.float32)
     normal = np.cross(card.right, card.down)
     for moment, rays in _rays(optics, box):
@@ -118,20 +118,20 @@ def _outline(card: Card) -> Array:
     return np.concatenate([points - 0.5 * card.speed_mm, points + 0.5 * card.speed_mm])
 
 
-def _box(optics: Optics, points_mm: Array) -> tuple[int, int, int, int] | None:
+def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
     """Rows and columns of the picture that hold these points; None: outside of it."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3
     top, bottom = max(top, 0), min(bottom, optics.height)
     left, right = max(left, 0), min(right, optics.width)
-    return (top, bottom, left, right) if top < bottom and left < right else None
+    return (slice(top, bottom), slice(left, right)) if top < bottom and left < right else None
 
 
-def _rays(optics: Optics, box: tuple[int, int, int, int]) -> Iterator[tuple[float, Array]]:
+def _rays(optics: Optics, box: tuple[slice, slice]) -> Iterator[tuple[float, Array]]:
     """For each sample: its moment of the exposure, 0 to 1, and the rays of all pixels of a box, (h, w, 3)."""
-    top, bottom, left, right = box
-    grid = optics.corner_rays[top : bottom + 1, left : right + 1]
+    rows, columns = box
+    grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
     for number, (v, u) in enumerate((v, u) for v in steps for u in steps):
         upper = (1.0 - u) * grid[:-1, :-1] + u * grid[:-1, 1:]

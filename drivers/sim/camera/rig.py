@@ -45,17 +45,8 @@ class Rig:
         """One tag at a pose of its own."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
-    def picture(self, part: Pose2 | None, rng: np.random.Generator) -> Picture:
-        """The picture with the part at a pose, or without it."""
-        return render(self.optics, self.cards(part), self.flaws, rng)
-
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """Takes pictures, as the bytes of a JPEG.
-
-        Args:
-            look: what is before the camera now.
-            seed: of the noise.
-        """
+        """Takes pictures of what there is to `look` at, as the bytes of a JPEG; the seed is the noise's."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # found once, before anybody waits for a picture
@@ -73,9 +64,6 @@ class Rig:
 
 
 def standard_rig() -> Rig:
-    """The webcam 600 mm under the middle of the table, not quite level; its pictures compressed once.
-
-    The tag is glued on as hands do it: not quite in the middle of the part, nor straight.
-    """
+    """The webcam 600 mm under the table; like the tag on the part, not quite straight."""
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
     return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

@@ -8,11 +8,7 @@ from typing import Any
 
 
 class CameraServer:
-    """Serves what a camera sees.
-
-    Args:
-        take: takes a picture, as the bytes of a JPEG; called by several threads, one at a time.
-    """
+    """Serves the bytes of JPEGs that `take` returns; it is called by several threads, one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
         lock = threading.Lock()

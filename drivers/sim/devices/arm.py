@@ -65,11 +65,7 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """The server's state and the arm's.
-
-    Args:
-        base: the arm's base frame in the world, so that the table's middle is within reach.
-    """
+    """The server's state and the arm's, whose base frame in the world is `base`."""
 
     def __init__(self, base: Pose) -> None:
         self.halted = ""

@@ -24,7 +24,7 @@ class ArmServer(TcpServer):
         model: the arm.
         lock: held while the model is used.
         time: simulated time.
-        executed: called after each finished instruction.
+        executed: called after each finished instruction, under the lock.
     """
 
     def __init__(
@@ -87,7 +87,8 @@ class ArmServer(TcpServer):
             client.sendall(answer.before.encode("latin-1"))
         while (left := answer.ready_s - self._time.now()) > 0.0 and not self._stopped.is_set():
             self._time.sleep(left)
-        self._executed()
+        with self._lock:
+            self._executed()
         if answer.text is None or self._stopped.is_set():
             return answer.text is not None
         self._stale = answer.text

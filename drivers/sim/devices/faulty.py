@@ -17,12 +17,7 @@ LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only 
 
 
 class FaultyArm(ArmModel):
-    """A controller that fails; each instruction is one event of the desk.
-
-    Args:
-        base: as of `ArmModel`.
-        desk: says what holds when.
-    """
+    """A controller that fails as the desk says; each instruction is one event of it."""
 
     def __init__(self, base: Pose, desk: Desk) -> None:
         super().__init__(base)

@@ -8,13 +8,12 @@ import threading
 from collections.abc import Callable
 
 from drivers.robotiq.frames import TCP
-from drivers.sim.wire.line import CleanLine, UnpluggedError
-from drivers.sim.wire.modbus import Device, GripperRegisters, answer
+from drivers.sim.wire.line import UnpluggedError
+from drivers.sim.wire.modbus import Device, answer
 from drivers.sim.wire.rtu import Slave, exchange
 from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 HEADER = 7  # MBAP: transaction, protocol 0, length, unit
-TCP_FUNCTIONS = frozenset({4, 16})  # no others are promised ([M200] p66)
 
 
 class MbapSlave(Slave):
@@ -38,11 +37,6 @@ class MbapSlave(Slave):
         if len(self._buffer) < HEADER:
             return 0
         return HEADER - 1 + int.from_bytes(self._buffer[4:6], "big")
-
-
-def modbus_tcp(device: Device, now: Callable[[], float], line: CleanLine | None = None) -> MbapSlave:
-    """A gripper with a Modbus TCP interface."""
-    return MbapSlave(GripperRegisters(device, now, TCP, TCP_FUNCTIONS), line)
 
 
 def stop_jaws(device: Device, now: Callable[[], float]) -> None:

@@ -44,18 +44,13 @@ def match(text: str, position: int, pattern: str) -> int:
 
 
 class Message:
-    """The parser's state, which outlives each message: SERVER.mod's globals.
-
-    Attributes:
-        code: instructionCode, kept when a head is malformed.
-        parameters: params{1..10}; a number that cannot be read leaves the old value in place.
-        count: nParams; -1 for a malformed message.
-    """
+    """The parser's state, which outlives each message: SERVER.mod's globals."""
 
     def __init__(self) -> None:
-        self.code = 0.0
+        self.code = 0.0  # instructionCode, kept when a head is malformed
+        # params{1..10}: a number that cannot be read leaves the old value in place.
         self.parameters = [0.0] * MAX_PARAMETERS
-        self.count = 0
+        self.count = 0  # nParams; -1 for a malformed message
 
     def parse(self, text: str) -> None:
         """Take one received string (PROC ParseMsg); RapidError for more parameters than the array has."""

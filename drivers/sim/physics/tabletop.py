@@ -54,10 +54,7 @@ class TableTop:
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The fingers start to close: the width at which they will stop, as the encoder sees it, or None.
-
-        The part lies where it lay until `gripped`.
-        """
+        """The fingers start to close: the width (mm, as the encoder sees it) that will stop them, or None."""
         self._desk.next(Channel.SCENE)
         for fault in self._desk.beginning(Channel.SCENE):
             if fault.kind == "part_bumped":

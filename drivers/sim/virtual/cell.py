@@ -34,12 +34,6 @@ class VirtualScene(Feeder):
 class VirtualCell:
     """A cell whose time is `clock`; its devices are connected to as often as one likes.
 
-    Attributes:
-        clock: the cell's time, shared by devices, drivers and runtime.
-        pace: the drivers' deadlines on it.
-        works: what the cell consists of.
-        scene: its feeder and ground truth.
-
     Args:
         setting: part and world.
         seed: of every draw.
@@ -54,7 +48,7 @@ class VirtualCell:
         faults: Listed | None = None,
         overheard: Callable[[str], None] | None = None,
     ) -> None:
-        self.clock = VirtualClock()
+        self.clock = VirtualClock()  # shared by devices, drivers and runtime
         self.pace = Pace(self.clock)
         self.works = Workcell(setting, seed, self.clock.now, faults)
         self.scene = VirtualScene(self.works)

@@ -51,12 +51,7 @@ class VirtualPort:
 
 
 class GripperPort(VirtualPort):
-    """A serial port with the gripper behind it.
-
-    Args:
-        slave: the gripper's end.
-        clock: the cell's.
-    """
+    """A serial port with the gripper behind it."""
 
     def __init__(self, slave: RtuSlave, clock: VirtualClock) -> None:
         super().__init__("virtual gripper", clock)
@@ -143,12 +138,7 @@ class ArmPort:
 
 
 class ArmConnection(VirtualPort):
-    """One client's connection to the arm.
-
-    Args:
-        port: the controller's.
-        clock: the cell's.
-    """
+    """One client's connection to the arm."""
 
     def __init__(self, port: ArmPort, clock: VirtualClock) -> None:
         super().__init__("virtual arm", clock)

@@ -10,11 +10,12 @@ from typing import Protocol
 
 from pymodbus.framer import FramerRTU
 
-from drivers.robotiq.frames import RTU, Wiring
+from drivers.robotiq.frames import RTU, TCP, Wiring
 
 MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 BLOCK_WORDS = 8
-FUNCTIONS = frozenset({3, 4, 6, 16, 23})
+# Over Modbus TCP no others are promised ([M200] p66).
+FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 
 class Device(Protocol):
@@ -36,22 +37,15 @@ class GripperRegisters:
     Args:
         device: the gripper.
         now: simulated seconds.
-        wiring: where the blocks begin on this kind of link.
-        functions: function codes that it serves.
+        wiring: the kind of link.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        now: Callable[[], float],
-        wiring: Wiring = RTU,
-        functions: frozenset[int] = FUNCTIONS,
-    ) -> None:
+    def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
         self._device = device
         self._now = now
         self._output = wiring.output_address
         self._input = wiring.input_address
-        self._functions = functions
+        self._functions = FUNCTIONS[wiring]
 
     def serves(self, function: int, address: int, count: int) -> bool:
         """Whether `function` is spoken here and all registers lie in one of the blocks."""

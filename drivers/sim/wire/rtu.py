@@ -23,12 +23,9 @@ class Slave:
     Args:
         registers: what it serves.
         line: what its frames meet on the way.
-
-    Attributes:
-        unit: slave id.
     """
 
-    unit: int
+    unit: int  # slave id
 
     def __init__(self, registers: GripperRegisters, line: CleanLine | None = None) -> None:
         self._registers = registers

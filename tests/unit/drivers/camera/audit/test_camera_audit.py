@@ -29,6 +29,7 @@ from drivers.camera.errors import SourceError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render
+from drivers.sim.physics.tabletop import Look
 
 BELOW = camera()
 RIG = rig(BELOW)
@@ -54,7 +55,7 @@ class Shown:
 
 
 def shot(part=POSE, seed=1):
-    return RIG.picture(part, np.random.default_rng(seed))
+    return RIG.seen(Look(part), np.random.default_rng(seed))
 
 
 def audit(picture, predicted=POSE, calibration=None, pictures=None, subject=SUBJECT):

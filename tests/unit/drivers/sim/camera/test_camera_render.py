@@ -9,6 +9,7 @@ from cameras import SIZE, camera, rig, stain
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import BEHIND_TONE, Flaws, compressed, render
+from drivers.sim.physics.tabletop import Look
 
 CLEAN = Flaws(blur_px=0.0, noise=0.0, gain=0.9, gradient=0.0, jpeg_quality=None)
 STRAIGHT = webcam((0.0, 0.0, -300.0), size=SIZE)
@@ -87,6 +88,6 @@ def test_card_hides_what_was_laid_down_before_it():
 
 
 def test_compression_loses_little_at_high_quality_and_more_at_low():
-    picture = rig(camera()).picture((0.0, 0.0, 0.3), np.random.default_rng(1))
+    picture = rig(camera()).seen(Look((0.0, 0.0, 0.3)), np.random.default_rng(1))
     lost = [np.abs(compressed(picture, q).astype(float) - picture).mean() for q in (95, 60, 20)]
     assert lost[0] < lost[1] < lost[2]
