@@ -37,7 +37,10 @@ GRASPED = 2
 JAMMED = 3
 STATUS_NAMES = ("untouched", "slipped", "grasped", "jammed")
 MAX_STEPS = 20_000
-PROBE_MM = 0.1
+HELD_GAP = 0.001
+"""Contacts within this share of the part's reach hold it: what rounding and the steps' drift leave open."""
+HELD_PROBE = 0.005
+"""How far the fingers are tried to close further, as a share of the reach."""
 LARGEST_ESCAPE = 1e4
 """Motion of the part in units of the fingers', beyond which a frictionless part counts as blocked."""
 
@@ -67,13 +70,13 @@ def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
 
 
 @kernel
-def _held_as(rho: float, q: Array, grip: Grip, scratch: Scratch) -> int:
-    """GRASPED where the part is blocked without friction too, else JAMMED.
+def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
+    """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, grip, 0.02, scratch)
+    find_contacts(q, grip, HELD_GAP * body.reach, scratch)
     work = scratch.work
     count = work.listed[FOUND]
     for k in range(count):
@@ -81,10 +84,11 @@ def _held_as(rho: float, q: Array, grip: Grip, scratch: Scratch) -> int:
     for i in range(3):
         for j in range(3):
             work.A[i, j] = 1.0 if i == j else 0.0
-    directions(work.C, work.I, count, rho, PROBE_MM, PROBE_MM)
+    probe = HELD_PROBE * body.reach
+    directions(work.C, work.I, count, body.rho, probe, probe)
     status = solve(work.A, 0.0, 0.0, work.C, work.I, count, work.step, work.V)
     V = work.V
-    far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * PROBE_MM) ** 2
+    far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * probe) ** 2
     return JAMMED if status == SOLVED and not far else GRASPED
 
 
@@ -150,7 +154,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(body.rho, q, grip, scratch)
+    held = _held_as(body, q, grip, scratch)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
