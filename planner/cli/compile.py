@@ -151,6 +151,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
 def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     figures = figures_of(plan, seconds)
     low, high = figures["success_ci95"]
+    error = figures["error_mm"]
     leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
     if figures["unresolved_leaves"]:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
@@ -169,7 +170,8 @@ success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
 wrong {figures["wrong_rate"]:.2%}
 {figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
-about {figures["mean_seconds"]:.1f} s{thickness}
+about {figures["mean_seconds"]:.1f} s
+error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 

@@ -12,7 +12,7 @@ from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
 from planner.evaluation.judge import claimed, main_poses, metric_of_table
-from planner.evaluation.outcome import Evaluation
+from planner.evaluation.outcome import ERROR_SHARES, Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from planner.search.expand import TreeNode, breadth_first
@@ -47,11 +47,14 @@ def with_figures(
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
     """States the figures of an evaluation in its table."""
     figures = evaluation.summary()
+    median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
         success_ppm=round(tables.PPM * figures["success_rate"]),
         trials=figures["trials"],
         mean_squeezes_ppm=round(tables.PPM * figures["mean_squeezes"]),
         reject_ppm=round(tables.PPM * figures["reject_rate"]),
+        error_median_um=median_um,
+        error_p95_um=p95_um,
     )
     return replace(table, predicted=predicted)
 
@@ -102,11 +105,19 @@ def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metri
         return leaf
     resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence)
     leaf = leaf._replace(success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved)
+    median_um, p95_um = _errors_um(evaluation.error_mm[here])
+    leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
         leaf = leaf._replace(covariance=covariance_of(evaluation.poses[here], leaf, job))
     if not resolved:
         leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
     return leaf
+
+
+def _errors_um(error_mm: Array) -> tuple[int, int]:
+    """Their median and 95th percentile; 0 of no part."""
+    median, high = np.quantile(error_mm, ERROR_SHARES) if len(error_mm) else (0.0, 0.0)
+    return round(1e3 * float(median)), round(1e3 * float(high))
 
 
 def _alternatives(leaf: tables.Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:

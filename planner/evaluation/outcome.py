@@ -11,6 +11,8 @@ from runtime.table import wilson_interval
 
 REJECTED = -1
 NOWHERE = -1
+ERROR_SHARES = (0.5, 0.95)
+"""Of the parts, for which the error that they do not exceed is told: the median, and nearly all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +68,15 @@ class Evaluation:
             "max_squeezes": int(self.squeezes.max()),
             "mean_seconds": float(self.seconds.mean()),
             "crashes": self.crashes,
+            "error_mm": self._error_mm(),
         }
+
+    def _error_mm(self) -> dict[str, float] | None:
+        """Of the parts in resolved leaves; None without any."""
+        known = self.error_mm[self.resolved]
+        if not len(known):
+            return None
+        return dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

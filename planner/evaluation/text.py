@@ -25,8 +25,16 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
         f"unresolved {figures['unresolved_rate']:7.2%}",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, {figures['max_squeezes']} at most ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
+        *_error(figures["error_mm"]),
         f"crashes    {figures['crashes']:7d}  placements with a finger on the part",
     ]
+
+
+def _error(error_mm: dict[str, float] | None) -> list[str]:
+    if error_mm is None:
+        return []
+    share = f"95 % within {error_mm['p95']:.2f} mm"
+    return [f"error      {error_mm['median']:7.2f}  mm median where resolved, {share}"]
 
 
 def predictions(table: Table, outcome: Reliability) -> list[str]:

@@ -100,12 +100,14 @@ def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
         "success": evaluation["success_rate"],
         "rejected": evaluation["reject_rate"],
         "squeezes": evaluation["mean_squeezes"],
+        "error_mm": evaluation["error_mm"],
     }
     if predicted.trials:
         shown = {
             "success": predicted.success_ppm / PPM,
             "rejected": predicted.reject_ppm / PPM,
             "squeezes": predicted.mean_squeezes_ppm / PPM,
+            "error_mm": {"median": predicted.error_median_um / 1e3, "p95": predicted.error_p95_um / 1e3},
         }
     trials = predicted.trials or evaluation["trials"]
     interval = wilson_interval(round(shown["success"] * trials), trials)

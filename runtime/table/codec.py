@@ -32,10 +32,24 @@ FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
 POSE = ("x_um", "y_um", "theta_urad")
 # The columns of integers: one a field of each kind of record.
+ERRORS = ("error_median_um", "error_p95_um")
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
     "branch": Branch._fields,
-    "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", "success_ppm", "trials", "resolved", "alternatives"),
+    "leaf": (
+        *POSE,
+        "xx",
+        "xy",
+        "yy",
+        "xt",
+        "yt",
+        "tt",
+        "success_ppm",
+        "trials",
+        "resolved",
+        "alternatives",
+        *ERRORS,
+    ),
     "alternative": POSE,
 }
 PAYLOAD_FIELDS = (
@@ -98,7 +112,7 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
         ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives))
+            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives), *leaf[8:])
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -151,14 +165,16 @@ def _table(fields: dict[str, object]) -> Table:
         limits=Limits(max_depth, force, speed, (x0, y0, x1, y1), retreat, height, arm_speed),
         nodes=_nodes(fields),
         leaves=leaves,
-        predicted=Prediction(*_integers(fields, "predicted", 4)),
+        predicted=Prediction(*_integers(fields, "predicted", 6)),
         job=None if fields["job"] is None else _typed(fields, "job", str),
     )
 
 
 def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
     rows = _rows(fields, "node")
-    branches = _parts(map(Branch._make, _rows(fields, "branch")), rows, MAX_BRANCHES, "node_branches")
+    branches = _parts(
+        map(Branch._make, _rows(fields, "branch")), [row[-1] for row in rows], MAX_BRANCHES, "node_branches"
+    )
     return tuple(
         Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
         for row, own in zip(rows, branches, strict=True)
@@ -169,9 +185,11 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
     rows = _rows(fields, "leaf")
     if not all(0 <= row[11] <= 1 for row in rows):
         raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
-    alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "leaf_alternatives")
+    alternatives = _parts(
+        _rows(fields, "alternative"), [row[12] for row in rows], MAX_ALTERNATIVES, "leaf_alternatives"
+    )
     return tuple(
-        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others))
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:]))
         for row, others in zip(rows, alternatives, strict=True)
     )
 
@@ -182,13 +200,13 @@ def _rows(fields: dict[str, object], kind: str) -> list[Row]:
     return list(zip(*(_integers(fields, name, length) for name in names), strict=True))
 
 
-def _parts(records: Iterable[Kind], rows: list[Row], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
-    """The records that belong to each row, whose last number says how many."""
+def _parts(records: Iterable[Kind], sizes: list[int], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
+    """The records in groups of these sizes."""
     left = iter(records)
-    for row in rows:
-        own = tuple(islice(left, row[-1])) if 0 <= row[-1] <= most else None
-        if own is None or len(own) != row[-1]:
-            raise TableError(f"{name} holds {row[-1]}, but no more than {most} may be, and as many as follow")
+    for size in sizes:
+        own = tuple(islice(left, size)) if 0 <= size <= most else None
+        if own is None or len(own) != size:
+            raise TableError(f"{name} holds {size}, but no more than {most} may be, and as many as follow")
         yield own
     if next(left, None) is not None:
         raise TableError(f"{name} adds up to fewer than there are")

@@ -79,6 +79,7 @@ class Leaf(NamedTuple):
         covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
         success_ppm: share of the evaluation's `trials` ending here that met the goal.
         resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
+        error_median_um, error_p95_um: median and 95th percentile of the error of those trials (paper eq. 9).
         alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal
             of kind "modes", or what an unresolved leaf cannot tell apart.
     """
@@ -91,6 +92,8 @@ class Leaf(NamedTuple):
     trials: int
     resolved: bool
     alternatives: tuple[tuple[int, int, int], ...] = ()
+    error_median_um: int = 0
+    error_p95_um: int = 0
 
     @property
     def success(self) -> float | None:
@@ -162,12 +165,15 @@ class Prediction:
         success_ppm: parts within the goal among all `trials`, of which there are 0 without an evaluation.
         mean_squeezes_ppm: mean number of squeezes a part, in millionths.
         reject_ppm: trials that ended in REJECT.
+        error_median_um, error_p95_um: of the parts that came to resolved leaves (paper eq. 9).
     """
 
     success_ppm: int
     trials: int
     mean_squeezes_ppm: int
     reject_ppm: int = 0
+    error_median_um: int = 0
+    error_p95_um: int = 0
 
 
 @dataclass(frozen=True, slots=True)

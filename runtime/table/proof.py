@@ -61,6 +61,7 @@ def prove(table: Table) -> None:
             told = f"{low:.2f}..{high:.2f} mm"
             raise TableError(f"node {index}, branch {number}: no encoder count means {told}; widen it")
     for index, leaf in enumerate(table.leaves):
+        _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
             _prove_resolved(index, leaf, table.goal, table.limits)
 
@@ -127,6 +128,8 @@ def _prove_header(table: Table) -> None:
     _within("predicted.trials", predicted.trials, 0, MAX_TRIALS)
     _within("predicted.mean_squeezes_ppm", predicted.mean_squeezes_ppm, 0, MAX_DEPTH * PPM)
     _within("predicted.reject_ppm", predicted.reject_ppm, 0, PPM)
+    _within("predicted.error_p95_um", predicted.error_p95_um, 0)
+    _within("predicted.error_median_um", predicted.error_median_um, 0, predicted.error_p95_um)
 
 
 def _prove_gripper(gripper: GripperSpec) -> None:
@@ -175,7 +178,7 @@ def _bounds(table: Table) -> dict[str, tuple[tuple[int, int], ...]]:
     return {
         "node": (*area, turn, *jaws, *area, (1, MAX_BRANCHES)),
         "branch": (width, width, width, share, targets),
-        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES)),
+        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES), (0, FAR), (0, FAR)),
         "alternative": pose,
     }
 

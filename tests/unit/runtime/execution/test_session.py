@@ -90,7 +90,8 @@ def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.Capt
     )
     # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
     assert (
-        part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000; true error 0.50 mm"
+        part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000, "
+        "error 0.32 mm (95 %: 0.94); true error 0.50 mm"
     )
     assert summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
 
@@ -128,7 +129,7 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
             session.run_parts(table, replace(made.cell, auditor=auditor), FakeScene(TRUTH), console, 1, plan)
         )
     *_, line, told = capsys.readouterr().out.splitlines()
-    assert line.endswith("success 0.9990 of 6000; audit: pass; delivery: done")
+    assert line.endswith("success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done")
     seen = json.loads(told)
     assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
 
