@@ -15,10 +15,9 @@ from typing import Any
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import Table
+from runtime.table import COUNTS, Table
 
 KIND, VERSION = "expected readings", 1
-COUNTS = 256
 PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift

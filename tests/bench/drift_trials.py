@@ -16,7 +16,7 @@ from planner.arrays import Array
 from planner.evaluation.expectation import readings
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
-from runtime.spc.expectation import COUNTS, PRIOR, Expectation
+from runtime.spc.expectation import PRIOR, Expectation
 from runtime.spc.history import Part
 from runtime.spc.monitor import Monitor
 from runtime.table import Table
