@@ -12,8 +12,9 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.particles import subsample
+from planner.evaluation.statistics import wilson_interval
 from planner.report.replay import Replay, Visit
-from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
+from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map
 
 MOST = 60
 """Most outlines of one belief."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.statistics import wilson_interval
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
@@ -26,7 +27,7 @@ from planner.report.replay import replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.templating import template
 from planner.world import make
-from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map, wilson_interval
+from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
