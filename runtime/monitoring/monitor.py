@@ -17,17 +17,11 @@ if TYPE_CHECKING:
 
 
 class Views(NamedTuple):
-    """Where a run is shown besides the console; None for nowhere.
+    """Where a run is shown besides the console; None for nowhere."""
 
-    Attributes:
-        socket: the status, on this Unix socket.
-        http: a page that follows it, at this `HOST:PORT`.
-        terminal: a picture in place of the console's parts and squeezes.
-    """
-
-    socket: Path | None = None
-    http: str | None = None
-    terminal: TextIO | None = None
+    socket: Path | None = None  # the status, on this Unix socket
+    http: str | None = None  # a page that follows it, at this `HOST:PORT`
+    terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
 
 
 class Monitor:

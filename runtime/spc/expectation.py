@@ -27,16 +27,11 @@ Shares = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Shares of readings in several worlds, the planned one first.
+    """Shares of readings in several worlds, the planned one first."""
 
-    Attributes:
-        table_sha256: of the table they are of.
-        shares: for each world, (nodes, 256), none of them zero.
-    """
-
-    table_sha256: str
+    table_sha256: str  # of the table they are of
     names: tuple[str, ...]
-    shares: tuple[Shares, ...]
+    shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
 
     def check(self, history: History) -> None:
         """Raises ArgumentsError unless this is of the table of a history."""
