@@ -27,11 +27,7 @@ class Views(NamedTuple):
 class Monitor:
     """A console that also updates the status and the watchdog; servers and views run within its context.
 
-    Args:
-        console: told everything.
-        loaded: the table's file.
-        name: what the table is called.
-        views: where else the run is shown. What each needs is loaded only if it is asked for.
+    What each of the views needs is loaded only if it is asked for.
     """
 
     def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
