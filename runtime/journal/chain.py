@@ -34,21 +34,13 @@ RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
 class Verified(NamedTuple):
-    """What a journal that verifies holds.
+    """What a journal that verifies holds."""
 
-    Attributes:
-        head: digest of the last record, what the next one has to hold.
-        records: number of records.
-        size: their length, bytes.
-        runs: number of runs, each begun by a header.
-        closed: whether the last run wrote its last record.
-    """
-
-    head: str = GENESIS
-    records: int = 0
-    size: int = 0
-    runs: int = 0
-    closed: bool = True
+    head: str = GENESIS  # digest of the last record, what the next one has to hold
+    records: int = 0  # number of records
+    size: int = 0  # their length, bytes
+    runs: int = 0  # number of runs, each begun by a header
+    closed: bool = True  # whether the last run wrote its last record
 
 
 class Journal:

@@ -17,27 +17,17 @@ if TYPE_CHECKING:
 
 
 class Views(NamedTuple):
-    """Where a run is shown besides the console; None for nowhere.
+    """Where a run is shown besides the console; None for nowhere."""
 
-    Attributes:
-        socket: the status, on this Unix socket.
-        http: a page that follows it, at this `HOST:PORT`.
-        terminal: a picture in place of the console's parts and squeezes.
-    """
-
-    socket: Path | None = None
-    http: str | None = None
-    terminal: TextIO | None = None
+    socket: Path | None = None  # the status, on this Unix socket
+    http: str | None = None  # a page that follows it, at this `HOST:PORT`
+    terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
 
 
 class Monitor:
     """A console that also updates the status and the watchdog; servers and views run within its context.
 
-    Args:
-        console: told everything.
-        loaded: the table's file.
-        name: what the table is called.
-        views: where else the run is shown. What each needs is loaded only if it is asked for.
+    What each of the views needs is loaded only if it is asked for.
     """
 
     def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:

@@ -13,13 +13,7 @@ RECENT = 10  # parts that a snapshot remembers one by one
 
 
 class Status:
-    """The snapshot, fed by the loop and read by any thread.
-
-    Args:
-        table: its name, for the reader.
-        table_sha256: digest of its bytes.
-        predicted_ppm: share of parts within the goal that its evaluation measured.
-    """
+    """The snapshot of a table, by its name and digest, fed by the loop and read by any thread."""
 
     def __init__(self, table: str, table_sha256: str, predicted_ppm: int) -> None:
         self._lock = threading.Lock()

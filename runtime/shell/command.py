@@ -89,13 +89,9 @@ def run(
 
 
 def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
-    """Import the module of a command and run its `main`, or say what to install; returns the exit code.
+    """Import the module of a command and run its `main` on its arguments, None for the process's own.
 
-    Args:
-        name: of the command.
-        module: its module.
-        extra: the extra of squeezetree that it needs; 2 is returned without it.
-        argv: its arguments; None for the process's own.
+    Where the module needs an extra of squeezetree that is missing, say what to install, and return 2.
     """
     try:
         loaded = import_module(module)

@@ -25,13 +25,11 @@ class Cusum:
     shifted by little of its scatter, weighs little.
 
     Attributes:
-        shift: to be found, in the unit of the deviations.
-        limit: log-likelihood ratio at which it alarms.
         up, down: sums for a shift either way.
     """
 
-    shift: float
-    limit: float = 12.0
+    shift: float  # to be found, in the unit of the deviations
+    limit: float = 12.0  # log-likelihood ratio at which it alarms
     up: float = 0.0
     down: float = 0.0
 
@@ -49,15 +47,10 @@ class Cusum:
 
 @dataclass(slots=True)
 class Ewma:
-    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959).
+    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959)."""
 
-    Attributes:
-        weight: of the newest value.
-        width: of the limits, standard deviations of the mean.
-    """
-
-    weight: float = 0.1
-    width: float = 5.0
+    weight: float = 0.1  # of the newest value
+    width: float = 5.0  # of the limits, standard deviations of the mean
     mean: float = 0.0
 
     @property

@@ -15,10 +15,9 @@ from typing import Any
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import Table
+from runtime.table import COUNTS, Table
 
 KIND, VERSION = "expected readings", 1
-COUNTS = 256
 PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift
@@ -28,16 +27,11 @@ Shares = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Shares of readings in several worlds, the planned one first.
+    """Shares of readings in several worlds, the planned one first."""
 
-    Attributes:
-        table_sha256: of the table they are of.
-        shares: for each world, (nodes, 256), none of them zero.
-    """
-
-    table_sha256: str
+    table_sha256: str  # of the table they are of
     names: tuple[str, ...]
-    shares: tuple[Shares, ...]
+    shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
 
     def check(self, history: History) -> None:
         """Raises ArgumentsError unless this is of the table of a history."""

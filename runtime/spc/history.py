@@ -28,19 +28,16 @@ class Part:
     """One part, from its first squeeze to its end.
 
     Attributes:
-        outcome: "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off.
-        verdict: "pass", "fail", "unknown", None where it was not audited.
         residual: measured less predicted pose (mm, mm, rad), None where it was not measured.
-        time: of its end, ISO 8601.
     """
 
     number: int
     squeezes: tuple[Squeezed, ...] = ()
-    outcome: str = ""
+    outcome: str = ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
     leaf: int | None = None
-    verdict: str | None = None
+    verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
     residual: tuple[float, float, float] | None = None
-    time: str = ""
+    time: str = ""  # of its end, ISO 8601
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,9 +46,8 @@ class Monitor:
     """The charts of one table; sees one part after the other.
 
     Attributes:
-        readings: only where it is known what to expect of them.
-        lines: values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals
-            (named as `COORDINATES`) an audited part, of the readings a part.
+        lines: values of the charts that are drawn, by name: of the widths a step a squeeze, of the
+            residuals (named as `COORDINATES`) an audited part, of the readings a part.
     """
 
     table: Table
@@ -57,7 +56,7 @@ class Monitor:
     failures: BinomialWindowChart
     rejects: BinomialWindowChart
     residuals: tuple[Ewma, Ewma, Ewma]
-    readings: ShiryaevRoberts | None = None
+    readings: ShiryaevRoberts | None = None  # only where it is known what to expect of them
     lines: dict[str, list[float]] = field(default_factory=dict)
 
     @classmethod

@@ -34,58 +34,41 @@ class Moments(NamedTuple):
 
 
 class LeafRow(NamedTuple):
-    """The parts that ended at one leaf.
-
-    Attributes:
-        judged: of these, judged to pass or fail.
-        predicted: success rate that the table predicts, None where no trial ended there.
-        residuals: of x [mm], y [mm] and theta [rad]; empty where none was measured.
-    """
+    """The parts that ended at one leaf."""
 
     leaf: int
     parts: int
-    judged: int
+    judged: int  # of these, judged to pass or fail
     passed: int
-    predicted: float | None
-    residuals: tuple[Moments, ...]
+    predicted: float | None  # success rate that the table predicts, None where no trial ended there
+    residuals: tuple[Moments, ...]  # of x [mm], y [mm] and theta [rad]; empty where none was measured
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node, against the table's shares by Pearson's chi-square.
-
-    Attributes:
-        counts: of each branch, and last of its rejects.
-        tail: probability of a larger statistic where the table is right.
-    """
+    """The squeezes at one node, against the table's shares by Pearson's chi-square."""
 
     node: int
-    counts: tuple[int, ...]
+    counts: tuple[int, ...]  # of each branch, and last of its rejects
     shares: tuple[float, ...]
     statistic: float
     freedom: int
-    tail: float
+    tail: float  # probability of a larger statistic where the table is right
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All figures: of parts by outcome and by verdict, of success with its 95 % interval, by leaf and node.
-
-    Attributes:
-        judged: parts judged to pass or fail, of which `passed` passed.
-        agrees: whether the interval holds the predicted success rate.
-        tail: of the chi-square over all nodes.
-    """
+    """All figures: by outcome and verdict, of success with its 95 % interval, by leaf, by node; charts."""
 
     outcomes: dict[str, int]
     verdicts: dict[str, int]
     passed: int
-    judged: int
+    judged: int  # parts judged to pass or fail, of which `passed` passed
     interval: tuple[float, float]
     predicted: float
-    agrees: bool
+    agrees: bool  # whether the interval holds the predicted success rate
     leaves: tuple[LeafRow, ...]
     nodes: tuple[NodeRow, ...]
-    tail: float
+    tail: float  # of the chi-square over all nodes
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
 

@@ -44,9 +44,9 @@ from runtime.table.model import (
     Squeeze,
     Table,
 )
-from runtime.table.proof import Z95, job_of, prove, refuted, wilson_interval
+from runtime.table.proof import job_of, prove, refuted, wilson_interval
 
-__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "REJECT", "UNDETECTED_UM", "Z95"]
+__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction"]
 __all__ += ["Branch", "Leaf", "Node", "Squeeze", "Table", "TableError", "TableFile", "TableFileError"]
 __all__ += ["by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load", "loads", "misfits"]

@@ -22,40 +22,25 @@ MAX_DEPTH = 64
 
 
 class Squeeze(NamedTuple):
-    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes.
+    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes."""
 
-    Attributes:
-        x_um, y_um, angle_urad: pose of the hand's centre in the world.
-        opening_um: before the squeeze.
-        speed_um_s: closing speed of the fingers.
-        force_mn: closing force.
-        clearance_um: least distance between the open fingers and any believed pose of the part, >= 0.
-    """
-
-    x_um: int
+    x_um: int  # of the hand's centre in the world
     y_um: int
     angle_urad: int
-    opening_um: int
-    speed_um_s: int
-    force_mn: int
-    clearance_um: int
+    opening_um: int  # before the squeeze
+    speed_um_s: int  # closing speed of the fingers
+    force_mn: int  # closing force
+    clearance_um: int  # least distance between the open fingers and any believed pose of the part, >= 0
 
 
 class Branch(NamedTuple):
-    """One outcome of a squeeze: an interval of widths and where it leads.
-
-    Attributes:
-        low_um, high_um: ends of the interval.
-        expected_um: expected width; the nearest one wins where intervals overlap.
-        probability_ppm: predicted share of this outcome among the node's outcomes.
-        target: >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`.
-    """
+    """One outcome of a squeeze: an interval of widths and where it leads."""
 
     low_um: int
-    expected_um: int
+    expected_um: int  # expected width; the nearest one wins where intervals overlap
     high_um: int
-    probability_ppm: int
-    target: int
+    probability_ppm: int  # predicted share of this outcome among the node's outcomes
+    target: int  # >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`
 
 
 class Node(NamedTuple):
@@ -75,25 +60,21 @@ class Leaf(NamedTuple):
     """An end of the tree: the predicted pose of the part in the world, and how often it holds.
 
     Attributes:
-        x_um, y_um, theta_urad: predicted pose, the angle within half a turn of zero.
         covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
-        success_ppm: share of the evaluation's `trials` ending here that met the goal.
-        resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
-        error_median_um, error_p95_um: median and 95th percentile of the error of those trials (paper eq. 9).
-        alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal
-            of kind "modes", or what an unresolved leaf cannot tell apart.
+        alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a
+            goal of kind "modes", or what an unresolved leaf cannot tell apart.
     """
 
     x_um: int
     y_um: int
-    theta_urad: int
+    theta_urad: int  # within half a turn of zero
     covariance: tuple[int, int, int, int, int, int]
-    success_ppm: int
+    success_ppm: int  # share of the evaluation's `trials` ending here that met the goal
     trials: int
-    resolved: bool
+    resolved: bool  # whether the part may be taken to lie here; False ends in the outcome UNRESOLVED
     alternatives: tuple[tuple[int, int, int], ...] = ()
-    error_median_um: int = 0
-    error_p95_um: int = 0
+    error_median_um: int = 0  # of the error of those trials (paper eq. 9)
+    error_p95_um: int = 0  # its 95th percentile
 
     @property
     def success(self) -> float | None:
@@ -119,79 +100,55 @@ class GoalSpec:
     """When a part counts as located, under the symmetry and at a confidence.
 
     Attributes:
-        confidence_ppm: the share of parts that must meet it.
-        rho_um: what one radian of error weighs.
-        symmetry: rotational order of the part, 1 for none.
-        kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within
-            its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
-        tolerance: x_um, y_um, theta_urad, for "tolerances" and "orientation".
-        modes: how many poses a leaf may leave open, for "modes".
+        kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each
+            within its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within
+            its tolerance.
     """
 
     distance_um: int
-    confidence_ppm: int
-    rho_um: int
-    symmetry: int
+    confidence_ppm: int  # the share of parts that must meet it
+    rho_um: int  # what one radian of error weighs
+    symmetry: int  # rotational order of the part, 1 for none
     kind: str = "pose"
-    tolerance: tuple[int, int, int] = (0, 0, 0)
-    modes: int = 1
+    tolerance: tuple[int, int, int] = (0, 0, 0)  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
+    modes: int = 1  # how many poses a leaf may leave open, for "modes"
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no motion of this table may exceed.
+    """What no motion of this table may exceed."""
 
-    Attributes:
-        max_depth: squeezes to any leaf, at most `MAX_DEPTH`.
-        max_force_mn, max_speed_um_s: of closing.
-        work_area_um: x min, y min, x max, y max of the hand's centre and of predicted poses.
-        retreat_height_um, squeeze_height_um: of the tips while the arm travels, and while squeezing.
-    """
-
-    max_depth: int
-    max_force_mn: int
-    max_speed_um_s: int
-    work_area_um: tuple[int, int, int, int]
-    retreat_height_um: int
-    squeeze_height_um: int
+    max_depth: int  # squeezes to any leaf, at most `MAX_DEPTH`
+    max_force_mn: int  # of closing
+    max_speed_um_s: int  # of closing
+    work_area_um: tuple[int, int, int, int]  # x min, y min, x max, y max of hand's centre and predicted poses
+    retreat_height_um: int  # of the tips while the arm travels
+    squeeze_height_um: int  # of the tips while squeezing
     arm_speed_um_s: int
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the evaluation at compile time measured for the table as a whole.
+    """What the evaluation at compile time measured for the table as a whole."""
 
-    Attributes:
-        success_ppm: parts within the goal among all `trials`, of which there are 0 without an evaluation.
-        mean_squeezes_ppm: mean number of squeezes a part, in millionths.
-        reject_ppm: trials that ended in REJECT.
-        error_median_um, error_p95_um: of the parts that came to resolved leaves (paper eq. 9).
-    """
-
-    success_ppm: int
+    success_ppm: int  # parts within the goal among all `trials`, of which there are 0 without an evaluation
     trials: int
-    mean_squeezes_ppm: int
-    reject_ppm: int = 0
-    error_median_um: int = 0
-    error_p95_um: int = 0
+    mean_squeezes_ppm: int  # mean number of squeezes a part, in millionths
+    reject_ppm: int = 0  # trials that ended in REJECT
+    error_median_um: int = 0  # of the parts that came to resolved leaves (paper eq. 9)
+    error_p95_um: int = 0  # of the same
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root.
+    """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root."""
 
-    Attributes:
-        tool: name and version of the compiler.
-        job_digest: SHA-256 of the job's canonical text, 32 bytes.
-        job: the job's canonical text, or None where it was stripped.
-    """
-
-    tool: str
-    job_digest: bytes
+    tool: str  # name and version of the compiler
+    job_digest: bytes  # SHA-256 of the job's canonical text, 32 bytes
     gripper: GripperSpec
     goal: GoalSpec
     limits: Limits
     nodes: tuple[Node, ...]
     leaves: tuple[Leaf, ...]
     predicted: Prediction
-    job: str | None
+    job: str | None  # the job's canonical text, or None where it was stripped

@@ -9,20 +9,13 @@ from runtime.traversal.geometry import placement
 
 
 class Row(NamedTuple):
-    """One line.
+    """One line."""
 
-    Attributes:
-        depth: squeezes before it.
-        target: >= 0 a node, < 0 the leaf ~target, None for a line that stands for several.
-        taken: whether it is on the way of the part.
-        now: whether the cell is there.
-    """
-
-    depth: int
+    depth: int  # squeezes before it
     text: str
-    target: int | None
-    taken: bool = False
-    now: bool = False
+    target: int | None  # >= 0 a node, < 0 the leaf ~target, None for a line that stands for several
+    taken: bool = False  # whether it is on the way of the part
+    now: bool = False  # whether the cell is there
 
 
 class Way(NamedTuple):

@@ -30,14 +30,10 @@ AROUND = 5 + PARTS  # lines that are not the tree's
 
 
 class View:
-    """A console that draws parts and squeezes as a picture; shown within its context.
+    """A console that draws parts and squeezes as a picture on a terminal; shown within its context.
 
-    Args:
-        table: drawn as its lines.
-        name: of its file.
-        status: what is drawn.
-        console: told the summary; and squeezes and parts as well if it does not write where the picture is.
-        stream: the terminal.
+    The console behind it is told the summary; and squeezes and parts as well if it does not write where the
+    picture is.
     """
 
     def __init__(self, table: Table, name: str, status: Status, console: Console, stream: TextIO) -> None:
@@ -103,13 +99,9 @@ class View:
 
 
 def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Terminal) -> Group:
-    """What is shown of a status (`Status.as_object`).
+    """What is shown of a status (`Status.as_object`) and a table, by the name of its file.
 
-    Args:
-        outline: of the table.
-        name: of its file.
-        state: the status.
-        terminal: its size decides how much of the tree is shown, its character set how.
+    The terminal's size decides how much of the tree is shown, its character set how.
     """
     utf8 = terminal.encoding.lower().startswith("utf")
     room = max(terminal.size.height - AROUND - 1, 3)

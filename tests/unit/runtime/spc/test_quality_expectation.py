@@ -9,9 +9,9 @@ from histories import LESS, drawn, expectation_document, history, table, watch
 
 from runtime.errors import ArgumentsError
 from runtime.spc import expectation
-from runtime.spc.expectation import CLIP, COUNTS, ShiryaevRoberts, bin_of, load
+from runtime.spc.expectation import CLIP, ShiryaevRoberts, bin_of, load
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import Calibration
+from runtime.table import COUNTS, Calibration
 
 TABLE = table()
 DIGEST = "0" * 64
