@@ -50,7 +50,10 @@ class Truth(NamedTuple):
 
 
 class Feeder:
-    """Feeder and ground truth of a simulated cell, whichever way it is asked."""
+    """Feeder and ground truth of a simulated cell, which answers what it is asked."""
+
+    def __init__(self, ask: Callable[[str], Mapping[str, object]]) -> None:
+        self._ask = ask
 
     def next_part(self) -> int:
         """Bring the next part; returns its number; LinkError where the cell is gone, or refuses."""
@@ -63,14 +66,12 @@ class Feeder:
     def close(self) -> None:
         """Hang up; the cell stays."""
 
-    def _ask(self, what: str) -> Mapping[str, object]:
-        raise NotImplementedError
-
 
 class Scene(Feeder):
     """Client of a simulated cell's scene; PortError where nobody accepts the connection."""
 
     def __init__(self, host: str, port: int) -> None:
+        super().__init__(self._sent)
         self.endpoint = f"tcp://{host}:{port}"
         try:
             self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
@@ -85,7 +86,7 @@ class Scene(Feeder):
         self._file.close()
         self._socket.close()
 
-    def _ask(self, what: str) -> Mapping[str, object]:
+    def _sent(self, what: str) -> Mapping[str, object]:
         try:
             self._socket.sendall(json.dumps({"do": what}).encode() + b"\n")
             said = json.loads(self._file.readline(MAX_LINE) or "null")

@@ -3,7 +3,7 @@
 Time passes when somebody waits for it. The same seed gives the same run, byte for byte.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
@@ -19,16 +19,6 @@ from drivers.sim.virtual.ports import ArmPort, GripperPort
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import RtuSlave
 from drivers.sim.workcell import ARM_BASE, Workcell
-
-
-class VirtualScene(Feeder):
-    """Feeder and ground truth, as `drivers.connect.scene` gives them."""
-
-    def __init__(self, works: Workcell) -> None:
-        self._works = works
-
-    def _ask(self, what: str) -> Mapping[str, object]:
-        return self._works.answer(what) or {}
 
 
 class VirtualCell:
@@ -51,7 +41,7 @@ class VirtualCell:
         self.clock = VirtualClock()  # shared by devices, drivers and runtime
         self.pace = Pace(self.clock)
         self.works = Workcell(setting, seed, self.clock.now, faults)
-        self.scene = VirtualScene(self.works)
+        self.scene = Feeder(lambda what: self.works.answer(what) or {})
         self.clock.watch(self.works.gripper.next_change)
         slave = RtuSlave(GripperRegisters(self.works.gripper, self.clock.now), self.works.line())
         self._gripper_port = GripperPort(slave, self.clock)
