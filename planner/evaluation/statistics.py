@@ -1,4 +1,4 @@
-"""Intervals for rates (Wilson 1927) and quantiles of samples, as the evaluation reports them."""
+"""Confidence intervals of rates (Wilson 1927)."""
 
 import math
 
