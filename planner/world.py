@@ -104,9 +104,7 @@ class ContactWorlds(Worlds):
         return ContactWorld.of_simulator(self.simulator, [self.seed, chunk])
 
 
-def make(job: Job, seed: int) -> ContactWorld:
-    """The world factory; the seed is that of all the world's randomness."""
-    return ContactWorld(job, seed)
+make = ContactWorld  # the world factory: `make(job, seed)`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,8 +125,7 @@ def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worl
     """What an evaluation squeezes in, by its name "module:factory".
 
     The contact world comes in copies, one for each chunk of trials. A world from elsewhere is made once and
-    runs all trials one after another, since nobody knows what it costs to make and whether two of them may
-    run side by side; `copies` says that they may.
+    runs all trials one after another, unless `copies` says that two of them may run side by side.
 
     Raises:
         UsageError: as `load_world`.

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
 from planner.evaluation.evaluate import sweep
-from planner.evaluation.statistics import Z95
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
+from runtime.table.proof import Z95
 
 SEED_NOISE = 0x53454E53
 

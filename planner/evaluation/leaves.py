@@ -45,8 +45,8 @@ class Reliability(NamedTuple):
         return {"leaves": len(rows), "share_within_95": self.share, "mean_gap": self.gap, "table": rows}
 
 
-def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_VISITS) -> Reliability:
-    """Holds the leaves' predictions against fresh trials; leaves with fewer than `least_visits` are left out.
+def reliability(table: Table, evaluation: Evaluation) -> Reliability:
+    """Holds the leaves' predictions against fresh trials; leaves with fewer than `LEAST_VISITS` are left out.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
@@ -58,7 +58,7 @@ def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_
     for index in range(len(table.leaves)):
         here = evaluation.leaf == index
         visits = int(here.sum())
-        if visits < max(least_visits, 1):
+        if visits < LEAST_VISITS:
             continue
         leaf = table.leaves[index]
         predicted, hits = leaf.success_ppm / PPM, int(evaluation.within[here].sum())

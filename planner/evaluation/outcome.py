@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.statistics import wilson_interval
+from runtime.table import wilson_interval
 
 REJECTED = -1
 NOWHERE = -1

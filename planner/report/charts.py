@@ -14,19 +14,12 @@ FONT = 8.5
 SMALL = 7.5
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
-METHOD_NAMES = {
-    "closed-loop": "this planner",
-    "fixed-actions": "this planner, fixed actions",
-    "paper": "the paper's method, implemented here",
-    "paper-sequence": "the paper's method, whole sequences",
-    "sensorless": "no sensor",
-}
-METHOD_COLOURS = {
-    "closed-loop": canvas.BLUE,
-    "fixed-actions": SKY,
-    "paper": ORANGE,
-    "paper-sequence": canvas.GREEN,
-    "sensorless": canvas.RED,
+METHODS = {
+    "closed-loop": ("this planner", canvas.BLUE),
+    "fixed-actions": ("this planner, fixed actions", SKY),
+    "paper": ("the paper's method, implemented here", ORANGE),
+    "paper-sequence": ("the paper's method, whole sequences", canvas.GREEN),
+    "sensorless": ("no sensor", canvas.RED),
 }
 PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
 PAPER_LEARNED = 5000.0  # particles a second: "about 1 second to roll out 5000 particles" (V.B)
@@ -55,7 +48,7 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         raise ValueError("rows of Table I are needed, each with the paper's rate; run tools/table1")
     experiments = list(dict.fromkeys(row["row"] for row in rows))
     first = {name: next(row for row in rows if row["row"] == name) for name in experiments}
-    methods = [name for name in METHOD_NAMES if any(row["method"] == name for row in rows)]
+    methods = [name for name in METHODS if any(row["method"] == name for row in rows)]
     judged = {(row["row"], row["method"]): row for row in rows if "within_rate" in row}
     figure = canvas.blank(WIDTH_IN, 3.3)
     axes = figure.subplots()
@@ -69,8 +62,8 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         ]
         at = np.array([x for x, _ in shown]) + (k + 1) * width
         values = [100.0 * row["within_rate"] for _, row in shown]
-        label = f"{METHOD_NAMES[method]}, in simulation"
-        _bars(axes, at, values, width, METHOD_COLOURS[method], label)
+        label, colour = METHODS[method]
+        _bars(axes, at, values, width, colour, f"{label}, in simulation")
         bounds = 100.0 * np.array([row["within_ci95"] for _, row in shown]).reshape(-1, 2)
         axes.errorbar(
             at, values, np.abs(bounds.T - values),

@@ -14,10 +14,10 @@ import numpy as np
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.statistics import wilson_interval
 from planner.job import model as job_file
 from planner.job.overrides import changes_of
 from planner.world import ContactWorld
+from runtime.table import wilson_interval
 
 SEED_WORLD = 0x5431
 SEED_TRIALS = 0x5432

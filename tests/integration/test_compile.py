@@ -11,12 +11,11 @@ from planner.errors import NoPlanError
 from planner.evaluation.cases import stress_cases
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import REJECTED
-from planner.evaluation.statistics import wilson_interval
 from planner.frames import wrap
 from planner.job import model as job_file
 from planner.search.expand import breadth_first
 from planner.world import ContactWorlds, make
-from runtime.table import Calibration, by_count, decision_map, dumps, load, loads
+from runtime.table import Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
 
 TREES = Path(__file__).parents[2] / "trees"
 

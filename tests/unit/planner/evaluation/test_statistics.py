@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from planner.evaluation.statistics import wilson_interval
-from runtime.table import refuted
+from runtime.table import refuted, wilson_interval
 from runtime.table import wilson_interval as wilson_of_the_runtime
 
 

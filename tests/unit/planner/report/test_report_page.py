@@ -13,11 +13,10 @@ from run_logs import chained, header, part
 
 from planner.cli import report
 from planner.evaluation.cases import assumption_cases
-from planner.evaluation.statistics import wilson_interval
 from planner.job import model as job_file
 from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
+from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load, wilson_interval
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
