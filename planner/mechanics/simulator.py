@@ -1,7 +1,4 @@
-"""Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
-
-Every roll-out has its own limit surface and friction, so the result does not depend on the number of workers.
-"""
+"""Squeezes by the thousand, rolled out on all cores; the number of workers does not change the result."""
 
 from __future__ import annotations
 
