@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from functools import partial
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
@@ -12,8 +13,8 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
-from runtime.table.proof import Z95
 
+Z95 = NormalDist().inv_cdf(0.975)
 SEED_NOISE = 0x53454E53
 
 
