@@ -118,15 +118,17 @@ class WatchedLink:
     """The gripper's link with a watch on it."""
 
     def __init__(self, link: Link, watch: Watch) -> None:
-        self.endpoint, self.counters = link.endpoint, link.counters
+        self.endpoint, self.transactions = link.endpoint, 0
         self._link, self._watch = link, watch
 
     def read(self) -> bytes:
+        self.transactions += 1
         block = self._link.read()
         self._watch.read(block)
         return block
 
     def write(self, block: bytes) -> None:
+        self.transactions += 1
         self._watch.written(block)
         self._link.write(block)
 
@@ -227,7 +229,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
     if pulse.longest_s > WATCHDOG_S:
         told.findings.append(f"the watchdog was not fed for {pulse.longest_s:.0f} s")
     told.silent_s = pulse.longest_s
-    told.transactions = link.counters.transactions
+    told.transactions = link.transactions
     told.met.update(cell.works.desk.met)
     watch.look_at_wrist()
     told.wrist_deg, told.halts = watch.wrist_deg, int(bool(cell.works.arm.halted))
@@ -263,7 +265,7 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
     told.crashes += truth.crashes
     told.delivered += result.delivery == "done"
     told.last = result
-    if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
+    if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:
         return
     told.outside += sight(table, cell.scene, result).within is False
     told.expected += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM

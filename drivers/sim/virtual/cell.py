@@ -9,12 +9,13 @@ from collections.abc import Callable
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
+from drivers.ports import Report, Truth
 from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import Link, Report, no_report
+from drivers.robotiq.link import Link, no_report
 from drivers.robotiq.modbus import rtu_link
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
-from drivers.sim.physics.scene_protocol import Truth
+from drivers.sim.physics.scene_protocol import truth_of
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import ArmPort, GripperPort
 from drivers.sim.wire.modbus import GripperRegisters
@@ -34,7 +35,7 @@ class VirtualScene:
 
     def truth(self) -> Truth:
         """Where the part really is."""
-        return Truth.told(self._works.answer("truth") or {})
+        return truth_of(self._works.answer("truth") or {})
 
     def close(self) -> None:
         """Nothing to close."""
