@@ -125,15 +125,17 @@ class WatchedLink:
     """The gripper's link with a watch on it."""
 
     def __init__(self, link: Link, watch: Watch) -> None:
-        self.endpoint, self.counters = link.endpoint, link.counters
+        self.endpoint, self.transactions = link.endpoint, 0
         self._link, self._watch = link, watch
 
     def read(self) -> bytes:
+        self.transactions += 1
         block = self._link.read()
         self._watch.read(block)
         return block
 
     def write(self, block: bytes) -> None:
+        self.transactions += 1
         self._watch.written(block)
         self._link.write(block)
 
@@ -230,7 +232,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
     told.met.update(cell.works.desk.met)
     watch.look_at_wrist()
     told.wrist_deg = watch.wrist_deg
-    told.sums["transactions"] += link.counters.transactions
+    told.sums["transactions"] += link.transactions
     told.sums["halts"] += bool(cell.works.arm.halted)
     told.sums["simulated_s"] += cell.clock.now()
     told.findings += watch.findings + records.findings
@@ -263,7 +265,7 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
     )
     told.outcomes[result.outcome.value] += 1
     told.last = result
-    if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
+    if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:
         return
     told.sums["leaves_outside_goal"] += sight(table, cell.scene, result).within is False
     told.sums["predicted_outside"] += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM

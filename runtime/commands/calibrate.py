@@ -16,10 +16,10 @@ from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError
-from runtime.execution import calibration, gauging, held
+from runtime.execution import calibration, held
 from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
-from runtime.execution.safety import ready_gripper
+from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
@@ -110,13 +110,13 @@ def run(
             state = gripper.state()
             if state.activated and (holds := held.look(state, Calibration.linear(LINEAR))):
                 ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
-            if arguments.activate and not state.activated:
+            if arguments.activate and needs_activation(state):
                 ask("The fingers will open and close fully: clear the space between them and press Enter.")
                 gripper.activate()
             ready_gripper(gripper)
-            gauges = list(gauging.measure(gripper, widths_mm, arguments.grips, ask))
+            gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
-    made = replace(made, tips=tips, current_ma=current)
+    made = replace(made, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(made, arguments.output)
     if arguments.json:

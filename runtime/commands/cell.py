@@ -5,11 +5,10 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from drivers.ports import Arm, Gripper
+from drivers.ports import Arm, Drivers, Gripper, Report, Scene
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Drivers, Report, Scene
 from runtime.execution.events import Console
 from runtime.table import Table
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple
 
-from drivers.ports import Arm, Gripper
-from runtime.devices.ports import Clock, Heard
+from drivers.ports import Answered, Arm, Gripper
+from runtime.devices.clock import SystemClock
 from runtime.execution.safety import NO_COMMUNICATION
 from runtime.table import Calibration, Limits, Table, misfits
 
@@ -101,7 +101,7 @@ def check_latency(port: str, system: System) -> Iterator[Finding]:
     )
 
 
-def check_silence(port: str, scan: Callable[[str], Iterator[Heard]]) -> Iterator[Finding]:
+def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
     """Why a gripper does not answer: another slave id, another baud rate, or nobody at all."""
     for heard in scan(port):
         if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
@@ -140,7 +140,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
         yield good(f"The gripper is active and stands at count {seen.position_counts}.")
 
 
-def check_rate(gripper: Gripper, clock: Clock, reads: int = READS) -> Iterator[Finding]:
+def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:
     """How often a second the gripper can be read, and how evenly."""
     moments = [clock.now()]
     for _ in range(reads):

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from drivers.ports import Drivers
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Drivers
 from runtime.errors import CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say

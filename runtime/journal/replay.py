@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from runtime.table import REJECT, Calibration, Table, decision_map, loads
+from runtime.table import Calibration, Table, decision_map, loads
 from runtime.traversal.decision import Policy, TraversalState, advance, decide
 from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
@@ -120,7 +120,7 @@ class Replay:
         index, count = _integer(entry, "node"), _integer(entry, "position_counts")
         node = self.table.nodes[index]
         decision = decide(node, self._maps[index], count, _integer(entry, "object_flag"))
-        target = None if decision.branch == REJECT else node.branches[decision.branch].target
+        target = decision.target
         if entry["target"] != target:
             yield f"says that count {count} leads to {entry['target']}, the table says {target}"
         width_um = self.calibration.width_um(count)

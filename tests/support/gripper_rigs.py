@@ -65,8 +65,8 @@ class Robotiq:
     def released(self):
         pass
 
-    def open(self, *, read_only=False):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+    def open(self, **options):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, **options))
 
     def put_part(self):
         self.holds = True
@@ -100,8 +100,8 @@ class Other:
         self.port = other_make.Server(self.device.answer)
         self.name = f"other://127.0.0.1:{self.port.port}"
 
-    def open(self, *, read_only=False):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+    def open(self, **options):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, **options))
 
     def put_part(self):
         self.device.contact_mm = 24.0

@@ -12,9 +12,9 @@ import socket
 import socketserver
 import threading
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 from drivers.errors import LinkError, PortError
+from drivers.ports import Truth
 from drivers.sim.wire.serving import Server
 from runtime.shell import strict_json
 
@@ -22,31 +22,13 @@ ANSWER_S = 10.0
 MAX_LINE = 4096
 
 
-class Truth(NamedTuple):
-    """Where the part is now (NaN: the world does not know), and whether a camera is covered."""
-
-    x_mm: float
-    y_mm: float
-    theta_rad: float
-    squeezes: int
-    crashes: int
-    status: str
-    covered: bool = False
-
-    @property
-    def known(self) -> bool:
-        """Whether there is a pose at all: a rehearsal has none."""
-        return not math.isnan(self.x_mm)
-
-    @classmethod
-    def told(cls, said: Mapping[str, object]) -> "Truth":
-        """From the scene's answer."""
-        x, y, theta = (
-            math.nan if said[name] is None else float(str(said[name]))
-            for name in ("x_mm", "y_mm", "theta_rad")
-        )
-        squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
-        return cls(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
+def truth_of(said: Mapping[str, object]) -> Truth:
+    """What the scene's answer to "truth" tells."""
+    x, y, theta = (
+        math.nan if said[name] is None else float(str(said[name])) for name in ("x_mm", "y_mm", "theta_rad")
+    )
+    squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
+    return Truth(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
 
 
 class Feeder:
@@ -61,7 +43,7 @@ class Feeder:
 
     def truth(self) -> Truth:
         """Where the part really is; LinkError where the cell is gone, or refuses."""
-        return Truth.told(self._ask("truth"))
+        return truth_of(self._ask("truth"))
 
     def close(self) -> None:
         """Hang up; the cell stays."""
@@ -77,7 +59,7 @@ class Scene(Feeder):
             self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
         except OSError as error:
             raise PortError(
-                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
+                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?"
             ) from error
         self._file = self._socket.makefile("rb")
 
@@ -91,10 +73,10 @@ class Scene(Feeder):
             self._socket.sendall(json.dumps({"do": what}).encode() + b"\n")
             said = json.loads(self._file.readline(MAX_LINE) or "null")
         except (OSError, ValueError) as error:
-            raise LinkError(f"scene {self.endpoint} broke: {error}", self.endpoint) from error
+            raise LinkError(f"scene {self.endpoint} broke: {error}") from error
         if not isinstance(said, dict) or "error" in said:
             reason = said.get("error") if isinstance(said, dict) else "the cell is gone"
-            raise LinkError(f"scene {self.endpoint}: {reason}", self.endpoint)
+            raise LinkError(f"scene {self.endpoint}: {reason}")
         return said
 
 

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
+from drivers.ports import Report
 from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import Link, Report, no_report
+from drivers.robotiq.link import Link, no_report
 from drivers.robotiq.modbus import rtu_link
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting

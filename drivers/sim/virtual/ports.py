@@ -1,5 +1,6 @@
 """Ports of a cell in one thread: what is written arrives on a virtual clock."""
 
+import errno
 import math
 from collections.abc import Callable
 
@@ -61,8 +62,9 @@ class GripperPort(VirtualPort):
     def open(self) -> "GripperPort":
         """The port, if it can be opened; PortError where it was unplugged, or may not be opened any more."""
         if isinstance(self._gone, UnpluggedError):
-            no_way = PermissionError if self._gone.forbidden else FileNotFoundError
-            raise port_error(self.endpoint, no_way())
+            raise port_error(
+                self.endpoint, OSError(errno.EACCES if self._gone.forbidden else errno.ENOENT, "")
+            )
         self._gone = None
         return self
 

@@ -179,7 +179,7 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     made = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in made.gauges] == list(BLOCKS)
     assert made.gauges == tuple(gauges())
-    assert (made.tips, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
+    assert (made.tips_mm, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
     assert set(gripper.forces) == {0}
     assert {speed for position, speed in gripper.asked if position == 255} == {0}
     assert gripper.closed
