@@ -15,9 +15,8 @@ LEAST_SHARE = 0.1  # poses that hold less of a leaf's parts are scatter
 class Verdict(NamedTuple):
     """How n parts lie to what their leaves say."""
 
-    error_mm: (
-        Array  # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
-    )
+    # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
+    error_mm: Array
     within: BoolArray  # (n,) whether that is within the goal
 
 

@@ -53,23 +53,14 @@ MOST_ROWS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sums:
-    """What a number of parts came to. Weights of split copies add up to one a part.
+    """What a number of parts came to. Weights of split copies add up to one a part."""
 
-    Attributes:
-        parts: how many.
-        visits: (L,) weight that ended in each leaf.
-        wrong: (L,) weight that ended there, the leaf resolved, but not within the goal.
-        squares: (L + 1,) sum over parts of the square of that weight; the last for all leaves together.
-        rejected: weight whose width fitted no branch.
-        squeezes: weighted number.
-    """
-
-    parts: int
-    visits: Array
-    wrong: Array
-    squares: Array
-    rejected: float
-    squeezes: float
+    parts: int  # how many.
+    visits: Array  # (L,) weight that ended in each leaf.
+    wrong: Array  # (L,) weight that ended there, the leaf resolved, but not within the goal.
+    squares: Array  # (L + 1,) sum over parts of the square of that weight; the last for all leaves together.
+    rejected: float  # weight whose width fitted no branch.
+    squeezes: float  # weighted number.
 
     @classmethod
     def none(cls, leaves: int) -> Self:
@@ -102,23 +93,15 @@ NAMES = tuple(field.name for field in fields(Sums))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """What all chunks have in common; called with the number of one, in whatever process.
+    """What all chunks have in common; called with the number of one, in whatever process."""
 
-    Attributes:
-        program: the table.
-        job: what parts and gripper are like in truth.
-        worlds: where parts are squeezed, a world a chunk.
-        seed: of all randomness.
-        copies: (N,) copies of a part at each node, all its ancestors' splitting included; powers of two.
-        disturbance: errors of the cell.
-    """
-
-    program: Program
-    job: Job
-    worlds: Worlds
-    seed: int
+    program: Program  # the table.
+    job: Job  # what parts and gripper are like in truth.
+    worlds: Worlds  # where parts are squeezed, a world a chunk.
+    seed: int  # of all randomness.
+    # (N,) copies of a part at each node, all its ancestors' splitting included; powers of two.
     copies: IntArray
-    disturbance: Disturbance
+    disturbance: Disturbance  # errors of the cell.
 
     def identity(self, world: str) -> str:
         """What makes a study this one: a digest of all that its sums depend on.
@@ -250,17 +233,11 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What a study says of a table; rates and bounds in parts per million of all parts.
+    """What a study says of a table; rates and bounds in parts per million of all parts."""
 
-    Attributes:
-        sums: what it rests on.
-        wrong: rate of confident wrong answers.
-        leaves: the same of each leaf, whose other parts are right.
-    """
-
-    sums: Sums
-    wrong: Bound
-    leaves: list[Bound]
+    sums: Sums  # what it rests on.
+    wrong: Bound  # rate of confident wrong answers.
+    leaves: list[Bound]  # the same of each leaf, whose other parts are right.
 
     @classmethod
     def of(cls, sums: Sums) -> Self:

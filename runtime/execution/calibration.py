@@ -49,9 +49,8 @@ class GripperCalibration:
     made: str  # when, ISO 8601
     gauges: tuple[Gauge, ...]  # the blocks, in the order of rising width
     widths_um: tuple[int, ...]  # 256 widths
-    tips_mm: tuple[float, float] | None = (
-        None  # link and offset of the tips' arc, mm, where they were measured
-    )
+    # link and offset of the tips' arc, mm, where they were measured
+    tips_mm: tuple[float, float] | None = None
     # least and greatest current at rest on a part, where they were measured
     current_ma: tuple[int, int] | None = None
 

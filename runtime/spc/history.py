@@ -25,17 +25,14 @@ class Squeezed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One part, from its first squeeze to its end.
-
-    Attributes:
-        residual: measured less predicted pose (mm, mm, rad), None where it was not measured.
-    """
+    """One part, from its first squeeze to its end."""
 
     number: int
     squeezes: tuple[Squeezed, ...] = ()
     outcome: str = ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
+    # measured less predicted pose (mm, mm, rad), None where it was not measured.
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
 

@@ -43,12 +43,7 @@ MEANING = {
 
 @dataclass(slots=True)
 class Monitor:
-    """The charts of one table; sees one part after the other.
-
-    Attributes:
-        lines: values of the charts that are drawn, by name: of the widths a step a squeeze, of the
-            residuals (named as `COORDINATES`) an audited part, of the readings a part.
-    """
+    """The charts of one table; sees one part after the other."""
 
     table: Table
     widths: Cusum
@@ -57,6 +52,8 @@ class Monitor:
     rejects: BinomialWindowChart
     residuals: tuple[Ewma, Ewma, Ewma]
     readings: ShiryaevRoberts | None = None  # only where it is known what to expect of them
+    # values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals (named
+    # as `COORDINATES`) an audited part, of the readings a part.
     lines: dict[str, list[float]] = field(default_factory=dict)
 
     @classmethod

@@ -44,34 +44,28 @@ class Branch(NamedTuple):
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width.
-
-    Attributes:
-        release: x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle
-            before the jaws open, another place than the squeeze's; None: they open where they closed.
-    """
+    """One decision: a squeeze and its outcomes, ordered by width."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
+    # x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle before the
+    # jaws open, another place than the squeeze's; None: they open where they closed.
     release: tuple[int, int] | None = None
 
 
 class Leaf(NamedTuple):
-    """An end of the tree: the predicted pose of the part in the world, and how often it holds.
-
-    Attributes:
-        covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
-        alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a
-            goal of kind "modes", or what an unresolved leaf cannot tell apart.
-    """
+    """An end of the tree: the predicted pose of the part in the world, and how often it holds."""
 
     x_um: int
     y_um: int
     theta_urad: int  # within half a turn of zero
+    # xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
     covariance: tuple[int, int, int, int, int, int]
     success_ppm: int  # share of the evaluation's `trials` ending here that met the goal
     trials: int
     resolved: bool  # whether the part may be taken to lie here; False ends in the outcome UNRESOLVED
+    # further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal of kind
+    # "modes", or what an unresolved leaf cannot tell apart.
     alternatives: tuple[tuple[int, int, int], ...] = ()
     error_median_um: int = 0  # of the error of those trials (paper eq. 9)
     error_p95_um: int = 0  # its 95th percentile
@@ -97,18 +91,14 @@ class GripperSpec:
 
 @dataclass(frozen=True, slots=True)
 class GoalSpec:
-    """When a part counts as located, under the symmetry and at a confidence.
-
-    Attributes:
-        kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each
-            within its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within
-            its tolerance.
-    """
+    """When a part counts as located, under the symmetry and at a confidence."""
 
     distance_um: int
     confidence_ppm: int  # the share of parts that must meet it
     rho_um: int  # what one radian of error weighs
     symmetry: int  # rotational order of the part, 1 for none
+    # "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within its own;
+    # "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
     kind: str = "pose"
     tolerance: tuple[int, int, int] = (0, 0, 0)  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
     modes: int = 1  # how many poses a leaf may leave open, for "modes"

@@ -21,9 +21,8 @@ class Card:
     centre_mm: Array  # (3,) middle of the grid in the world
     right: Array  # (3,) unit vector along which its rows run
     down: Array  # (3,) unit vector along which its columns run
-    speed_mm: Array = field(
-        default_factory=lambda: np.zeros(3)
-    )  # (3,) by how much it moves while the picture is taken
+    # (3,) by how much it moves while the picture is taken
+    speed_mm: Array = field(default_factory=lambda: np.zeros(3))
     tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1
 
     @property
