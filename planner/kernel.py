@@ -45,5 +45,4 @@ numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 def kernel(function: F) -> F:
     """Compiles a function closed over arrays: no Python objects, no lock, no exceptions, cached on disk."""
-    # No entry for callers in C: there are none, and it is a fourteenth of the time that compiling takes.
-    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function))
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
