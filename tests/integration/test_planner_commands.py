@@ -143,7 +143,7 @@ def test_compile_says_what_limits_the_plan(tmp_path):
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - json.loads(out)["success_rate"])
     words = ("-o", tmp_path / "out.msgpack", "--trials", 500, "--no-advice", "--json")
-    code, out, _ = run("compile", job, *words)
+    code, out, _ = inside(compile_, job, *words)
     assert json.loads(out)["advice"] is None
 
 
@@ -170,8 +170,8 @@ def read_rows(path):
 
 def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
-    code, _, _ = run(
-        "simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    code, _, _ = inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
     )
     rows = read_rows(tmp_path / "out.csv")
     assert code == 0
@@ -187,7 +187,9 @@ def test_simulate_reproduces_the_reference_squeezes(tmp_path):
     reference = read_rows(SHARED / "oracle_rect.csv")
     poses = [(1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference]
     write_poses(tmp_path / "in.csv", poses)
-    run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5)
+    inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    )
     for want, got in zip(reference, read_rows(tmp_path / "out.csv"), strict=True):
         dx = 1e3 * float(want["x_m"]) - float(got["final_x_mm"])
         dy = 1e3 * float(want["y_m"]) - float(got["final_y_mm"])
