@@ -1,0 +1,141 @@
+"""A certificate: how many squeezes any plan takes that is as good as this one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.metric import metric_of
+from planner.belief.observation import COUNTS, Encoder, encoder_of
+from planner.belief.particles import initial
+from planner.bound.histories import gather
+from planner.bound.lagrangian import Term, leaves_term, overall_term
+from planner.bound.placements import covered
+from planner.evaluation.statistics import wilson_interval
+from planner.frames import to_hand, to_world
+from planner.job.model import Job
+from planner.mechanics.simulator import Simulator
+from planner.part.outline import radius_of_gyration
+from planner.work.progress import Report, silent
+from runtime.table import PPM, Table
+
+PARTS = 50_000
+DEPTH = 2
+CERTAINTY = 0.95
+SEED_BOUND = 0x424F554E
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What is proved about the plans that may be compared with a table's.
+
+    Attributes:
+        leaves: the bound for plans whose leaves hold the job's confidence.
+        overall: the bound for plans that locate the share `success` of all parts.
+        confidence: the job's, of a leaf.
+        success: what the table's own trials showed at least, with 97.5 % confidence.
+        mean: squeezes a part of the table.
+        parts: size of the sample.
+        first: inequivalent placements of the first squeeze.
+        second: placements of the second squeeze, on average over what was read.
+        dense: whether a grid of placements is among them.
+    """
+
+    leaves: Term
+    overall: Term
+    confidence: float
+    success: float
+    mean: float
+    parts: int
+    first: int
+    second: float
+    dense: bool
+
+    @property
+    def squeezes(self) -> float:
+        """The bound for plans of both classes."""
+        return max(self.leaves.squeezes, self.overall.squeezes)
+
+    @property
+    def plans(self) -> str:
+        """Which plans it holds for."""
+        own = f"about {self.second:.0f} placements after each reading: those of the job, those that it proposes"
+        return (
+            f"first two squeezes at any of {self.first} placements that no turn makes equal, then {own}"
+            f"{', a grid of them' if self.dense else ''} and this plan's own; whatever comes later; at least "
+            f"{self.success:.2%} of the parts located, at leaves that are right for {self.confidence:.2%} or more"
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "squeezes": self.squeezes,
+            "confidence": CERTAINTY,
+            "plans": self.plans,
+            "success_rate": self.success,
+            "leaf_confidence": self.confidence,
+            "above_bound": self.mean / self.squeezes - 1.0,
+            "parts": self.parts,
+            "depth": DEPTH,
+            "terms": {"leaves": self.leaves.figures(), "overall": self.overall.figures()},
+        }
+
+    def line(self) -> str:
+        """For people."""
+        return (
+            f"any plan as good takes {self.squeezes:.2f} squeezes or more ({CERTAINTY:.0%} confidence); "
+            f"this one is {self.mean / self.squeezes - 1.0:.1%} above that\n"
+            f"as good: {self.plans}"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Squeezes:
+    """The world that the evaluation judges plans in, as `planner.bound.histories.Model`."""
+
+    simulator: Simulator
+    encoder: Encoder
+
+    def squeeze(self, poses: Array, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+        parameters = self.simulator.sample(len(poses), rng)
+        rolled = self.simulator.roll_out(to_hand(poses, placements.T), parameters)
+        counts = self.encoder.read(rolled.width_mm, rng)
+        return to_world(rolled.poses, placements.T), counts + COUNTS * (rolled.width_mm > 0.0)
+
+
+def certify(
+    job: Job, table: Table, parts: int = PARTS, dense: bool = False, workers: int | None = None,
+    report: Report = silent,
+) -> Certificate:  # fmt: skip
+    """Proves a lower bound of the squeezes of plans that are as good as a table.
+
+    Args:
+        job: the table's.
+        table: evaluated; its first two squeezes and its success say what is compared.
+        parts: size of the sample; more prove more.
+        dense: cover a grid of placements beside those of the job.
+        workers: threads; all cores if None. The result does not depend on it.
+        report: told about progress.
+    """
+    rng = np.random.default_rng([job.seed, SEED_BOUND])
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    model = _Squeezes(Simulator.of_job(job, workers), encoder_of(job))
+    placements = covered(job, table, dense)
+    levels = gather(model, initial(job, parts, rng), metric, placements, DEPTH, rng, report)
+    predicted = table.predicted
+    successes = round(predicted.success_ppm / PPM * predicted.trials)
+    success = wilson_interval(successes, predicted.trials)[0]
+    return Certificate(
+        leaves=leaves_term(levels, job.goal.confidence, success, CERTAINTY),
+        overall=overall_term(levels, success, CERTAINTY),
+        confidence=job.goal.confidence,
+        success=success,
+        mean=predicted.mean_squeezes_ppm / PPM,
+        parts=parts,
+        first=len(placements.first),
+        second=float(np.mean(np.diff(levels[1].first))),
+        dense=dense,
+    )

@@ -1,0 +1,113 @@
+"""What a sample of parts does under every plan at once: the histories of readings, and how they may end.
+
+A part is squeezed at every placement that a plan might choose, and again at every placement after each of
+these. Parts with the same placements and readings so far share a history; a plan is a choice of one
+placement, or of a pose to claim, for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.metric import Metric
+from planner.bound.cover import most_located
+from planner.work.progress import Report, silent
+
+READINGS = 512
+"""A reading is an encoder count, and 256 more where the jaws feel a part."""
+
+
+class Model(Protocol):
+    """How a squeeze moves parts and what it reads."""
+
+    def squeeze(self, poses: Array, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+        """Squeezes each of n parts once.
+
+        Args:
+            poses: (n, 3) in the world [mm, mm, rad].
+            placements: (n, 3) of the hand, for each part its own.
+            rng: source of all randomness.
+
+        Returns:
+            (n, 3) poses after it, and (n,) readings, 0 to `READINGS` - 1.
+        """
+
+
+class Level(NamedTuple):
+    """The histories of one length.
+
+    Attributes:
+        size: (h,) parts that have each.
+        located: (h,) at most how many of them one prediction locates.
+        option: (h,) which of the placements that end the histories one squeeze shorter led to it.
+        first: (h,) where its own placements begin among those of its level; empty at the last level.
+    """
+
+    size: IntArray
+    located: IntArray
+    option: IntArray
+    first: IntArray
+
+
+Placements = Callable[[int, int, Array], Array]
+"""The placements (k, 3) of a plan's next squeeze, k >= 1, after so many squeezes, the last reading (-1 before
+the first), and the parts (n, 3) with that history."""
+
+
+def gather(
+    model: Model,
+    poses: Array,
+    metric: Metric,
+    placements: Placements,
+    depth: int,
+    rng: np.random.Generator,
+    report: Report = silent,
+) -> list[Level]:
+    """The histories of a sample, from none to `depth` squeezes.
+
+    Args:
+        model: squeezes the parts.
+        poses: (n, 3) the sample of parts, before the first squeeze.
+        metric: when a part is located.
+        placements: what a plan may choose from.
+        depth: squeezes of the longest histories.
+        rng: of the squeezes.
+        report: told about progress.
+
+    Returns:
+        depth + 1 levels, the first of one history.
+    """
+    start = np.array([0, len(poses)])
+    reading, option = np.array([-1]), np.zeros(1, np.int64)
+    levels = []
+    for done in range(depth):
+        groups = [poses[low:high] for low, high in zip(start[:-1], start[1:], strict=True)]
+        choices = [placements(done, int(last), group) for last, group in zip(reading, groups, strict=True)]
+        count = np.array([len(choice) for choice in choices])
+        first = np.cumsum(count) - count
+        levels.append(Level(np.diff(start), _located(poses, start, metric), option, first))
+        node = np.repeat(np.arange(len(count)), np.diff(start))
+        found = []
+        for j in range(int(count.max())):
+            report("bound", j, int(count.max()))
+            rows = np.flatnonzero(count[node] > j)
+            at = np.array([choice[min(j, len(choice) - 1)] for choice in choices])[node[rows]]
+            after, seen = model.squeeze(poses[rows], at, rng)
+            key = (first[node[rows]] + j) * READINGS + seen
+            order = np.argsort(key, kind="stable")
+            found.append((after[order], key[order]))
+        poses, key = (np.concatenate(column) for column in zip(*found, strict=True))
+        start = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
+        option, reading = np.divmod(key[start[:-1]], READINGS)
+    nothing = np.zeros(0, np.int64)
+    return [*levels, Level(np.diff(start), _located(poses, start, metric), option, nothing)]
+
+
+def _located(poses: Array, start: IntArray, metric: Metric) -> IntArray:
+    """At most how many parts of each group a claim locates; one of several modes names as many poses."""
+    most = most_located(poses, start, metric.weights(), metric.order)
+    return np.minimum(metric.modes * most, np.diff(start))
