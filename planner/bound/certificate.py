@@ -62,11 +62,12 @@ class Certificate:
     @property
     def plans(self) -> str:
         """Which plans it holds for."""
-        own = f"about {self.second:.0f} placements after each reading: those of the job, those that it proposes"
+        grid = ", a dense grid" if self.dense else ""
         return (
-            f"first two squeezes at any of {self.first} placements that no turn makes equal, then {own}"
-            f"{', a grid of them' if self.dense else ''} and this plan's own; whatever comes later; at least "
-            f"{self.success:.2%} of the parts located, at leaves that are right for {self.confidence:.2%} or more"
+            f"at least {self.success:.2%} of the parts located, at leaves that are right for "
+            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those it "
+            f"proposes{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average for "
+            "the second), later ones anywhere"
         )
 
     def figures(self) -> dict[str, Any]:
@@ -83,13 +84,15 @@ class Certificate:
             "terms": {"leaves": self.leaves.figures(), "overall": self.overall.figures()},
         }
 
-    def line(self) -> str:
+    def lines(self) -> list[str]:
         """For people."""
-        return (
-            f"any plan as good takes {self.squeezes:.2f} squeezes or more ({CERTAINTY:.0%} confidence); "
-            f"this one is {self.mean / self.squeezes - 1.0:.1%} above that\n"
-            f"as good: {self.plans}"
-        )
+        above = self.mean / self.squeezes - 1.0
+        least = f"any plan as good takes {self.squeezes:.2f} squeezes a part or more"
+        sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"
+        return [
+            f"{least} {sure}; this one takes {above:.1%} more than that",
+            f"as good: {self.plans}",
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,8 +3,8 @@
 `planner.belief.metric` climbs to a good pose, which proves nothing about the best one. Here a box that holds
 every prediction in question is covered with cells. No prediction q of a cell about g with radius e, the
 greatest distance of g to a pose of the cell, locates more poses than lie within goal + e of g: d(p, q) < goal
-and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat what is found already are dropped, the others
-cut in two until e is a hundredth of the goal.
+and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat what is found already are dropped, the
+others cut in two until e is a hundredth of the goal.
 
 Lengths are in units of the goal, so that it is 1.
 """
@@ -63,10 +63,8 @@ def _most_located(poses: Array, start: IntArray, weights: Array, order: int, fou
 
 
 @kernel
-def _localise(
-    poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
-) -> bool:
-    """Poses in units of the goal, their angles about the middle of the fullest window one goal to either side.
+def _localise(poses: Array, weights: Array, period: float, least: int, local: Array, column: Array) -> bool:
+    """Poses in units of the goal, their angles about the middle of the window, two goals wide, that has most.
 
     Args:
         poses: (n, 3).

@@ -8,6 +8,7 @@ placement, or of a pose to claim, for each.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -85,7 +86,7 @@ def gather(
     reading, option = np.array([-1]), np.zeros(1, np.int64)
     levels = []
     for done in range(depth):
-        groups = [poses[low:high] for low, high in zip(start[:-1], start[1:], strict=True)]
+        groups = [poses[low:high] for low, high in pairwise(start)]
         choices = [placements(done, int(last), group) for last, group in zip(reading, groups, strict=True)]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count

@@ -97,9 +97,7 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
 
 
-def _best(
-    estimates: Array, sampled: Array, depth: int, n: int, error: float, unclaimed: float
-) -> Term:
+def _best(estimates: Array, sampled: Array, depth: int, n: int, error: float, unclaimed: float) -> Term:
     """The greatest bound over all prices: a mean of n numbers between 1 and depth + 1, less `unclaimed`."""
     k = int(np.argmax(sampled))
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
@@ -121,12 +119,12 @@ def upper_tail(mean: float, n: int, error: float) -> float:
 
 
 def least_mean(sample: float, n: int, error: float) -> float:
-    """The least mean of n numbers in [0, 1] of which the sample mean reaches `sample` with probability > error."""
+    """The least mean of n numbers in [0, 1] that reach this sample mean with probability > error."""
     return _crossing(lambda x: n * divergence(sample, x), sample, 0.0, error)
 
 
 def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
-    """Where exp(-exponent), 1 at the start, falls to `error` on the way to the end; the end if it does not."""
+    """Where exp(-exponent), 1 at the start, falls to `error` on the way to the end, or the end."""
     near, far = start, end
     for _ in range(BISECTIONS):
         middle = 0.5 * (near + far)

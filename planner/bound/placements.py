@@ -1,4 +1,4 @@
-"""The placements that a certificate covers: all that a plan of the job may choose from, and the plan's own."""
+"""The placements that a certificate covers: what a plan of the job may choose from, and the plan's own."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric, metric_of
 from planner.belief.particles import initial, subsample
+from planner.bound.histories import READINGS
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand
 from planner.job.model import Job
@@ -49,7 +50,7 @@ class Covered:
     own: Array
 
     def __call__(self, squeezes: int, reading: int, parts: Array) -> Array:
-        """The placements (k, 3) of the next squeeze after some squeezes, the last reading, and for these parts."""
+        """The placements (k, 3) of the next squeeze: after how many, the last reading, the parts (n, 3)."""
         if squeezes == 0:
             return self.first
         options = [self.actions.options(subsample(parts, BELIEF), self.metric), self.more]
@@ -68,7 +69,7 @@ def covered(job: Job, table: Table, dense: bool) -> Covered:
     """
     actions, metric = actions_of(job), metric_of(job, radius_of_gyration(job.part.outline_mm))
     more = _dense(job) if dense else np.zeros((0, 3))
-    own = np.full((2 * 256, 3), np.nan)
+    own = np.full((READINGS, 3), np.nan)
     calibration = Calibration.linear(table.gripper)
     for reading, branch in enumerate(decision_map(table.nodes[0], calibration)):
         target = -1 if branch == REJECT else table.nodes[0].branches[branch].target
@@ -100,7 +101,8 @@ def _inequivalent(placements: Array, common: Array, job: Job) -> Array:
     for placement in placements:
         turns = [placement[2], placement[2] + math.pi] if unknown else [0.0]
         keys = [
-            (_key(_turned(placement[None], turn), alike), _key(_turned(common, turn), alike)) for turn in turns
+            (_key(_turned(placement[None], turn), alike), _key(_turned(common, turn), alike))
+            for turn in turns
         ]
         if not any(key in seen for key in keys):
             seen[keys[0]] = placement

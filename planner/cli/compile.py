@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+from planner.bound.certificate import certify
 from planner.cli import models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
@@ -38,6 +39,7 @@ def parser() -> Parser:
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
         f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
     built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
@@ -63,6 +65,7 @@ def parser() -> Parser:
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
+    shell.add_bound(built)
     built.add_argument("--strip", action="store_true", help="leave the job out of the table")
     built.add_argument(
         "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
@@ -79,8 +82,12 @@ def parser() -> Parser:
 def _compile(arguments: argparse.Namespace) -> int:
     if arguments.baseline and (arguments.output or arguments.sweep):
         raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and arguments.bound:
+        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
+    if arguments.bound_dense and not arguments.bound:
+        raise UsageError("--bound-dense widens what --bound covers; add --bound")
     if arguments.sweep:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
@@ -111,15 +118,24 @@ def _single(arguments: argparse.Namespace) -> int:
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         dump(table, output)
         seconds = time.perf_counter() - started
+        bound = None
+        if arguments.bound:
+            bound = certify(
+                job, plan.table, arguments.bound, arguments.bound_dense, arguments.workers, report
+            )
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
-        more = {"models": models.figures} if models else {}
+        more: dict[str, object] = {"models": models.figures} if models else {}
+        if bound:
+            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
         figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
         shell.print_json(figures)
         return 0
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
+    if bound:
+        print("\n".join(bound.lines()))
     if models:
         print(models.text)
     return 0
@@ -146,6 +162,8 @@ def _sweep(arguments: argparse.Namespace) -> int:
     """Compiles the job with every combination of the swept values."""
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+    if arguments.bound:
+        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)
     store = shell.store_of(arguments)

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from planner.bound.certificate import certify
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.job import model as job_file
@@ -28,7 +29,10 @@ def main(argv: list[str] | None = None) -> int:
         (table, data, digest), job = shell.loaded(arguments)
         log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-        source = dossier.Source(arguments.tree.name, data, log, judged)
+        bound = None
+        if arguments.bound:
+            bound = certify(job, table, arguments.bound, arguments.bound_dense)
+        source = dossier.Source(arguments.tree.name, data, log, judged, bound)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)
         with writing(output) as draft:
             draft.write_text(text, encoding="utf-8")
@@ -63,6 +67,7 @@ def parser() -> Parser:
         "--models", type=Path, metavar="M.json",
         help="show how good the learned models are, as plan-compile --models-report wrote it",
     )  # fmt: skip
+    shell.add_bound(built)
     built.add_argument(
         "--trials", type=positive_int, default=dossier.TRIALS,
         help="parts sent through the table to draw its beliefs (default: %(default)s)",

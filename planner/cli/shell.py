@@ -22,6 +22,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from planner.bound.certificate import PARTS
 from planner.errors import InputFileError
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -110,6 +111,20 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
         problem = f"is not the job that {arguments.tree} was compiled from; compile it again"
         raise InputFileError(problem, where=str(arguments.job))
     return found, job
+
+
+def add_bound(parser: argparse.ArgumentParser) -> None:
+    """The options that ask for a certificate; `planner.bound.certificate.certify` takes their values."""
+    parser.add_argument(
+        "--bound", nargs="?", const=PARTS, type=command.positive_int, metavar="PARTS",
+        help="prove how many squeezes any plan as good takes at least, on a sample of so many parts "
+        f"(default: {PARTS}); takes seconds to minutes, and more parts prove more",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bound-dense",
+        action="store_true",
+        help="with --bound: plans may also squeeze every 15 degrees, off centre too, whatever the job says",
+    )
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:

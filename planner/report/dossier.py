@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.bound.certificate import Certificate
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.statistics import wilson_interval
@@ -39,12 +40,13 @@ LISTED = 5000
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a page is about: the table's file name and bytes, the journal laid over it, and its models."""
+    """What a page is about: the table's file name and bytes, its journal, models and bound, if any."""
 
     name: str
     data: bytes
     log: RunLog | None = None
     models: Models | None = None
+    bound: Certificate | None = None
 
 
 def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0) -> str:
