@@ -66,8 +66,8 @@ class Certificate:
         return (
             f"at least {self.success:.2%} of the parts located, at leaves that are right for "
             f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those it "
-            f"proposes{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average for "
-            "the second), later ones anywhere"
+            f"proposes{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average "
+            "for the second), later ones anywhere"
         )
 
     def figures(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from planner.belief.metric import largest_mode
 from planner.kernel import kernel
 
 LEAST_SHARE = 0.75
-"""Where no prediction locates this share of a group, only that is found out; above a half."""
+"""Where no prediction locates this share of a group, only that is found out. It is above a half."""
 INFLATION = 0.01
 """Radius of a cell that is not cut any more: by so much the goal is too wide at most."""
 MOST_CELLS = 20000
@@ -35,7 +35,7 @@ def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> I
         order: rotational order of the part.
 
     Returns:
-        (k,) counts, never too small; at least `LEAST_SHARE` of the group.
+        (k,) counts, never too small; nearly `LEAST_SHARE` of the group where that is more than any locates.
     """
     found = np.zeros(len(start) - 1, np.int64)
     _most_located(np.ascontiguousarray(poses), start, weights, order, found)
@@ -57,9 +57,9 @@ def _most_located(poses: Array, start: IntArray, weights: Array, order: int, fou
         if best == n:
             found[k] = n
         elif _localise(group, weights, 2.0 * np.pi / order, least, local[:n], column[:n]):
-            found[k] = _search(local[:n], column[:n], weights, order, max(best, least), least, stack)
+            found[k] = _search(local[:n], column[:n], weights, order, max(best, least - 1), least, stack)
         else:
-            found[k] = least
+            found[k] = max(best, least - 1)
 
 
 @kernel
@@ -108,7 +108,7 @@ def _search(
         column: (n,) work space.
         weights: (4,) of the metric.
         order: rotational order of the part.
-        best: poses that some prediction locates, or `least` if that is more.
+        best: what to beat, the poses that some prediction locates or least - 1.
         least: poses that a prediction must locate to matter.
         stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it.
 

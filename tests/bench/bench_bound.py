@@ -3,8 +3,8 @@
     python tests/bench/bench_bound.py [--only rectangle t-bolt] [--parts 50000] [--dense]
 
 Compiles each job of `trees/`, or takes the table that an earlier run left in `out/bound`, and proves how many
-squeezes any plan as good takes at least. Prints figures and writes `results/bound.json` beside this file; rows
-of jobs that are not measured again stay.
+squeezes any plan as good takes at least. Prints figures and writes `results/bound.json` beside this file;
+rows of jobs that are not measured again stay.
 """
 
 from __future__ import annotations
