@@ -102,10 +102,12 @@ class _Squeezes:
     simulator: Simulator
     encoder: Encoder
 
-    def squeeze(self, poses: Array, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+    def squeeze(
+        self, poses: Array, placements: Array, times: int, rng: np.random.Generator
+    ) -> tuple[Array, IntArray]:
         parameters = self.simulator.sample(len(poses), rng)
         rolled = self.simulator.roll_out(to_hand(poses, placements.T), parameters)
-        counts = self.encoder.read(rolled.width_mm, rng)
+        counts = self.encoder.read(np.tile(rolled.width_mm, (times, 1)), rng)
         return to_world(rolled.poses, placements.T), counts + COUNTS * (rolled.width_mm > 0.0)
 
 

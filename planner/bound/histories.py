@@ -22,19 +22,26 @@ READINGS = 512
 """A reading is an encoder count, and 256 more where the jaws feel a part."""
 
 
+REPEATED = 4
+"""How often a part's last width is read: it counts as a quarter of a part with each reading."""
+
+
 class Model(Protocol):
     """How a squeeze moves parts and what it reads."""
 
-    def squeeze(self, poses: Array, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+    def squeeze(
+        self, poses: Array, placements: Array, times: int, rng: np.random.Generator
+    ) -> tuple[Array, IntArray]:
         """Squeezes each of n parts once.
 
         Args:
             poses: (n, 3) in the world [mm, mm, rad].
             placements: (n, 3) of the hand, for each part its own.
+            times: how often its width is read.
             rng: source of all randomness.
 
         Returns:
-            (n, 3) poses after it, and (n,) readings, 0 to `READINGS` - 1.
+            (n, 3) poses after it, and (times, n) readings, 0 to `READINGS` - 1.
         """
 
 
@@ -42,16 +49,18 @@ class Level(NamedTuple):
     """The histories of one length.
 
     Attributes:
-        size: (h,) parts that have each.
-        located: (h,) at most how many of them one prediction locates.
+        size: (h,) parts that have each, times `times`.
+        located: (h,) at most how many of them one prediction locates, likewise.
         option: (h,) which of the placements that end the histories one squeeze shorter led to it.
+        times: how often each part was read.
         first: (h,) where its own placements begin among those of its level; empty at the last level.
     """
 
     size: IntArray
     located: IntArray
     option: IntArray
-    first: IntArray
+    times: int = 1
+    first: IntArray = np.zeros(0, np.int64)
 
 
 Placements = Callable[[int, int, Array], Array]
@@ -82,30 +91,34 @@ def gather(
     Returns:
         depth + 1 levels, the first of one history.
     """
-    start = np.array([0, len(poses)])
-    reading, option = np.array([-1]), np.zeros(1, np.int64)
-    levels = []
+    start, reading = np.array([0, len(poses)]), np.array([-1])
+    levels = [Level(np.diff(start), _located(poses, start, metric), np.zeros(1, np.int64))]
     for done in range(depth):
         groups = [poses[low:high] for low, high in pairwise(start)]
         choices = [placements(done, int(last), group) for last, group in zip(reading, groups, strict=True)]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count
-        levels.append(Level(np.diff(start), _located(poses, start, metric), option, first))
+        levels[-1] = levels[-1]._replace(first=first)
         node = np.repeat(np.arange(len(count)), np.diff(start))
-        found = []
+        times = REPEATED if done == depth - 1 else 1
+        columns, moved = [], []
         for j in range(int(count.max())):
             report("bound", j, int(count.max()))
             rows = np.flatnonzero(count[node] > j)
             at = np.array([choice[min(j, len(choice) - 1)] for choice in choices])[node[rows]]
-            after, seen = model.squeeze(poses[rows], at, rng)
-            key = (first[node[rows]] + j) * READINGS + seen
+            after, seen = model.squeeze(poses[rows], at, times, rng)
+            key = ((first[node[rows]] + j) * READINGS + seen).ravel()
             order = np.argsort(key, kind="stable")
-            found.append((after[order], key[order]))
-        poses, key = (np.concatenate(column) for column in zip(*found, strict=True))
-        start = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
-        option, reading = np.divmod(key[start[:-1]], READINGS)
-    nothing = np.zeros(0, np.int64)
-    return [*levels, Level(np.diff(start), _located(poses, start, metric), option, nothing)]
+            after, key = after[order % len(rows)], key[order]
+            begins = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
+            columns.append((np.diff(begins), _located(after, begins, metric), key[begins[:-1]]))
+            if done < depth - 1:
+                moved.append(after)
+        size, located, history = (np.concatenate(column) for column in zip(*columns, strict=True))
+        option, reading = np.divmod(history, READINGS)
+        levels.append(Level(size, located, option, times))
+        poses, start = np.concatenate([poses[:0], *moved]), np.cumsum(np.insert(size, 0, 0))
+    return levels
 
 
 def _located(poses: Array, start: IntArray, metric: Metric) -> IntArray:

@@ -22,6 +22,7 @@ from planner.arrays import Array
 from planner.bound.histories import Level
 
 PRICES = np.geomspace(1.0, 2000.0, 100)
+"""Squeezes that a part is worth which is claimed and not located."""
 BISECTIONS = 60
 EVENTS = 4
 """Inequalities that must hold at once: for either class one of its constraint, one of its mean."""
@@ -91,7 +92,7 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     last = levels[-1]
     cost = np.minimum(last.size, price * (confidence * last.size - last.located))
     for level, longer in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        of_option = np.bincount(longer.option, cost)
+        of_option = np.bincount(longer.option, cost) / longer.times
         onward = level.size + np.minimum.reduceat(of_option, level.first)
         cost = np.minimum(onward, price * (confidence * level.size - level.located))
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze

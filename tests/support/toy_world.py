@@ -24,10 +24,10 @@ class Toy:
         """One at random."""
         return cls(rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size)))
 
-    def squeeze(self, poses, placements, rng):
+    def squeeze(self, poses, placements, times, rng):
         """As `planner.bound.histories.Model`; x of a placement is the number of the action."""
         state, action = np.rint(poses[:, 0] / SPACING_MM).astype(int), np.rint(placements[:, 0]).astype(int)
-        return poses_of(self.after[action, state]), self.reading[action, state]
+        return poses_of(self.after[action, state]), np.tile(self.reading[action, state], (times, 1))
 
     def placements(self, squeezes, reading, parts):
         """All actions, always."""
