@@ -98,6 +98,21 @@ def squeeze_goldberg(kept: dict) -> str:
     )
 
 
+def bound(kept: list[dict]) -> str:
+    return records(
+        kept,
+        part="{job}",
+        squeezes="{mean_squeezes:.2f}",
+        at_least="{squeezes:.2f}",
+        by_leaves="{terms[leaves][squeezes]:.2f}",
+        by_success="{terms[overall][squeezes]:.2f}",
+        distance="{above_bound:.1%}",
+        success_of_all_compared="{success_rate:.2%}",
+        parts="{parts}",
+        processor_time="{cpu_seconds:.0f} s",
+    )
+
+
 def kcde(kept: dict) -> str:
     rows = [
         [kept["points"], "this planner", f"{kept['ours_ms']:.1f} ms", f"{kept['particles_per_second']:.0f}"],
