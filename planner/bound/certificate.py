@@ -26,6 +26,7 @@ PARTS = 50_000
 DEPTH = 2
 CERTAINTY = 0.95
 SEED_BOUND = 0x424F554E
+SEED_PILOTS = 0x50494C4F
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Squeezes:
+class Squeezes:
     """The world that the evaluation judges plans in, as `planner.bound.histories.Model`."""
 
     simulator: Simulator
@@ -105,6 +106,7 @@ class _Squeezes:
     def squeeze(
         self, poses: Array, placements: Array, times: int, rng: np.random.Generator
     ) -> tuple[Array, IntArray]:
+        """As there."""
         parameters = self.simulator.sample(len(poses), rng)
         rolled = self.simulator.roll_out(to_hand(poses, placements.T), parameters)
         counts = self.encoder.read(np.tile(rolled.width_mm, (times, 1)), rng)
@@ -127,8 +129,8 @@ def certify(
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
-    model = _Squeezes(Simulator.of_job(job, workers), encoder_of(job))
-    placements = covered(job, table, dense)
+    model = Squeezes(Simulator.of_job(job, workers), encoder_of(job))
+    placements = covered(job, table, model, dense, np.random.default_rng([job.seed, SEED_PILOTS]))
     levels = gather(model, initial(job, parts, rng), metric, placements, DEPTH, rng, report)
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)

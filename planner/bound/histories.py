@@ -8,7 +8,6 @@ placement, or of a pose to claim, for each.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -63,9 +62,9 @@ class Level(NamedTuple):
     first: IntArray = np.zeros(0, np.int64)
 
 
-Placements = Callable[[int, int, Array], Array]
-"""The placements (k, 3) of a plan's next squeeze, k >= 1, after so many squeezes, the last reading (-1 before
-the first), and the parts (n, 3) with that history."""
+Placements = Callable[[int, int, int], Array]
+"""The placements (k, 3), k >= 1, of the next squeeze after so many, where the last was made at that placement
+of its level, and read that. They must not depend on the sample."""
 
 
 def gather(
@@ -94,8 +93,8 @@ def gather(
     start, reading = np.array([0, len(poses)]), np.array([-1])
     levels = [Level(np.diff(start), _located(poses, start, metric), np.zeros(1, np.int64))]
     for done in range(depth):
-        groups = [poses[low:high] for low, high in pairwise(start)]
-        choices = [placements(done, int(last), group) for last, group in zip(reading, groups, strict=True)]
+        histories = zip(levels[-1].option, reading, strict=True)
+        choices = [placements(done, int(option), int(last)) for option, last in histories]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count
         levels[-1] = levels[-1]._replace(first=first)

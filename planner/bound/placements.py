@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric, metric_of
+from planner.belief.metric import metric_of
 from planner.belief.particles import initial, subsample
-from planner.bound.histories import READINGS
+from planner.bound.histories import Model
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
-from planner.search.actions import ActionSet, actions_of
+from planner.search.actions import actions_of
 from planner.search.proposals import along
 from runtime.table import REJECT, Calibration, Table, decision_map
 
+PILOTS = 10_000
+"""Parts that show what may be read after the first squeeze."""
 BELIEF = 400
 """Parts of a history that its modes are sought among."""
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
@@ -36,50 +39,57 @@ class Covered:
     """The placements of a class of plans; called as `planner.bound.histories.Placements`.
 
     Attributes:
-        actions: those of the job, and those proposed about what is believed.
-        metric: finds the modes to propose about.
-        more: (k, 3) further ones, for every squeeze.
-        first: (k, 3) those of the first squeeze, one of each set of equivalent ones.
-        own: what the plan itself does second, by the reading; NaN where it ends.
+        first: (k, 3) those of the first squeeze, the plan's own at the start, and none equivalent to another.
+        second: for each of these, those (m, 3) of the second squeeze by what was read.
+        common: (m, 3) those after a reading that is not among them.
     """
 
-    actions: ActionSet
-    metric: Metric
-    more: Array
     first: Array
-    own: Array
+    second: list[dict[int, Array]]
+    common: Array
 
-    def __call__(self, squeezes: int, reading: int, parts: Array) -> Array:
-        """The placements (k, 3) of the next squeeze: after how many, the last reading, the parts (n, 3)."""
-        if squeezes == 0:
-            return self.first
-        options = [self.actions.options(subsample(parts, BELIEF), self.metric), self.more]
-        if squeezes == 1 and np.isfinite(self.own[reading]).all():
-            options.append(self.own[reading][None])
-        return np.concatenate(options)
+    def __call__(self, squeezes: int, option: int, reading: int) -> Array:
+        """The placements (k, 3) of the next squeeze."""
+        return self.second[option].get(reading, self.common) if squeezes else self.first
 
 
-def covered(job: Job, table: Table, dense: bool) -> Covered:
+def covered(job: Job, table: Table, model: Model, dense: bool, rng: np.random.Generator) -> Covered:
     """The placements for a table's job.
+
+    Those proposed about modes are found with parts of their own: a certificate must not choose what it covers
+    by the sample that it judges with.
 
     Args:
         job: the table's.
         table: of which the first two squeezes are covered whatever the job says.
+        model: squeezes these parts.
         dense: whether a grid of placements about the middle is covered, too.
+        rng: of these parts.
     """
     actions, metric = actions_of(job), metric_of(job, radius_of_gyration(job.part.outline_mm))
-    more = _dense(job) if dense else np.zeros((0, 3))
-    own = np.full((READINGS, 3), np.nan)
-    calibration = Calibration.linear(table.gripper)
-    for reading, branch in enumerate(decision_map(table.nodes[0], calibration)):
-        target = -1 if branch == REJECT else table.nodes[0].branches[branch].target
-        if target >= 0:
-            own[reading] = placement_of(table.nodes[target].squeeze)
-    parts = initial(job, BELIEF, np.random.default_rng(job.seed))
-    common = np.concatenate([actions.options(parts, metric), more])
+    parts, more = initial(job, PILOTS, rng), _dense(job) if dense else np.zeros((0, 3))
+    common = np.concatenate([actions.options(subsample(parts, BELIEF), metric), more])
     root = placement_of(table.nodes[0].squeeze)
     first = _inequivalent(np.concatenate([root[None], common]), common, job)
-    return Covered(actions, metric, more, first, own)
+    second: list[dict[int, Array]] = []
+    for placement in first:
+        after, readings = model.squeeze(parts, np.tile(placement, (len(parts), 1)), 1, rng)
+        about: dict[int, Array] = {}
+        for reading in np.unique(readings):
+            belief = subsample(after[readings[0] == reading], BELIEF)
+            about[int(reading)] = np.concatenate([actions.options(belief, metric), more])
+        second.append(about)
+    for reading, own in _next_of(table):
+        second[0][reading] = np.concatenate([second[0].get(reading, common), own[None]])
+    return Covered(first, second, common)
+
+
+def _next_of(table: Table) -> Iterator[tuple[int, Array]]:
+    """Where a table squeezes second, after each reading that it squeezes again after."""
+    root = table.nodes[0]
+    for reading, branch in enumerate(decision_map(root, Calibration.linear(table.gripper))):
+        if branch != REJECT and root.branches[branch].target >= 0:
+            yield reading, placement_of(table.nodes[root.branches[branch].target].squeeze)
 
 
 def _dense(job: Job) -> Array:

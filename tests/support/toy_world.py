@@ -29,7 +29,7 @@ class Toy:
         state, action = np.rint(poses[:, 0] / SPACING_MM).astype(int), np.rint(placements[:, 0]).astype(int)
         return poses_of(self.after[action, state]), np.tile(self.reading[action, state], (times, 1))
 
-    def placements(self, squeezes, reading, parts):
+    def placements(self, squeezes, option, reading):
         """All actions, always."""
         return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
 

@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.bound.certificate import certify
+from planner.belief.observation import encoder_of
+from planner.bound.certificate import Squeezes, certify
 from planner.bound.placements import covered
+from planner.evaluation.trials import placement_of
 from planner.job import model as job_file
-from runtime.table import Prediction, load
+from planner.mechanics.simulator import Simulator
+from runtime.table import REJECT, Calibration, Prediction, decision_map, load
 
 TREES = Path(__file__).parents[4] / "trees"
 ANGLES = 4
@@ -60,27 +63,34 @@ def test_a_table_that_located_nothing_is_compared_with_plans_that_need_not(job, 
     assert certify(job, failed, parts=500, workers=2).squeezes == 1.0
 
 
-def test_turned_plans_are_covered_once(job, table):
-    parts = np.zeros((50, 3))
-    alone = covered(job, table, dense=False)
+def placements_of(job, table, dense=False):
+    model = Squeezes(Simulator.of_job(job, 2), encoder_of(job))
+    return covered(job, table, model, dense, np.random.default_rng(0))
+
+
+def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
+    alone = placements_of(job, table)
     assert len(alone.first) == 1  # the four angles are one up to a turn
-    own = [node.squeeze for node in table.nodes]
-    reading = next(r for r in range(512) if np.isfinite(alone.own[r]).all())
-    second = alone(1, reading, parts)
-    assert len(second) == ANGLES + 1
-    assert [round(1e3 * x) for x in second[-1][:2]] in [[s.x_um, s.y_um] for s in own]
+    root, calibration = table.nodes[0], Calibration.linear(table.gripper)
+    assert np.allclose(alone(0, 0, -1)[0], placement_of(root.squeeze))
+    for reading, branch in enumerate(decision_map(root, calibration)):
+        if branch != REJECT and (target := root.branches[branch].target) >= 0:
+            own = placement_of(table.nodes[target].squeeze)
+            assert np.isclose(alone(1, 0, reading), own).all(axis=1).any()
+            seen = reading
+    assert len(alone(1, 0, seen)) == ANGLES + 1
     narrow = job.replaced(uncertainty={"orientation_halfwidth_deg": 30.0})
-    assert len(covered(narrow, table, dense=False).first) == ANGLES
+    assert len(placements_of(narrow, table).first) == ANGLES
     uneven = job.replaced(gripper={"upper_finger_share": 0.4})
-    assert len(covered(uneven, table, dense=False).first) == ANGLES  # half a turn is another squeeze
-    dense = covered(job, table, dense=True)
+    assert len(placements_of(uneven, table).first) == ANGLES  # half a turn is another squeeze
+    dense = placements_of(job, table, dense=True)
     assert len(dense.first) == 2  # over the middle, and to one side of it
-    assert len(dense(1, reading, parts)) == len(second) + 36
+    assert len(dense(1, 0, seen)) == len(alone(1, 0, seen)) + 36
 
 
 def test_placements_beside_the_middle_differ_by_more_than_a_turn(table):
     job = job_file.load(TREES / "rectangle-25" / "job.toml")
     centres = job.actions.centers_mm[:, 0]
-    first = covered(job, table, dense=False).first
+    first = placements_of(job, table).first
     # Half a turn makes each centre its opposite; the middle one has its angles' opposites itself.
     assert len(first) == ANGLES * (np.sum(centres > 0.0) + 1)
