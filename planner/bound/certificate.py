@@ -23,6 +23,7 @@ from planner.work.progress import Report, silent
 from runtime.table import PPM, Table
 
 PARTS = 50_000
+MOST_PARTS = 1_000_000
 DEPTH = 2
 CERTAINTY = 0.95
 SEED_BOUND = 0x424F554E
@@ -143,6 +144,6 @@ def certify(
         mean=predicted.mean_squeezes_ppm / PPM,
         parts=parts,
         first=len(placements.first),
-        second=float(np.mean(np.diff(levels[1].first))),
+        second=float(np.mean([len(options) for about in placements.second for options in about.values()])),
         dense=dense,
     )

@@ -9,7 +9,6 @@ import sys
 import time
 from pathlib import Path
 
-from planner.bound.certificate import certify
 from planner.cli import models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
@@ -82,12 +81,10 @@ def parser() -> Parser:
 def _compile(arguments: argparse.Namespace) -> int:
     if arguments.baseline and (arguments.output or arguments.sweep):
         raise UsageError("--baseline writes no table; leave out -o and --sweep")
-    if arguments.baseline and arguments.bound:
+    if arguments.baseline and (arguments.bound or arguments.bound_dense):
         raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
-    if arguments.bound_dense and not arguments.bound:
-        raise UsageError("--bound-dense widens what --bound covers; add --bound")
     if arguments.sweep:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
@@ -118,11 +115,7 @@ def _single(arguments: argparse.Namespace) -> int:
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         dump(table, output)
         seconds = time.perf_counter() - started
-        bound = None
-        if arguments.bound:
-            bound = certify(
-                job, plan.table, arguments.bound, arguments.bound_dense, arguments.workers, report
-            )
+        bound = shell.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
@@ -162,7 +155,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     """Compiles the job with every combination of the swept values."""
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
-    if arguments.bound:
+    if arguments.bound or arguments.bound_dense:
         raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)

@@ -6,7 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from planner.bound.certificate import certify
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.job import model as job_file
@@ -29,9 +28,7 @@ def main(argv: list[str] | None = None) -> int:
         (table, data, digest), job = shell.loaded(arguments)
         log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-        bound = None
-        if arguments.bound:
-            bound = certify(job, table, arguments.bound, arguments.bound_dense)
+        bound = shell.bound_of(arguments, job, table)
         source = dossier.Source(arguments.tree.name, data, log, judged, bound)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)
         with writing(output) as draft:
