@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from planner.cli import models_report, shell, sweep
+from planner.cli import bounds, models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -64,7 +64,7 @@ def parser() -> Parser:
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
-    shell.add_bound(built)
+    bounds.add_options(built)
     built.add_argument("--strip", action="store_true", help="leave the job out of the table")
     built.add_argument(
         "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
@@ -115,7 +115,7 @@ def _single(arguments: argparse.Namespace) -> int:
         table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
         dump(table, output)
         seconds = time.perf_counter() - started
-        bound = shell.bound_of(arguments, job, plan.table, arguments.workers, report)
+        bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)

@@ -22,7 +22,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from planner.bound.certificate import MOST_PARTS, PARTS, Certificate, certify
 from planner.errors import InputFileError
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -32,7 +31,7 @@ from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
-from runtime.table import Table, TableFile, load
+from runtime.table import TableFile, load
 
 WIDTH = 98
 """Columns of what --help says."""
@@ -111,37 +110,6 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
         problem = f"is not the job that {arguments.tree} was compiled from; compile it again"
         raise InputFileError(problem, where=str(arguments.job))
     return found, job
-
-
-def _parts(text: str) -> int:
-    """The size of a certificate's sample, for argparse."""
-    parts = command.positive_int(text)
-    if parts > MOST_PARTS:
-        raise argparse.ArgumentTypeError(f"{parts} is more than {MOST_PARTS}, which proves enough")
-    return parts
-
-
-def add_bound(parser: argparse.ArgumentParser) -> None:
-    """The options that ask for a certificate; `bound_of` reads them."""
-    parser.add_argument(
-        "--bound", nargs="?", const=PARTS, type=_parts, metavar="PARTS",
-        help="prove how many squeezes any plan as good takes at least, on a sample of so many parts "
-        f"(default: {PARTS}); takes seconds to minutes, and more parts prove more",
-    )  # fmt: skip
-    parser.add_argument(
-        "--bound-dense",
-        action="store_true",
-        help="the same for plans that may also squeeze every 15 degrees, off centre too",
-    )
-
-
-def bound_of(
-    arguments: argparse.Namespace, job: Job, table: Table, workers: int | None = None, report: Report = silent
-) -> Certificate | None:
-    """The certificate that the options of `add_bound` ask for, if they do; the rest as `certify` takes it."""
-    if not (arguments.bound or arguments.bound_dense):
-        return None
-    return certify(job, table, arguments.bound or PARTS, arguments.bound_dense, workers, report)
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
