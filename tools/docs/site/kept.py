@@ -300,6 +300,7 @@ def flat(value: object, name: str = "") -> list[tuple[str, object]]:
 TABLES = {
     "table1": compared,
     "zoo": compared,
+    "bound": bound,
     "worlds": worlds,
     "squeeze-speed": squeeze_speed,
     "squeeze-convergence": squeeze_convergence,
