@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,11 +63,16 @@ class Certificate:
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property
+    def rounded(self) -> str:
+        """The bound with two digits, rounded down: what is shown is proved."""
+        return f"{math.floor(100.0 * self.squeezes) / 100.0:.2f}"
+
+    @property
     def plans(self) -> str:
         """Which plans it holds for."""
         grid = ", a dense grid" if self.dense else ""
         return (
-            f"at least {self.success:.2%} of the parts located, at leaves that are right for "
+            f"at least {self.success:.3%} of the parts located, at leaves that are right for "
             f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those it "
             f"proposes{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average "
             "for the second), later ones anywhere"
@@ -89,7 +95,7 @@ class Certificate:
     def lines(self) -> list[str]:
         """For people."""
         above = self.mean / self.squeezes - 1.0
-        least = f"any plan as good takes {self.squeezes:.2f} squeezes a part or more"
+        least = f"any plan as good takes {self.rounded} squeezes a part or more"
         sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"
         return [
             f"{least} {sure}; this one takes {above:.1%} more than that",

@@ -14,6 +14,8 @@ from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from runtime.table import REJECT, Calibration, Prediction, decision_map, load
 
+pytestmark = pytest.mark.slow
+
 TREES = Path(__file__).parents[4] / "trees"
 ANGLES = 4
 
