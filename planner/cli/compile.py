@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from planner.cli import models_report, shell, sweep
+from planner.cli import bounds, models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -36,6 +36,7 @@ def parser() -> Parser:
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
         f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
     add = built.add_argument
@@ -62,6 +63,7 @@ def parser() -> Parser:
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
+    bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
     add("--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds")
     add(
@@ -76,6 +78,8 @@ def parser() -> Parser:
 def _compile(arguments: argparse.Namespace) -> int:
     if arguments.baseline and (arguments.output or arguments.sweep):
         raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and (arguments.bound or arguments.bound_dense):
+        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
     if arguments.sweep:
@@ -105,15 +109,20 @@ def _single(arguments: argparse.Namespace) -> int:
         models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
+        bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
         told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-        more = {"models": models[0]} if models else {}
+        more: dict[str, object] = {"models": models[0]} if models else {}
+        if bound:
+            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
         shell.print_json({**told, **more, "advice": advice and advice.figures()})
         return 0
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
+    if bound:
+        print("\n".join(bound.lines()))
     if models:
         print(models[1])
     return 0
@@ -138,6 +147,8 @@ def _job(arguments: argparse.Namespace) -> Job:
 def _sweep(arguments: argparse.Namespace) -> int:
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+    if arguments.bound or arguments.bound_dense:
+        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)
     store = shell.store_of(arguments)
