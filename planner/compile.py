@@ -49,6 +49,10 @@ PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
+TIGHT = (
+    0.3  # share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on
+)
+TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
 USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
 
 Judge = Callable[[Table, int], Evaluation]
@@ -151,7 +155,11 @@ class _Planned(NamedTuple):
 
 def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
     """The better of a hasty plan and, if there is time for it, a careful one."""
-    found, limit = hasty.run(judge), hasty.anytime.limit
+
+    def decide(table: Table, attempt: int) -> Evaluation:
+        return _judge(hasty.job, hasty.deciding, hasty.workers, table, attempt)
+
+    found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
     if found.cut or limit.over(needed_s):
         return found._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
@@ -186,7 +194,7 @@ class _Planning:
             self.say("evaluate", attempt, PARAMS.refinements + 1)
             began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
-            self._reserve(began_s, evaluation)
+            self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
             short, doubts = self._faults(table, evaluation, attempt)
@@ -237,23 +245,32 @@ class _Planning:
         """Whether the time is spent; never before there is a first squeeze, for a plan must be one."""
         return self.anytime.late(self.root)
 
+    @property
+    def deciding(self) -> int:
+        """Parts that decide how a tree grows on."""
+        return max(1, self.trials // TIGHT_TRIALS) if self.anytime.tight else self.trials
+
     def _watch(self, *_: int) -> None:
         """Tells how the tree grows; once it has a squeeze, a few trials tell how long many will take."""
         limit = self.anytime.limit
         if limit.bounded and not limit.reserve_s and self.root.children:
+            table = lower(self.root, self.job)
+            _judge(self.job, 1, self.workers, table, 0)  # its kernels are loaded then
             began_s = limit.spent_s
-            self._reserve(
-                began_s, _judge(self.job, TIMED_TRIALS, self.workers, lower(self.root, self.job), 0)
-            )
+            timed = _judge(self.job, TIMED_TRIALS, self.workers, table, 0)
+            took_s = limit.spent_s - began_s
+            self._reserve(took_s, timed)
+            self.anytime.tight = limit.reserve_s > TIGHT * limit.budget_s
+            self._reserve(took_s, timed)
         self.say("draft" if self.anytime.hasty else "search", *self.anytime.told(self.root))
 
-    def _reserve(self, began_s: float, evaluation: Evaluation) -> None:
-        """Keeps time for the evaluations after the growth, given one that began at a time."""
+    def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
+        """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
         doubted = math.ceil(self.job.friction.doubt * self.trials)
-        parts = 2 * self.trials + doubted + goal.stress_trials * len(stress_cases(self.job))
+        parts = self.deciding + self.trials + doubted + goal.stress_trials * len(stress_cases(self.job))
         mean = float(evaluation.squeezes.mean())
-        each_s = (limit.spent_s - began_s) / len(evaluation.squeezes)
+        each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
 
 

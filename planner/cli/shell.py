@@ -1,9 +1,11 @@
 """What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
 import argparse
+import contextlib
 import json
 import logging
 import math
+import os
 import signal
 import sys
 import textwrap
@@ -32,6 +34,7 @@ from runtime.table import TableFile, load
 
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
@@ -240,7 +243,8 @@ def stopping(limit: Limit, name: str) -> Iterator[None]:
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():
             signal.default_int_handler(number, frame)
-        command.tell(name, "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once")
+        with contextlib.suppress(OSError):  # not by way of sys.stderr, which may be in the middle of a line
+            os.write(2, f"{name}: {STOPPING}\n".encode())
 
     usual = signal.signal(signal.SIGINT, hear)
     try:

@@ -17,7 +17,7 @@ from planner.search.expand import Growth, Progress, TreeNode, breadth_first, gro
 from planner.work.limit import Limit
 
 HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
-HASTY_SEARCH = 2  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
+HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
 CAREFUL = 4.0  # Time of the careful growth in units of the hasty one
 AFTER_GROWTH = 0.75  # Time of improvement and refinement in units of the growth before them
 LEAST_DONE = 0.02  # Share of the growth from which its rate is believed
@@ -55,12 +55,13 @@ class Anytime:
     growth: Growth
     limit: Limit
     hasty: bool = False
+    tight: bool = False  # whether its evaluations would take much of the budget
     begun_s: float = 0.0  # when its growth began, on the limit's clock
     growth_s: float = 0.0  # how long the growth took, or would have taken by estimate
     cut: bool = False  # whether something was left undone
 
     def grow(self, root: TreeNode, seed: list[int], progress: Progress) -> None:
-        """Grows a tree from its root; a hasty one with little effort first, then where that gained nothing."""
+        """Grows a tree from its root; a hasty one with little effort, more where that gains nothing."""
         self.begun_s = self.limit.spent_s
         if self.hasty:
             look_ahead = self.growth.look_ahead
