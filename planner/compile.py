@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from planner.belief.particles import initial_with_friction
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
+from planner.evaluation.cases import stress_cases
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import predicting, tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
@@ -30,12 +31,14 @@ from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
+from planner.search.anytime import AFTER_GROWTH, CAREFUL, Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
 from planner.search.params import Objective, SearchParams
 from planner.search.ranking import Ranking
+from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld
@@ -45,6 +48,12 @@ EVALUATION_TRIALS = 20_000
 PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
+TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
+TIGHT = (
+    0.3  # share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on
+)
+TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
+USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
 
 Judge = Callable[[Table, int], Evaluation]
 """Trials of a table, in an attempt."""
@@ -59,12 +68,14 @@ class Plan:
         root: the tree with its beliefs, for reports.
         evaluation: what the table was judged by.
         untried: how many branches no trial took, so that their widths are REJECT.
+        cut: how the search was cut short; None where it was complete.
     """
 
     table: Table
     root: TreeNode
     evaluation: Evaluation
     untried: int
+    cut: Cut | None = None
 
 
 def compile_job(
@@ -72,7 +83,7 @@ def compile_job(
     workers: int | None = None,
     trials: int = EVALUATION_TRIALS,
     report: Report | None = None,
-    budget_s: float = math.inf,
+    limit: Limit | None = None,
     store: Store | None = None,
     scheduler: Scheduler | None = None,
 ) -> Plan:
@@ -83,8 +94,8 @@ def compile_job(
         workers: threads; all cores if None. The result does not depend on it.
         trials: parts squeezed in the evaluation.
         report: told about progress.
-        budget_s: the tree is left as it stands after this long: whole and valid, but with leaves that do not
-            know. Without a budget the same seed gives the same bytes.
+        limit: when to end with the best tree so far, evaluated: whole and valid, but maybe with leaves that
+            do not know. Where it has no budget the same seed gives the same bytes.
         store: where the roll-outs of a learned model are kept; nowhere if None.
         scheduler: who rolls them out and runs worlds that are off; as many threads as `workers` if None.
 
@@ -100,21 +111,63 @@ def compile_job(
     reference = Simulation(simulator, encoder_of(job))
     belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
+    say("kernels", 0, 1)
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
-    deadline = time.monotonic() + budget_s
+    limit = limit or Limit()
+    limit.start()
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)
     root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
-    planning = _Planning(job, root, growth, simulator.workers, scheduler, say, deadline)
+
+    def planning(top: TreeNode, hasty: bool) -> _Planning:
+        anytime = Anytime(growth, limit, hasty)
+        return _Planning(job, top, growth, simulator.workers, trials, scheduler, say, anytime)
+
     judge = partial(_judge, job, trials, simulator.workers)
-    table, evaluation, attempt = planning.run(judge)
-    others = beyond(table, job, trials, attempt, scheduler or Threads(simulator.workers))
-    plan = _plan(job, root, table, evaluation, others, judge)
+    careful = planning(root, False)
+    planned = (
+        _within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
+    )
+    others = beyond(planned.table, job, trials, planned.attempt, scheduler or Threads(simulator.workers))
+    plan = _plan(job, planned, others, judge)
     if not plan.evaluation.success.any():
-        raise _no_plan(plan.table, plan.evaluation, job)
+        raise _no_plan(plan.table, plan.evaluation, job, plan.cut)
     return plan
+
+
+class _Planned(NamedTuple):
+    """What planning came to."""
+
+    root: TreeNode
+    table: Table
+    evaluation: Evaluation  # its trials
+    attempt: int  # that they belong to
+    cut: Cut | None = None
+
+    def value(self, growth: Growth) -> float:
+        """Success, less what the squeezes cost."""
+        return float(
+            self.evaluation.success.mean() - growth.objective.costs.least * self.evaluation.squeezes.mean()
+        )
+
+
+def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
+    """The better of a hasty plan and, if there is time for it, a careful one."""
+
+    def decide(table: Table, attempt: int) -> Evaluation:
+        return _judge(hasty.job, hasty.deciding, hasty.workers, table, attempt)
+
+    found, limit = hasty.run(decide), hasty.anytime.limit
+    needed_s = CAREFUL * hasty.anytime.growth_s
+    if found.cut or limit.over(needed_s):
+        return found._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
+    careful.begin()
+    if careful.anytime.cut:
+        return found._replace(cut=careful.anytime.report())
+    better = careful.run(judge)
+    return max(better, found._replace(cut=better.cut), key=lambda plan: plan.value(careful.growth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,37 +178,47 @@ class _Planning:
     root: TreeNode
     growth: Growth
     workers: int
+    trials: int
     scheduler: Scheduler | None
     say: Report
-    deadline: float
+    anytime: Anytime
 
-    def run(self, judge: Judge) -> tuple[Table, Evaluation, int]:
-        """Plans the whole tree; the table, its trials, and the attempt that they belong to."""
+    def run(self, judge: Judge) -> _Planned:
+        """Plans the whole tree, unless it was grown before."""
         doubts: list[Doubt] = []
         for attempt in range(PARAMS.refinements + 1):
-            self._grow(attempt)
+            if attempt or not self.root.children:
+                self._grow(attempt)
             settle(doubts, self.growth.objective.confidence)
             table = lower(self.root, self.job)
             self.say("evaluate", attempt, PARAMS.refinements + 1)
+            began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
+            self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
             short, doubts = self._faults(table, evaluation, attempt)
             if short < PARAMS.least_short and not doubts:
                 break
-        return table, evaluation, attempt
+        return _Planned(self.root, table, evaluation, attempt, self.anytime.report())
+
+    def begin(self) -> None:
+        """Grows the tree, without a look at what becomes of it."""
+        self._grow(0)
 
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
         seed = [self.job.seed, attempt]
-        reopen = self._reopen if attempt else 1.0
-        grow(self.root, self.growth, seed, lambda a, b: self.say("search", a, a + b), self._late, reopen)
+        if attempt == 0:
+            self.anytime.grow(self.root, seed, self._watch)
+        else:
+            grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
         if not self.root.children:
             raise NoPlanError(
                 f"{self.job.part.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
-        if attempt == 0:
+        if attempt == 0 and not self.anytime.hasty:
             improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), self._late)
 
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
@@ -179,8 +242,36 @@ class _Planning:
         return 1.0 - PARAMS.reopen_margin * (1.0 - self.job.goal.confidence)
 
     def _late(self) -> bool:
-        """Whether the budget is spent; never before there is a first squeeze, for a plan must be one."""
-        return bool(self.root.children) and time.monotonic() > self.deadline
+        """Whether the time is spent; never before there is a first squeeze, for a plan must be one."""
+        return self.anytime.late(self.root)
+
+    @property
+    def deciding(self) -> int:
+        """Parts that decide how a tree grows on."""
+        return max(1, self.trials // TIGHT_TRIALS) if self.anytime.tight else self.trials
+
+    def _watch(self, *_: int) -> None:
+        """Tells how the tree grows; once it has a squeeze, a few trials tell how long many will take."""
+        limit = self.anytime.limit
+        if limit.bounded and not limit.reserve_s and self.root.children:
+            table = lower(self.root, self.job)
+            _judge(self.job, 1, self.workers, table, 0)  # its kernels are loaded then
+            began_s = limit.spent_s
+            timed = _judge(self.job, TIMED_TRIALS, self.workers, table, 0)
+            took_s = limit.spent_s - began_s
+            self._reserve(took_s, timed)
+            self.anytime.tight = limit.reserve_s > TIGHT * limit.budget_s
+            self._reserve(took_s, timed)
+        self.say("draft" if self.anytime.hasty else "search", *self.anytime.told(self.root))
+
+    def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
+        """Keeps time for the evaluations after the growth, given one and how long it took."""
+        goal, limit = self.job.goal, self.anytime.limit
+        doubted = math.ceil(self.job.friction.doubt * self.trials)
+        parts = self.deciding + self.trials + doubted + goal.stress_trials * len(stress_cases(self.job))
+        mean = float(evaluation.squeezes.mean())
+        each_s = took_s / len(evaluation.squeezes)
+        limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
 
 
 def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan:
@@ -191,7 +282,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table, judge = lower(root, job), partial(_judge, job, trials, workers)
-    return _plan(job, root, table, judge(table, 0), [], judge)
+    return _plan(job, _Planned(root, table, judge(table, 0), 0), [], judge)
 
 
 def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
@@ -200,9 +291,7 @@ def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: in
     return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
 
 
-def _plan(
-    job: Job, root: TreeNode, table: Table, evaluation: Evaluation, others: list[Evaluation], judge: Judge
-) -> Plan:
+def _plan(job: Job, planned: _Planned, others: list[Evaluation], judge: Judge) -> Plan:
     """Puts the figures in, and leaves out what no trial took.
 
     The trials that chose what stays cannot tell what else parts may do: fresh ones judge the rest.
@@ -210,24 +299,28 @@ def _plan(
     Raises:
         NoPlanError: nothing stays.
     """
-    table, evaluation = with_figures(table, evaluation, others, job)
+    root, cut = planned.root, planned.cut
+    table, evaluation = with_figures(planned.table, planned.evaluation, others, job)
     kept = tried(table, [evaluation, *others])
     if not kept[0]:
-        raise _no_plan(table, evaluation, job)
+        raise _no_plan(table, evaluation, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     if untried:
         table = without_untried(table, root, kept)
         evaluation = judge(table, PARAMS.refinements + 1)
-    return Plan(predicting(table, evaluation), root, evaluation, untried)
+    cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
+    return Plan(predicting(table, evaluation), root, evaluation, untried, cut)
 
 
-def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:
-    """Why no leaf knows its pose: what stays open, and what would tell it apart."""
+def _no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
+    """Why no leaf knows its pose; if the search was complete, also what would tell it apart."""
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
-    reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
-    error = NoPlanError(
-        "; ".join([f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less", *reasons])
-    )
+    if cut is not None:
+        error = NoPlanError(f"{job.part.name}: {cut.line()}; no leaf is within {goal} yet")
+    else:
+        reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
+        problem = f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less"
+        error = NoPlanError("; ".join([problem, *reasons]))
     error.success = float(np.mean(evaluation.within))
     return error
 
