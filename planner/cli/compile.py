@@ -57,7 +57,8 @@ def parser() -> Parser:
     )  # fmt: skip
     add(
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
-        help="end after so long, evaluation included, with the best tree so far (default: search until done)",
+        help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
+        "(default: search until done)",
     )  # fmt: skip
     add(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
