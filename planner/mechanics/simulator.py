@@ -1,4 +1,4 @@
-"""Squeezes and pushes by the thousand, rolled out on all cores; the number of workers does not change the result."""
+"""Squeezes and pushes by the thousand, on all cores; the number of workers does not change the result."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ TEXTS = {
     "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
     "pushes": (
         "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg,fingers_mm\n"
-        "0,-10.5,0,1,90,0,2,5\n"
+        "15,0,0,1,90,0,2,5\n"
     ),
     "log": "no pushes\n",
     "outline": "0,0\n30,0\n30,21\n",

@@ -134,6 +134,17 @@ def test_no_finger_ends_inside_the_part(outline):
         assert depths.max() < 0.02
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_finger_in_a_notch_stays_there(mu):
+    """Pushed from within the cone of the notch's two edges: neither lets it pass."""
+    outline = l_shape()
+    notch = outline[3]
+    result = pushed(outline, paths([notch + 0.5], shift=(-9.0, -9.0)), mu)
+    finger = notch + 0.5 - 9.0
+    assert place(outline, result.moved[0])[3] == pytest.approx(finger, abs=0.02)
+    assert result.status[0] != LOST
+
+
 def test_workers_do_not_change_the_result():
     made = random_paths(hexagon(), np.random.default_rng(12), 600)
     results = []
