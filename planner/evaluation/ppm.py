@@ -230,8 +230,9 @@ class Bound(NamedTuple):
             return float(mixture - xlogy(total, mean) - xlog1py(parts - total, -mean))
 
         rate = total / parts
-        low = brentq(excess, rate * 1e-9, rate, xtol=1e-15) if total > 0.0 else 0.0
-        high = brentq(excess, rate, 1.0 - 1e-9, xtol=1e-15) if total < parts else 1.0
+        least, most = 1e-9 * rate, 1.0 - 1e-9  # which little weight may not even exclude
+        low = brentq(excess, least, rate, xtol=1e-15) if excess(least) > 0.0 else 0.0
+        high = brentq(excess, rate, most, xtol=1e-15) if excess(most) > 0.0 else 1.0
         return cls(PPM * low, PPM * rate, PPM * high)
 
 
@@ -274,11 +275,11 @@ class Findings:
 
     def verdict(self, limit: float) -> str:
         """What a goal of so few wrong answers [ppm] has come to, for people."""
-        held = "below" if self.wrong.high < limit else "NOT shown to be below"
-        most = f"wrong at most {self.wrong.high:.1f} ppm with {1.0 - ERROR:.0%} confidence"
-        return (
-            f"{most} ({self.wrong.rate:.1f} of {self.sums.parts} other parts): {held} wrong_ppm = {limit:g}"
-        )
+        wrong = self.wrong
+        side = "NOT shown to be below" if wrong.low <= limit else "ABOVE"
+        held = "below" if wrong.high < limit else side
+        most = f"wrong at most {wrong.high:.1f} ppm with {1.0 - ERROR:.0%} confidence"
+        return f"{most} ({wrong.rate:.1f} of {self.sums.parts} other parts): {held} wrong_ppm = {limit:g}"
 
     def standard_error(self, leaf: int | None = None) -> float:
         """Of the rate of a leaf, or of all of them [ppm]."""
