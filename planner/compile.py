@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -17,11 +18,14 @@ from planner.belief.particles import initial_with_friction
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
+from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.judge import claimed
 from planner.evaluation.measured import predicting, tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed
+from planner.evaluation.ppm import Findings
+from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store
@@ -33,7 +37,7 @@ from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.anytime import AFTER_GROWTH, CAREFUL, Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
-from planner.search.expand import Growth, TreeNode, grow, learn
+from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
 from planner.search.params import Objective, SearchParams
@@ -41,7 +45,7 @@ from planner.search.ranking import Ranking
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
-from planner.world import ContactWorld
+from planner.world import ContactWorld, ContactWorlds
 from runtime.table import Table, refuted
 
 EVALUATION_TRIALS = 20_000
@@ -54,6 +58,8 @@ TIGHT = (
 )
 TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
 USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
+SEED_FIGURES = 0x46494755
+SEED_RARE = 0x52415245
 
 Judge = Callable[[Table, int], Evaluation]
 """Trials of a table, in an attempt."""
@@ -61,21 +67,16 @@ Judge = Callable[[Table, int], Evaluation]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A compiled job.
+    """A compiled job."""
 
-    Attributes:
-        table: the decision table, with the evaluation's figures.
-        root: the tree with its beliefs, for reports.
-        evaluation: what the table was judged by.
-        untried: how many branches no trial took, so that their widths are REJECT.
-        cut: how the search was cut short; None where it was complete.
-    """
-
-    table: Table
-    root: TreeNode
-    evaluation: Evaluation
-    untried: int
-    cut: Cut | None = None
+    table: Table  # the decision table, with the evaluation's figures
+    root: TreeNode  # the tree with its beliefs, for reports
+    evaluation: Evaluation  # of the finished table: nothing was decided by it
+    untried: int  # how many branches no trial took, so that their widths are REJECT
+    # Of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
+    seed: int
+    wrong: Findings | None = None  # of as fresh a study, where the goal states wrong_ppm
+    cut: Cut | None = None  # how the search was cut short; None where it was complete
 
 
 def compile_job(
@@ -121,17 +122,19 @@ def compile_job(
     growth = _growth(job, simulator, ahead, reference)
     root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
 
+    work = scheduler or Threads(simulator.workers)
+
     def planning(top: TreeNode, hasty: bool) -> _Planning:
         anytime = Anytime(growth, limit, hasty)
-        return _Planning(job, top, growth, simulator.workers, trials, scheduler, say, anytime)
+        return _Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
 
     judge = partial(_judge, job, trials, simulator.workers)
     careful = planning(root, False)
     planned = (
         _within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
     )
-    others = beyond(planned.table, job, trials, planned.attempt, scheduler or Threads(simulator.workers))
-    plan = _plan(job, planned, others, judge)
+    table, untried = planned.by.finished(planned, judge)
+    plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
     if not plan.evaluation.success.any():
         raise _no_plan(plan.table, plan.evaluation, job, plan.cut)
     return plan
@@ -140,7 +143,7 @@ def compile_job(
 class _Planned(NamedTuple):
     """What planning came to."""
 
-    root: TreeNode
+    by: _Planning
     table: Table
     evaluation: Evaluation  # its trials
     attempt: int  # that they belong to
@@ -179,9 +182,52 @@ class _Planning:
     growth: Growth
     workers: int
     trials: int
-    scheduler: Scheduler | None
+    work: Scheduler
     say: Report
     anytime: Anytime
+
+    def finished(self, planned: _Planned, judge: Judge) -> tuple[Table, int]:
+        """All else that trials decide: the table, and how many branches were cut off."""
+        table, runs = self._marked(planned.table, planned.evaluation, planned.attempt)
+        if self.job.goal.wrong_ppm is not None:
+            table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
+        return _pruned(self.job, self.root, table, runs, planned.cut)
+
+    def _held(
+        self, limit: int, table: Table, runs: list[Evaluation], judge: Judge
+    ) -> tuple[Table, list[Evaluation]]:
+        """Grows the leaves that are wrong too often [ppm], and marks those unresolved that do not grow.
+
+        No more parts are given up so than the goal's confidence leaves open.
+        """
+        given_up, spare = list[TreeNode](), 1.0 - self.job.goal.confidence
+        for number in range(1, PARAMS.refinements + 2):
+            case = rare.studied(
+                table, self.job, limit, self.job.seed + SEED_RARE + number, self.work, self.say
+            )
+            blamed = case.to_blame(limit)
+            if case.found.wrong.high < limit or not blamed:
+                break
+            ends = _ends(self.root)
+            if number <= PARAMS.refinements and not self._late():
+                attempt = PARAMS.refinements + number
+                doubts = unsettle(self.root, blamed, self.growth.objective.metric)
+                self._grow(attempt)
+                settle(doubts, self.growth.objective.confidence)
+                table = lower(self.root, self.job)
+                table, runs = self._marked(table, judge(table, attempt), attempt)
+            for leaf in blamed:
+                share = case.found.sums.visits[leaf] / case.found.sums.parts
+                if not ends[leaf].children and share <= spare:
+                    given_up.append(ends[leaf])
+                    spare -= share
+            table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
+        return table, runs
+
+    def _marked(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[Table, list[Evaluation]]:
+        """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
+        others = beyond(table, self.job, self.trials, attempt, self.work)
+        return _marked(self.job, table, evaluation, others), [evaluation, *others]
 
     def run(self, judge: Judge) -> _Planned:
         """Plans the whole tree, unless it was grown before."""
@@ -200,7 +246,7 @@ class _Planning:
             short, doubts = self._faults(table, evaluation, attempt)
             if short < PARAMS.least_short and not doubts:
                 break
-        return _Planned(self.root, table, evaluation, attempt, self.anytime.report())
+        return _Planned(self, table, evaluation, attempt, self.anytime.report())
 
     def begin(self) -> None:
         """Grows the tree, without a look at what becomes of it."""
@@ -227,7 +273,7 @@ class _Planning:
         beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
         short = learn(self.root, beliefs, self.growth, self._reopen, against)
-        runs = stressed(table, self.job, attempt, self.scheduler or Threads(self.workers))
+        runs = stressed(table, self.job, attempt, self.work)
         return short, doubt(self.root, runs, metric)
 
     def _refuted(self, within: BoolArray) -> bool:
@@ -268,7 +314,7 @@ class _Planning:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
         doubted = math.ceil(self.job.friction.doubt * self.trials)
-        parts = self.deciding + self.trials + doubted + goal.stress_trials * len(stress_cases(self.job))
+        parts = self.deciding + 2 * (self.trials + doubted) + goal.stress_trials * len(stress_cases(self.job))
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -281,8 +327,11 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
-    table, judge = lower(root, job), partial(_judge, job, trials, workers)
-    return _plan(job, _Planned(root, table, judge(table, 0), 0), [], judge)
+    table = lower(root, job)
+    evaluation = _judge(job, trials, workers, table, 0)
+    table, untried = _pruned(job, root, _marked(job, table, evaluation, []), [evaluation])
+    work = Threads() if workers is None else Threads(workers)
+    return _stated(job, root, table, untried, trials, work, say)
 
 
 def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
@@ -291,29 +340,59 @@ def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: in
     return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
 
 
-def _plan(job: Job, planned: _Planned, others: list[Evaluation], judge: Judge) -> Plan:
-    """Puts the figures in, and leaves out what no trial took.
+def _marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
+    """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
+    return replace(table, leaves=with_figures(table, evaluation, others, job)[0].leaves)
 
-    The trials that chose what stays cannot tell what else parts may do: fresh ones judge the rest.
+
+def _pruned(
+    job: Job, root: TreeNode, table: Table, runs: list[Evaluation], cut: Cut | None = None
+) -> tuple[Table, int]:
+    """Cuts off what no trial took, in the tree, too: the table, and how many branches went.
+
+    The first of `runs` is that in the job's own world.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    root, cut = planned.root, planned.cut
-    table, evaluation = with_figures(planned.table, planned.evaluation, others, job)
-    kept = tried(table, [evaluation, *others])
+    kept = tried(table, runs)
     if not kept[0]:
-        raise _no_plan(table, evaluation, job, cut)
+        raise _no_plan(table, runs[0], job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
-    if untried:
-        table = without_untried(table, root, kept)
-        evaluation = judge(table, PARAMS.refinements + 1)
+    return (without_untried(table, root, kept) if untried else table), untried
+
+
+def _ends(root: TreeNode) -> list[TreeNode]:
+    """The leaves of a tree, in the order of its table."""
+    return [node for node in breadth_first(root) if not node.children]
+
+
+def _stated(
+    job: Job, root: TreeNode, table: Table, untried: int, trials: int, work: Scheduler, say: Report,
+    cut: Cut | None = None,
+) -> Plan:  # fmt: skip
+    """Puts figures in, of trials that had no part in any decision.
+
+    A table must not call a leaf resolved that its own figures refute. Where they do, it is marked, and other
+    trials give the figures: so often until they refute nothing.
+    """
+    others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
+    for seed in itertools.count(job.seed + SEED_FIGURES):
+        evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
+        stated, evaluation = with_figures(table, evaluation, others, job)
+        if [leaf.resolved for leaf in stated.leaves] == [leaf.resolved for leaf in table.leaves]:
+            break
+        table = stated
+    wrong, limit = None, job.goal.wrong_ppm
+    if limit is not None:
+        wrong = rare.studied(stated, job, limit, job.seed + SEED_RARE, work, say).found
     cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
-    return Plan(predicting(table, evaluation), root, evaluation, untried, cut)
+    return Plan(predicting(stated, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
     """Why no leaf knows its pose; if the search was complete, also what would tell it apart."""
+    evaluation = replace(evaluation, resolved=claimed(table, evaluation.leaf))
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:
         error = NoPlanError(f"{job.part.name}: {cut.line()}; no leaf is within {goal} yet")

@@ -39,7 +39,7 @@ def lower(root: TreeNode, job: Job) -> tables.Table:
 
 def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
     assert node.squeeze is not None
-    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, _ = node.squeeze
+    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, *_ = node.squeeze
     x_um, y_um, angle_urad = pose_of(placement)
     squeeze = tables.Squeeze(
         x_um=x_um,

@@ -142,6 +142,7 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
     """What there is to say about a plan that took so long, in plain types."""
+    wrong = {} if plan.wrong is None else {"rare": plan.wrong.figures()}
     return {
         "nodes": len(plan.table.nodes),
         "leaves": len(plan.table.leaves),
@@ -149,7 +150,9 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
         "seconds": round(seconds, 3),
         "cut_short": plan.cut and plan.cut.figures(),
+        "trials_seed": plan.seed,
         **plan.evaluation.summary(),
+        **wrong,
     }
 
 

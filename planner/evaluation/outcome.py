@@ -1,7 +1,7 @@
 """What came of the trials: one row a part, and the figures for all of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from runtime.table import wilson_interval
 
 REJECTED = -1
+CRASHED = -3  # an open finger came down on the part, and the arm stopped
 NOWHERE = -1
 ERROR_SHARES = (0.5, 0.95)
 """Of the parts, for which the error that they do not exceed is told: the median, and nearly all."""
@@ -19,13 +20,12 @@ ERROR_SHARES = (0.5, 0.95)
 class Evaluation:
     """The outcome of each of n trials."""
 
-    leaf: IntArray  # (n,) index of the leaf reached, `REJECTED` where a width fitted no branch
+    leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
     squeezes: IntArray  # (n,) how many it took
     seconds: Array  # (n,) estimated time
     error_mm: Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
     within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
     resolved: BoolArray  # (n,) whether the leaf claims to know the pose
-    crashes: int  # placements at which an open finger would have stood on the part
     poses: Array  # (n, 3) true final poses in the world
     initial: Array  # (n, 3) true poses before the first squeeze
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
@@ -51,6 +51,11 @@ class Evaluation:
     def unresolved(self) -> BoolArray:
         """Trials that ended in a leaf that does not claim to know the pose."""
         return np.asarray((self.leaf >= 0) & ~self.resolved)
+
+    @property
+    def crashes(self) -> int:
+        """How many trials ended with an open finger on the part."""
+        return int(np.sum(self.leaf == CRASHED))
 
     def summary(self) -> dict[str, Any]:
         """The figures of `plan-evaluate --json`."""
@@ -82,8 +87,6 @@ class Evaluation:
     def joined(cls, parts: Sequence[Self]) -> Self:
         """One evaluation of the trials of several, in their order; at least one."""
         rows: dict[str, Any] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
-            for field in fields(cls)
-            if field.name != "crashes"
+            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
         }
-        return replace(parts[0], crashes=sum(part.crashes for part in parts), **rows)
+        return cls(**rows)

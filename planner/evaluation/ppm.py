@@ -29,7 +29,7 @@ from planner.belief.particles import initial
 from planner.errors import InputFileError
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
-from planner.evaluation.trials import DISMISSED, Program, step
+from planner.evaluation.trials import DISMISSED, Program, crashing, step
 from planner.job.model import Job
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
@@ -60,12 +60,13 @@ class Sums:
     wrong: Array  # (L,) weight that ended there, the leaf resolved, but not within the goal.
     squares: Array  # (L + 1,) sum over parts of the square of that weight; the last for all leaves together.
     rejected: float  # weight whose width fitted no branch.
+    crashed: float  # weight that an open finger came down on, so that the arm stopped.
     squeezes: float  # weighted number.
 
     @classmethod
     def none(cls, leaves: int) -> Self:
         """Of no parts, for a table of so many leaves."""
-        return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0)
+        return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0, 0.0)
 
     def __add__(self, other: Sums) -> Sums:
         return Sums(*(getattr(self, name) + getattr(other, name) for name in NAMES))
@@ -85,10 +86,18 @@ class Sums:
         if any(row[name].shape != np.shape(getattr(empty, name)) for name in NAMES):
             raise ValueError("sums of another table")
         arrays = row["visits"], row["wrong"], row["squares"]
-        return cls(int(row["parts"]), *arrays, float(row["rejected"]), float(row["squeezes"]))
+        sums = (float(row[name]) for name in ("rejected", "crashed", "squeezes"))
+        return cls(int(row["parts"]), *arrays, *sums)
 
 
 NAMES = tuple(field.name for field in fields(Sums))
+
+
+class Wrong(NamedTuple):
+    """Parts that were answered wrongly; split copies each for themselves."""
+
+    leaf: IntArray  # (n,) where they ended
+    poses: Array  # (n, 3) where they lay then [mm, mm, rad]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,18 +123,30 @@ class Study:
 
     def __call__(self, chunk: int) -> Sums:
         """The sums of a chunk of `CHUNK` parts."""
-        rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
-        return self._sums(initial(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
+        return self.looked_into(chunk)[0]
 
-    def _sums(self, poses: Array, world: World, rng: np.random.Generator) -> Sums:
+    def looked_into(self, chunk: int) -> tuple[Sums, Wrong]:
+        """The sums of a chunk, and its parts that were answered wrongly."""
+        rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
+        return self._run(initial(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
+
+    def _run(self, poses: Array, world: World, rng: np.random.Generator) -> tuple[Sums, Wrong]:
         program, encoder = self.program, encoder_of(self.job)
         parts, leaves = len(poses), len(program.table.leaves)
         part, node = np.arange(parts), np.zeros(parts, np.int64)
         ends: list[tuple[IntArray, IntArray, Array, Array]] = []
-        rejected = squeezes = 0.0
+        rejected = crashed = squeezes = 0.0
         while len(node):
-            weight = 1.0 / self.copies[node]
             placement = self.disturbance.placed(program.placement[node], rng)
+            stopped = crashing(program, node, poses, placement, world, self.job)
+            crashed += float((1.0 / self.copies[node[stopped]]).sum())
+            part, node, poses, placement = (
+                part[~stopped],
+                node[~stopped],
+                poses[~stopped],
+                placement[~stopped],
+            )
+            weight = 1.0 / self.copies[node]
             offset_mm = self.disturbance.encoder_offset_mm
             made = step(program, node, poses, placement, world, encoder, rng, offset_mm)
             squeezes += float(weight.sum())
@@ -139,14 +160,16 @@ class Study:
         part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
         resolved = np.array([known.resolved for known in program.table.leaves])
         wrong = resolved[leaf] & ~judge(program.table, leaf, poses).within
-        return Sums(
+        sums = Sums(
             parts=parts,
             visits=_sum(leaf, weight, leaves),
             wrong=_sum(leaf[wrong], weight[wrong], leaves),
             squares=_squares(part[wrong], leaf[wrong], weight[wrong], leaves),
             rejected=rejected,
+            crashed=crashed,
             squeezes=squeezes,
         )
+        return sums, Wrong(leaf[wrong], poses[wrong])
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:
@@ -207,8 +230,9 @@ class Bound(NamedTuple):
             return float(mixture - xlogy(total, mean) - xlog1py(parts - total, -mean))
 
         rate = total / parts
-        low = brentq(excess, rate * 1e-9, rate, xtol=1e-15) if total > 0.0 else 0.0
-        high = brentq(excess, rate, 1.0 - 1e-9, xtol=1e-15) if total < parts else 1.0
+        least, most = 1e-9 * rate, 1.0 - 1e-9  # which little weight may not even exclude
+        low = brentq(excess, least, rate, xtol=1e-15) if excess(least) > 0.0 else 0.0
+        high = brentq(excess, rate, most, xtol=1e-15) if excess(most) > 0.0 else 1.0
         return cls(PPM * low, PPM * rate, PPM * high)
 
 
@@ -249,6 +273,14 @@ class Findings:
         """Whether the rate is shown to be below a limit [ppm], or above it."""
         return self.wrong.high < limit or self.wrong.low > limit
 
+    def verdict(self, limit: float) -> str:
+        """What a goal of so few wrong answers [ppm] has come to, for people."""
+        wrong = self.wrong
+        side = "NOT shown to be below" if wrong.low <= limit else "ABOVE"
+        held = "below" if wrong.high < limit else side
+        most = f"wrong at most {wrong.high:.1f} ppm with {1.0 - ERROR:.0%} confidence"
+        return f"{most} ({wrong.rate:.1f} of {self.sums.parts} other parts): {held} wrong_ppm = {limit:g}"
+
     def standard_error(self, leaf: int | None = None) -> float:
         """Of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
@@ -269,6 +301,7 @@ class Findings:
             "wrong_ppm": self.wrong._asdict(),
             "standard_error_ppm": self.standard_error(),
             "rejected_ppm": PPM * sums.rejected / sums.parts,
+            "crashed_ppm": PPM * sums.crashed / sums.parts,
             "mean_squeezes": sums.squeezes / sums.parts,
             "leaves": [
                 {
@@ -293,6 +326,7 @@ class Findings:
         told = [
             f"wrong      {wrong.rate:.2f} ppm, {bounds}, however often it was looked at",
             f"rejected   {PPM * sums.rejected / parts:.0f} ppm",
+            f"crashes    {PPM * sums.crashed / parts:.0f} ppm",
             f"squeezes   {sums.squeezes / parts:.3f}  a part",
         ]
         if limit is not None:

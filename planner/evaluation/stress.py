@@ -5,7 +5,7 @@ encoder that reads short or a finger that lags disturbs it there: the search the
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -79,13 +79,23 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     The tree is modified in place: the beliefs of these leaves are joined by the poses of the parts that were
     wrong there, amplified. Returns the leaves, with what they were before.
     """
+    leaves = sum(not node.children for node in breadth_first(root))
+    named = sorted({leaf for run in runs for leaf in doubtful(run, leaves)})
+    wrong = {k: np.concatenate([run.poses[(run.leaf == k) & run.wrong] for run in runs]) for k in named}
+    return unsettle(root, wrong, metric)
+
+
+def unsettle(root: TreeNode, wrong: Mapping[int, Array], metric: Metric) -> list[Doubt]:
+    """Joins the poses (n, 3) of wrong parts, amplified, to the beliefs of their leaves, by leaf number.
+
+    The tree is modified in place. Returns the leaves, with what they were before.
+    """
     ends = [node for node in breadth_first(root) if not node.children]
     found = []
-    for leaf in sorted({leaf for run in runs for leaf in doubtful(run, len(ends))}):
+    for leaf, poses in wrong.items():
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        wrong = np.concatenate([run.poses[(run.leaf == leaf) & run.wrong] for run in runs])
-        node.belief = Belief.joined([node.belief, _amplified(wrong, len(node.belief))])
+        node.belief = Belief.joined([node.belief, _amplified(poses, len(node.belief))])
         node.mode = metric.mode(node.belief.poses)
     return found
 

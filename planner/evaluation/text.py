@@ -26,7 +26,7 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, {figures['max_squeezes']} at most ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
         *_error(figures["error_mm"]),
-        f"crashes    {figures['crashes']:7d}  placements with a finger on the part",
+        f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",
     ]
 
 

@@ -13,7 +13,7 @@ from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import claimed, judge
-from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
@@ -123,8 +123,7 @@ def run(
     """
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
-    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-    hand, crashes = np.zeros((trials, 2)), 0
+    hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
@@ -133,7 +132,6 @@ def run(
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
-        crashes=0,
         poses=poses.copy(),
         initial=poses,
         path=np.full((trials, depth), NOWHERE, np.int64),
@@ -142,11 +140,13 @@ def run(
     )
     for _ in range(depth):
         members = np.flatnonzero(node >= 0)
+        placement = disturbance.placed(program.placement[node[members]], rng)
+        stopped = crashing(program, node[members], found.poses[members], placement, world, job)
+        found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
+        members, placement = members[~stopped], placement[~stopped]
         if not len(members):
             break
         at, lying, offset_mm = node[members], found.poses[members], disturbance.encoder_offset_mm
-        placement = disturbance.placed(program.placement[at], rng)
-        crashes += _crashes(world, to_hand(lying, placement.T), program.opening_mm[at], reach)
         made = step(program, at, lying, placement, world, encoder, rng, offset_mm)
         found.poses[members] = made.released
         found.seconds[members] += _seconds(program, at, hand[members], made)
@@ -160,17 +160,29 @@ def run(
         node[members] = np.maximum(made.target, NOWHERE)
     error, within = judge(program.table, found.leaf, found.poses)
     resolved = claimed(program.table, found.leaf)
-    return replace(found, error_mm=error, within=within, resolved=resolved, crashes=crashes)
+    return replace(found, error_mm=error, within=within, resolved=resolved)
 
 
-def _crashes(world: World, hand: Array, opening_mm: Array, reach_mm: float) -> int:
-    """How many of the open hands would stand on the part, where the world can tell."""
-    collides = getattr(world, "collides", None)
-    if collides is None:
-        return 0
-    near = np.abs(hand[:, 1]) + reach_mm > 0.5 * opening_mm
-    pairs = zip(hand[near], opening_mm[near], strict=True)
-    return sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
+def crashing(
+    program: Program, node: IntArray, poses: Array, placement: Array, world: World, job: Job
+) -> BoolArray:
+    """Which parts (n,) an open finger would come down on, where the world can tell; the arm stops there.
+
+    Args:
+        program: the table.
+        node: (n,) the node that each part is at.
+        poses: (n, 3) where the parts lie in the world [mm, mm, rad].
+        placement: (n, 3) where the hand comes down.
+        world: is asked.
+        job: says how far a part reaches.
+    """
+    stopped, collides = np.zeros(len(node), np.bool_), getattr(world, "collides", None)
+    if collides is not None:
+        hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
+        reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+        for part in np.flatnonzero(np.abs(hand[:, 1]) + reach > 0.5 * opening_mm):
+            stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
+    return stopped
 
 
 def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array:

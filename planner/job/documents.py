@@ -18,6 +18,7 @@ INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
 }  # Keys that state the same thing in two ways: to set one drops the other
+PAPER_PARTICLES = 6_000  # of its methods, where the job does not say (paper, VII)
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
@@ -98,6 +99,8 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
         _check_strays(table, section_fields, name)
         values[name] = read_section(table, section_fields, name)
     _fill_orientation(values["uncertainty"])
+    if values["search"]["method"] != "closed-loop" and "particles" not in document.get("search", {}):
+        values["search"]["particles"] = PAPER_PARTICLES
     return values
 
 

@@ -35,6 +35,7 @@ class PlannedSqueeze(NamedTuple):
         unstable: share of the outcomes that friction alone holds.
         release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         cost: in squeezes.
+        crashes: share of the parts here that an open finger would come down on.
     """
 
     placement: Array
@@ -44,6 +45,7 @@ class PlannedSqueeze(NamedTuple):
     unstable: float = 0.0
     release: Array | None = None
     cost: float = 0.0
+    crashes: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -221,20 +223,23 @@ def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.
         rng: source of randomness.
     """
     metric, _, costs, params = growth.objective
-    belief = replenish(growth.handling.clear(node.belief, placement), params.least_particles)
+    clear = growth.handling.clear(node.belief, placement)
+    arrives = len(clear) / len(node.belief)
+    belief = replenish(clear, params.least_particles)
     outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
     release = growth.handling.release(outcomes)
     node.squeeze = PlannedSqueeze(
         placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,
-        release, costs.of(outcomes),
+        release, costs.of(outcomes), 1.0 - arrives,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
     modes = [metric.mode(child.poses) for child in beliefs]
-    after = sum(share * mode.ratio for share, mode in zip(outcomes.probability, modes, strict=True))
+    shares = arrives * outcomes.probability
+    after = sum(share * mode.ratio for share, mode in zip(shares, modes, strict=True))
     bias = selection_bias(node.mode.ratio, len(node.belief), len(beliefs), params)
     gains = after - node.mode.ratio - bias > params.least_gain
     squeezes_without_gain = 0 if gains else node.squeezes_without_gain + 1
     node.children = [
         TreeNode(child, node.share * float(share), mode, (*node.path, k), squeezes_without_gain)
-        for k, (share, child, mode) in enumerate(zip(outcomes.probability, beliefs, modes, strict=True))
+        for k, (share, child, mode) in enumerate(zip(shares, beliefs, modes, strict=True))
     ]

@@ -76,7 +76,8 @@ def price(node: TreeNode, growth: Growth) -> float:
 
 
 def _cost(node: TreeNode, growth: Growth) -> tuple[float, float]:
-    """Squeezes of a subtree, and the share of all parts in leaves that miss the goal."""
+    """Squeezes of a subtree, and the share of all parts in leaves that miss the goal, or under a finger."""
     nodes, confidence = breadth_first(node), growth.objective.confidence
     short = sum(leaf.share for leaf in nodes if not leaf.children and leaf.mode.ratio < confidence)
+    short += sum(inner.share * inner.squeeze.crashes for inner in nodes if inner.squeeze)
     return sum(inner.cost for inner in nodes), short

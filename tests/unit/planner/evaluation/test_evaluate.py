@@ -14,7 +14,7 @@ from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Chunk, ChunkRun, evaluate
-from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.evaluation.trials import Program, placement_of
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
@@ -218,6 +218,30 @@ def test_placement_errors_have_the_stated_spread(job):
     )
     offset = hand - placement_of(table.nodes[0].squeeze)[:2]
     assert offset.std(axis=0) == pytest.approx([0.7, 0.7], rel=0.1)
+
+
+def test_a_part_under_a_finger_ends_its_trial_and_is_a_failure(job):
+    class Blocked(Wrung):
+        """Half of the parts are stood on, and those are never squeezed."""
+
+        def collides(self, pose, opening_mm):
+            return pose[0] > 0.0
+
+    table, wide = spread_table(), job.replaced(uncertainty={"radius_mm": 40.0})
+    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    world = Blocked()
+    run = evaluate(table, wide, world, 600, seed=6)
+    first = to_hand(run.initial, placement_of(table.nodes[0].squeeze))
+    near = np.abs(first[:, 1]) + reach > 0.5 * table.nodes[0].squeeze.opening_um / 1e3
+    stopped = near & (first[:, 0] > 0.0)
+    assert 20 < stopped.sum() < 580
+    assert np.all(run.leaf[stopped] == CRASHED)
+    assert np.all(run.squeezes[stopped] == 0)
+    assert np.array_equal(run.poses[stopped], run.initial[stopped])
+    ended = [run.success, run.wrong, run.rejected, run.unresolved, run.leaf == CRASHED]
+    assert np.all(np.sum(ended, axis=0) == 1)
+    assert run.crashes == run.summary()["crashes"] >= stopped.sum()
+    assert len(world.seen) == run.squeezes.sum()
 
 
 def test_a_world_that_holds_nothing_drags_nothing(job):

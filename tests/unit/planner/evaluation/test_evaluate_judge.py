@@ -80,7 +80,7 @@ def evaluation_of(table, leaf, poses):
     path[:, 0] = 0
     return Evaluation(
         leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
-        resolved=np.where(leaf >= 0, known[leaf], False), crashes=0, poses=poses,
+        resolved=np.where(leaf >= 0, known[leaf], False), poses=poses,
         initial=poses + 1.0, path=path, counts=path + 100 * (path >= 0), branch=path,
     )  # fmt: skip
 
@@ -137,16 +137,14 @@ def test_the_worst_come_first_and_are_all_confident():
         assert row.counts == (100,)
 
 
-def test_joining_keeps_rows_in_order_and_adds_crashes():
+def test_joining_keeps_rows_in_order():
     table = random_table(seed=14, nodes=8)
-    parts = [replace(scattered(table, np.random.default_rng(k), 30), crashes=k) for k in (1, 2, 3)]
+    parts = [scattered(table, np.random.default_rng(k), 30) for k in (1, 2, 3)]
     whole = Evaluation.joined(parts)
-    assert whole.crashes == 6
     assert len(whole.leaf) == 90
     for field in fields(Evaluation):
-        if field.name != "crashes":
-            rows = [getattr(part, field.name) for part in parts]
-            assert np.array_equal(getattr(whole, field.name), np.concatenate(rows))
+        rows = [getattr(part, field.name) for part in parts]
+        assert np.array_equal(getattr(whole, field.name), np.concatenate(rows))
 
 
 def predicted_table(rng, leaves, trials):

@@ -46,7 +46,7 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
+    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0, None)
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 
@@ -270,3 +270,25 @@ def test_a_part_may_be_put_down_in_any_turn_that_looks_the_same():
     assert job.parse(TEXT + text).delivery is not None  # turned by half, the hand stays inside
     with pytest.raises(errors.ValueRangeError, match="outside"):
         job.parse(TEXT.replace('symmetry = "auto"', "symmetry = 1") + text)
+
+
+@pytest.mark.parametrize("method", ["paper", "paper-sequence", "sensorless"])
+def test_the_papers_methods_take_its_particles_unless_the_job_says(method):
+    def particles(**search):
+        parsed = job.parse(TEXT, changes={"search": search})
+        assert job.from_canonical(parsed.canonical()) == parsed
+        return parsed.search.particles
+
+    assert particles() == particles(method="closed-loop") == 20_000
+    assert particles(method=method) == 6_000
+    assert particles(method=method, particles=777) == 777
+
+
+def test_a_limit_on_wrong_answers_is_optional_and_leaves_other_jobs_what_they_were():
+    plain, limited = job.parse(TEXT), job.parse(TEXT, changes={"goal": {"wrong_ppm": 50}})
+    assert plain.goal.wrong_ppm is None
+    assert "wrong_ppm" not in plain.canonical()
+    assert job.from_canonical(limited.canonical()).goal.wrong_ppm == 50
+    for wrong in (0, 2.5, 100_001, "few"):
+        with pytest.raises(errors.ValueRangeError, match="wrong_ppm"):
+            job.parse(TEXT, changes={"goal": {"wrong_ppm": wrong}})

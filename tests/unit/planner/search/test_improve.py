@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
+from planner.belief.particles import Belief
 from planner.job import model as job_file
 from planner.search.expand import Growth, TreeNode, grow, learn, squeeze_at
 from planner.search.handling import handling_of
@@ -48,6 +49,21 @@ def test_a_squeeze_that_tells_at_once_takes_the_place_of_one_that_does_not(growt
     assert node.squeeze.placement[2] == TELLING
     assert price(root, growth) == pytest.approx(before - growth.objective.costs.least)
     assert all(leaf.mode.ratio == 1.0 for leaf in node.children)
+
+
+def test_parts_under_a_finger_count_and_are_failures(growth):
+    """One part in twenty lies where the open finger comes down: its share is nobody's, and is paid for."""
+    under = np.tile([0.0, 47.0, 0.0], (len(BELIEF) // 19, 1))
+    belief = Belief.joined([BELIEF, Belief.of(under)])
+    root = TreeNode(belief, 0.8, growth.objective.metric.mode(belief.poses))
+    squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
+    crashes = len(under) / len(belief)
+    assert root.squeeze.crashes == pytest.approx(crashes)
+    assert crashes > 0.04
+    assert sum(child.share for child in root.children) == pytest.approx(0.8 * (1.0 - crashes))
+    paid = price(root, growth)
+    root.squeeze = root.squeeze._replace(crashes=0.0)
+    assert paid - price(root, growth) == pytest.approx(0.8 * crashes)
 
 
 def test_a_worse_one_does_not(growth):

@@ -1,0 +1,79 @@
+"""A plan held to `goal.wrong_ppm`: studies of rare wrong answers, and the leaves that are to blame.
+
+A study is looked at after each batch of chunks, as many as all before it, and ends as soon as the rate is
+shown to be below the limit or above it: its bounds hold at every look (`planner.evaluation.ppm`).
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.ppm import CHUNK, Findings, Study, Sums, Wrong, copies_of
+from planner.evaluation.trials import Program
+from planner.job.model import Job
+from planner.work.progress import Report
+from planner.work.scheduler import Scheduler
+from planner.world import ContactWorlds
+from runtime.table import Table
+
+MOST_PARTS = 2_000_000  # of a study: without a wrong answer among them the bound is about 4 ppm
+FIRST = 2  # chunks before the first look
+AIM = 0.5  # of the limit: what the leaves left alone may come to, so that a bound on it is below the limit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """What a study found."""
+
+    found: Findings  # rates and bounds
+    wrong: Wrong  # the parts that were answered wrongly
+
+    def to_blame(self, limit: float) -> dict[int, Array]:
+        """Leaves without which the table would keep below a limit [ppm], and where their wrong parts lay.
+
+        Those wrong for the largest share of their own parts come first: then the fewest parts are concerned.
+        """
+        wrong, visits = self.found.sums.wrong, self.found.sums.visits
+        order = sorted(np.flatnonzero(wrong).tolist(), key=lambda leaf: -wrong[leaf] / visits[leaf])
+        left, named = self.found.wrong.rate, []
+        for leaf in order:
+            if left <= AIM * limit:
+                break
+            left -= self.found.leaves[leaf].rate
+            named.append(leaf)
+        return {leaf: self.wrong.poses[self.wrong.leaf == leaf] for leaf in named}
+
+
+def studied(table: Table, job: Job, limit: float, seed: int, scheduler: Scheduler, report: Report) -> Case:
+    """Studies a table in its job's world until it is shown to be below a limit or above it, or `MOST_PARTS`.
+
+    Args:
+        table: the table.
+        job: its job.
+        limit: on the rate of wrong answers [ppm].
+        seed: of all randomness; `plan-evaluate --ppm --seed` follows the same parts.
+        scheduler: who runs the chunks; the result does not depend on it.
+        report: told about progress.
+    """
+    worlds = ContactWorlds.of_job(job, seed)
+    study = Study(Program.of(table), job, worlds, seed, copies_of(table), NONE)
+    sums, told, done, chunks = Sums.none(len(table.leaves)), list[Wrong](), 0, MOST_PARTS // CHUNK
+    while done < chunks and not (done and Findings.of(sums).decided(limit)):
+        batch = range(done, min(max(FIRST, 2 * done), chunks))
+        for more, wrong in scheduler.map(study.looked_into, batch):
+            sums += more
+            told.append(wrong)
+        done = batch.stop
+        report("wrong answers", done, chunks)
+    return Case(Findings.of(sums), Wrong(*map(np.concatenate, zip(*told, strict=True))))
+
+
+def given_up(table: Table, leaves: Collection[int]) -> Table:
+    """The table with some leaves marked unresolved."""
+    rows = enumerate(table.leaves)
+    return replace(
+        table, leaves=tuple(leaf._replace(resolved=leaf.resolved and k not in leaves) for k, leaf in rows)
+    )

@@ -1,0 +1,83 @@
+"""The failure rate that a plan reports against that of trials it never saw; not part of the gate.
+
+    python tests/bench/bench_fresh.py [--seeds 10] [--trials 4000] [--workers 2]
+
+Four jobs are planned with few particles, with many seeds each. A table reports the failure rate of its own
+last evaluation; as many times three trials with other seeds tell the rate again. The reported rates must not
+be lower: z of the mean difference, in standard errors, is within -2 and 2 for trials that decided nothing.
+Prints figures and writes `results/fresh.json` beside this file.
+"""
+
+import argparse
+import json
+import math
+import platform
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from planner.compile import compile_job  # noqa: E402
+from planner.evaluation.evaluate import evaluate  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.work.scheduler import Threads  # noqa: E402
+from planner.world import ContactWorlds  # noqa: E402
+from runtime.table import PPM  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "fresh.json"
+PARTS = ("rectangle", "hex-nut", "oval-cover", "ratchet")
+FEW = {"search": {"particles": 2000, "search_particles": 100}, "goal": {"stress_trials": 0}}
+TIMES = 3
+OTHER_SEED = 1_000_003
+
+
+def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
+    """One plan: the failures that it reports, and those of fresh trials."""
+    job = job_file.load(ROOT / "trees" / part / "job.toml", {"seed": seed, **FEW})
+    table = compile_job(job, work.workers, trials).table
+    other = OTHER_SEED + seed
+    fresh = evaluate(table, job, ContactWorlds.of_job(job, other), TIMES * trials, other, work)
+    row = {
+        "part": part,
+        "seed": seed,
+        "reported": round((1.0 - table.predicted.success_ppm / PPM) * table.predicted.trials),
+        "trials": table.predicted.trials,
+        "fresh": int((~fresh.success).sum()),
+        "fresh_trials": TIMES * trials,
+    }
+    print("{part}, seed {seed}: {reported} of {trials}, fresh {fresh} of {fresh_trials}".format(**row))
+    return row
+
+
+def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Mean failure rates, and the mean difference in standard errors."""
+    reported = [row["reported"] / row["trials"] for row in rows]
+    fresh = [row["fresh"] / row["fresh_trials"] for row in rows]
+    pooled = [(row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"]) for row in rows]
+    variance = sum(
+        rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
+        for rate, row in zip(pooled, rows, strict=True)
+    )
+    mean_reported, mean_fresh = sum(reported) / len(rows), sum(fresh) / len(rows)
+    z = (sum(reported) - sum(fresh)) / math.sqrt(variance)
+    return {"reported": mean_reported, "fresh": mean_fresh, "plans": len(rows), "z": z}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seeds", type=int, default=10, help="of each job (default: %(default)s)")
+    parser.add_argument("--trials", type=int, default=4000, help="a plan's own (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    work = Threads(options.workers)
+    rows = [bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS]
+    found = bias(rows)
+    print("{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(**found))
+    told = {"machine": platform.platform(), "python": platform.python_version(), **found, "rows": rows}
+    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

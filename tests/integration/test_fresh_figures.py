@@ -1,0 +1,134 @@
+"""What a table says of itself comes from trials that decided nothing."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import compile as planning
+from planner.cli import compile as compile_
+from planner.cli import evaluate as evaluate_
+from planner.evaluation import ppm, rare, stress
+from planner.evaluation.evaluate import evaluate
+from planner.job import model as job_file
+from planner.search.expand import breadth_first
+from planner.work.progress import silent
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
+from runtime.table import PPM, dumps, load
+
+TREES = Path(__file__).parents[2] / "trees"
+QUICK = {"particles": 1000, "search_particles": 100}
+TRIALS = 1500
+
+
+def quick(**goal):
+    return job_file.load(
+        TREES / "rectangle" / "job.toml", {"search": QUICK, "goal": {"stress_trials": 0, **goal}}
+    )
+
+
+@pytest.fixture
+def seeds(monkeypatch):
+    """The seeds of all trials that are run, in their order."""
+    used = []
+
+    def recording(original, position):
+        def recorded(*arguments):
+            used.append(arguments[position])
+            return original(*arguments)
+
+        return recorded
+
+    taken = [(planning, "evaluate", 4), (stress, "evaluate", 4), (stress, "sweep", 5), (rare, "Study", 3)]
+    for module, name, position in taken:
+        monkeypatch.setattr(module, name, recording(getattr(module, name), position))
+    return used
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed):
+    job = replace(quick(stress_trials=200), seed=seed)
+    plan = planning.compile_job(job, workers=2, trials=TRIALS)
+    assert seeds[-1] == plan.seed
+    assert plan.seed not in seeds[:-1]
+    table = plan.table
+    again = evaluate(table, job, ContactWorlds.of_job(job, plan.seed), TRIALS, plan.seed)
+    assert again.summary() == plan.evaluation.summary()
+    said, figures = table.predicted, again.summary()
+    assert said.success_ppm == round(PPM * figures["success_rate"])
+    assert said.mean_squeezes_ppm == round(PPM * figures["mean_squeezes"])
+    assert said.reject_ppm == round(PPM * figures["reject_rate"])
+    for index, leaf in enumerate(table.leaves):
+        here = again.leaf == index
+        if here.any():
+            hits = int(np.sum(again.within[here]))
+            assert (leaf.trials, leaf.success_ppm) == (here.sum(), round(PPM * hits / here.sum()))
+    dumps(table)  # and none of them refutes what the table claims
+
+
+def test_a_leaf_that_its_figures_refute_is_marked_and_other_trials_give_the_figures(seeds):
+    job = replace(quick(), friction=replace(quick().friction, doubt=0.0))
+    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
+    rows = list(table.leaves)
+    rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + 50_000)
+    plan = planning._stated(job, None, replace(table, leaves=tuple(rows)), 0, TRIALS, Threads(2), silent)
+    first = job.seed + planning.SEED_FIGURES
+    assert seeds == list(range(first, plan.seed + 1))
+    assert plan.seed > first
+    assert not plan.table.leaves[leaf].resolved
+    assert plan.table.leaves[leaf].success_ppm == 0
+    again = evaluate(plan.table, job, ContactWorlds.of_job(job, plan.seed), TRIALS, plan.seed)
+    assert plan.table.predicted.success_ppm == round(PPM * again.summary()["success_rate"])
+    dumps(plan.table)
+
+
+def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
+    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = text.replace("stress_trials = 2000", "stress_trials = 0")
+    path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
+    path.write_text(text + "\n[search]\nparticles = 1000\nsearch_particles = 100\n", encoding="utf-8")
+    words = [str(path), "-o", str(output), "--trials", "1500", "--json", "--no-advice"]
+    assert compile_.main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (
+        evaluate_.main([str(output), "--trials", "1500", "--seed", str(said["trials_seed"]), "--json"]) == 0
+    )
+    seen = json.loads(capsys.readouterr().out)
+    for name in ("success_rate", "wrong_rate", "reject_rate", "mean_squeezes", "crashes", "error_mm"):
+        assert said[name] == seen[name], name
+
+
+@pytest.fixture
+def short_studies(monkeypatch):
+    for module in (ppm, rare):
+        monkeypatch.setattr(module, "CHUNK", 1000)
+    monkeypatch.setattr(rare, "MOST_PARTS", 20_000)
+
+
+def test_a_limit_on_wrong_answers_is_planned_for_and_shown_on_other_parts(seeds, short_studies):
+    plain = planning.compile_job(quick(), workers=2, trials=TRIALS)
+    assert plain.wrong is None
+    del seeds[:]
+    job = quick(wrong_ppm=2500)
+    plan = planning.compile_job(job, workers=2, trials=TRIALS)
+    dumps(plan.table)
+    assert seeds[-1] == job.seed + planning.SEED_RARE
+    assert seeds[-1] not in seeds[:-1]
+    assert plan.seed not in [*seeds[: seeds.index(plan.seed)], *seeds[seeds.index(plan.seed) + 1 :]]
+    assert plan.wrong.wrong.high < 2500
+    assert "below wrong_ppm = 2500" in plan.wrong.verdict(2500)
+    leaves = [node for node in breadth_first(plan.root) if not node.children]
+    assert len(leaves) == len(plan.table.leaves)
+
+
+def test_a_limit_that_is_out_of_reach_is_told_and_costs_no_more_parts_than_the_goal_allows(short_studies):
+    job = quick(wrong_ppm=1)
+    plan = planning.compile_job(job, workers=2, trials=TRIALS)
+    assert plan.wrong.wrong.high > 1.0
+    side = "ABOVE" if plan.wrong.wrong.low > 1.0 else "NOT shown to be below"
+    assert f"{side} wrong_ppm = 1" in plan.wrong.verdict(1)
+    assert np.mean(plan.evaluation.unresolved) <= 1.0 - job.goal.confidence + 0.02

@@ -1,0 +1,95 @@
+"""A limit on wrong answers: which leaves are to blame, when a study ends, what is given up."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.evaluation import ppm, rare
+from planner.evaluation.ppm import Findings, Sums, Wrong
+from planner.evaluation.rare import AIM, Case, given_up, studied
+from planner.job import model as job_file
+from planner.work.progress import silent
+from planner.work.scheduler import Threads
+from runtime.table import PPM, load
+
+TREES = Path(__file__).parents[4] / "trees" / "rectangle"
+PARTS = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(TREES / "job.toml")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return load(TREES / "rectangle.msgpack").table
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Studies of at most eight small chunks."""
+    for module in (ppm, rare):
+        monkeypatch.setattr(module, "CHUNK", 500)
+    monkeypatch.setattr(rare, "MOST_PARTS", 8 * 500)
+
+
+def case(visits, wrong):
+    """What a study of a million parts found; every wrong part lies at a place that tells its leaf."""
+    wrong = np.array(wrong, np.float64)
+    squares = np.append(wrong, wrong.sum())
+    sums = Sums(PARTS, np.array(visits, np.float64), wrong, squares, 0.0, 0.0, 3.0 * PARTS)
+    leaf = np.repeat(np.arange(len(wrong)), wrong.astype(int))
+    return Case(Findings.of(sums), Wrong(leaf, np.column_stack([leaf, leaf, leaf]).astype(float)))
+
+
+def test_the_leaves_that_are_wrong_for_most_of_their_parts_are_blamed_first():
+    found = case([500_000, 400_000, 1_000, 99_000], [60, 0, 40, 50])
+    assert list(found.to_blame(120)) == [2, 3]
+    assert list(found.to_blame(60)) == [2, 3, 0]
+    assert found.to_blame(2 * 150 / (2 * AIM)) == {}
+
+
+@pytest.mark.parametrize("limit", [1, 30, 100, 250])
+def test_what_is_left_alone_keeps_well_below_the_limit_and_nothing_more_is_blamed(limit):
+    wrong = [3, 80, 0, 45, 7, 1]
+    found = case([10_000, 300_000, 500_000, 90_000, 50_000, 50_000], wrong)
+    blamed = found.to_blame(limit)
+    assert sum(wrong) - sum(wrong[leaf] for leaf in blamed) <= AIM * limit
+    if blamed:
+        spared = list(blamed)[:-1]
+        assert sum(wrong) - sum(wrong[leaf] for leaf in spared) > AIM * limit
+    for leaf, poses in blamed.items():
+        assert len(poses) == wrong[leaf]
+        assert np.all(poses == leaf)
+
+
+def planted(table, leaf, off_um=50_000):
+    """The table with one leaf that says a place where no part lies."""
+    rows = list(table.leaves)
+    rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + off_um)
+    return type(table)(**{**{name: getattr(table, name) for name in table.__slots__}, "leaves": tuple(rows)})
+
+
+def test_a_planted_leaf_is_found_at_the_first_look_and_blamed_alone(table, job, small):
+    leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
+    found = studied(planted(table, leaf), job, 1000, 3, Threads(1), silent)
+    assert found.found.sums.parts == rare.FIRST * rare.CHUNK
+    assert found.found.wrong.low > 1000
+    assert list(found.to_blame(50_000)) == [leaf]
+    spoilt = given_up(planted(table, leaf), [leaf])
+    assert [k for k, row in enumerate(spoilt.leaves) if not row.resolved and table.leaves[k].resolved] == [
+        leaf
+    ]
+    again = studied(spoilt, job, 10_000, 3, Threads(1), silent)
+    assert again.found.sums.wrong[leaf] == 0.0
+
+
+def test_an_undecided_study_ends_with_what_it_has_and_on_any_number_of_workers(table, job, small):
+    one, two = (studied(table, job, 1, 5, Threads(workers), silent) for workers in (1, 2))
+    assert one.found.sums.parts == 8 * 500
+    assert one.found.sums.document() == two.found.sums.document()
+    assert np.array_equal(one.wrong.poses, two.wrong.poses)
+    assert one.found.wrong.low < 1 < one.found.wrong.high < PPM
+    assert "NOT shown to be below wrong_ppm = 1" in one.found.verdict(1)
