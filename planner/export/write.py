@@ -40,9 +40,7 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     """
     texts = {VECTORS: _csv(found.table)}
     texts |= {name: _text(name, found) for name in FORMS[form]}
-    folder(path)
-    if any(path.iterdir()):
-        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
+    _check_empty(folder(path))
     written: list[Path] = []
     try:
         for name, text in texts.items():
@@ -54,6 +52,15 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
             file.unlink(missing_ok=True)
         raise
     return {file.name: file.stat().st_size for file in written}
+
+
+def _check_empty(path: Path) -> None:
+    try:
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
+    if not empty:
+        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
 
 
 def _text(name: str, found: TableFile) -> str:

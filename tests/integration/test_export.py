@@ -177,7 +177,7 @@ def test_the_guide_s_program_follows_the_tree(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*SHIPPED, "every field"])
+@pytest.mark.parametrize("name", [*SHIPPED, "every field", "wide"])
 def test_structured_text_gives_all_vectors(name, folder):
     table, out = TABLES[name], folder(name, "st")
     block = FunctionBlock((out / "squeezetree_table.st").read_text())

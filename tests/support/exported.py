@@ -32,12 +32,12 @@ Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 
 
 def wide_table() -> Table:
-    """One squeeze with as many outcomes as a node may have, for the slowest look-up."""
+    """One squeeze with as many outcomes as a node may have, the first of which holds nothing to be dragged."""
     table = small_table()
     branches = tuple(
         Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k) for k in range(MAX_BRANCHES)
     )
-    root = table.nodes[0]._replace(branches=branches)
+    root = table.nodes[0]._replace(branches=branches, release=(3_000, -4_000))
     return replace(table, nodes=(root,), leaves=table.leaves[:1] * MAX_BRANCHES)
 
 

@@ -1,13 +1,18 @@
 """What an export says follows a reading is what a run of the default policy does, reading by reading."""
 
 import pytest
-from exported import Oracle
+from exported import Oracle, wide_table
 from sample_tables import every_field_table, random_table, small_table
 
 from planner.export.content import FELT, NOT_FELT, maps_of, runs_of, vectors
 from runtime.table import COUNTS, REJECT, by_count, decide
 
-TABLES = {"small": small_table(), "every field": every_field_table(), "forty": random_table(5, 40)}
+TABLES = {
+    "small": small_table(),
+    "every field": every_field_table(),
+    "forty": random_table(5, 40),
+    "wide": wide_table(),
+}
 
 
 @pytest.mark.parametrize("name", TABLES)
