@@ -32,7 +32,7 @@ Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 
 
 def wide_table() -> Table:
-    """One squeeze with as many outcomes as a node may have, the first of which holds nothing to be dragged."""
+    """One squeeze with as many outcomes as a node may have; the first holds nothing that could be dragged."""
     table = small_table()
     branches = tuple(
         Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k) for k in range(MAX_BRANCHES)
