@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -35,7 +36,7 @@ from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
-from planner.search.anytime import AFTER_GROWTH, CAREFUL, Anytime, Cut, hasty_root
+from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.handling import handling_of
@@ -165,12 +166,21 @@ def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
     found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
     if found.cut or limit.over(needed_s):
-        return found._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
+        best = found if found.cut else _improved(hasty, found, decide)
+        return best._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
     careful.begin()
     if careful.anytime.cut:
         return found._replace(cut=careful.anytime.report())
     better = careful.run(judge)
     return max(better, found._replace(cut=better.cut), key=lambda plan: plan.value(careful.growth))
+
+
+def _improved(hasty: _Planning, found: _Planned, judge: Judge) -> _Planned:
+    """The better of a hasty plan and the same with other squeezes tried for as long as there is time."""
+    other = replace(hasty, root=deepcopy(hasty.root))
+    mending_s = MENDING * hasty.anytime.growth_s
+    other.improve([hasty.job.seed, 0], lambda: hasty.anytime.limit.over(mending_s))
+    return max(found, other.run(judge), key=lambda plan: plan.value(hasty.growth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -265,7 +275,11 @@ class _Planning:
                 "jaws wider, add actions, or reduce the uncertainty"
             )
         if attempt == 0 and not self.anytime.hasty:
-            improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), self._late)
+            self.improve(seed, self._late)
+
+    def improve(self, seed: list[int], late: Callable[[], bool]) -> None:
+        """Tries other squeezes for the nodes that matter most, until it is late."""
+        improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
