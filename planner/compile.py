@@ -166,7 +166,7 @@ def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
     found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
     if found.cut or limit.over(needed_s):
-        best = found if found.cut else _improved(hasty, found, decide)
+        best = found if limit.over() else _improved(hasty, found, decide)
         return best._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
     careful.begin()
     if careful.anytime.cut:
