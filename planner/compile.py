@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
+from planner.evaluation.cases import stress_cases
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import predicting, tried, with_figures, without_untried
@@ -34,12 +34,14 @@ from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
+from planner.search.anytime import AFTER_GROWTH, CAREFUL, Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.handling import handling_of
 from planner.search.improve import improve
 from planner.search.params import Objective, SearchParams
 from planner.search.ranking import Ranking
+from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld, ContactWorlds
@@ -51,6 +53,12 @@ SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 SEED_FIGURES = 0x46494755
 SEED_RARE = 0x52415245
+TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
+TIGHT = (
+    0.3  # share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on
+)
+TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
+USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
 
 Judge = Callable[[Table, int], Evaluation]
 """Trials of a table, in an attempt."""
@@ -66,6 +74,7 @@ class Plan:
     untried: int  # how many branches no trial took, so that their widths are REJECT
     # Of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
     seed: int
+    cut: Cut | None = None  # how the search was cut short; None where it was complete
     wrong: Findings | None = None  # of as fresh a study, where the goal states wrong_ppm
 
 
@@ -74,7 +83,7 @@ def compile_job(
     workers: int | None = None,
     trials: int = EVALUATION_TRIALS,
     report: Report | None = None,
-    budget_s: float = math.inf,
+    limit: Limit | None = None,
     store: Store | None = None,
     scheduler: Scheduler | None = None,
 ) -> Plan:
@@ -85,8 +94,8 @@ def compile_job(
         workers: threads; all cores if None. The result does not depend on it.
         trials: parts squeezed in the evaluation.
         report: told about progress.
-        budget_s: the tree is left as it stands after this long: whole and valid, but with leaves that do not
-            know. Without a budget the same seed gives the same bytes.
+        limit: when to end with the best tree so far, evaluated: whole and valid, but maybe with leaves that
+            do not know. Where it has no budget the same seed gives the same bytes.
         store: where the roll-outs of a learned model are kept; nowhere if None.
         scheduler: who rolls them out and runs worlds that are off; as many threads as `workers` if None.
 
@@ -102,19 +111,64 @@ def compile_job(
     reference = Simulation(simulator, encoder_of(job))
     belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
+    say("kernels", 0, 1)
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
-    deadline = time.monotonic() + budget_s
+    limit = limit or Limit()
+    limit.start()
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growth = _growth(job, simulator, ahead, reference)
+    growth, work = _growth(job, simulator, ahead, reference), scheduler or Threads(simulator.workers)
     root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
-    planning = _Planning(job, root, growth, scheduler or Threads(simulator.workers), say, deadline)
-    table, untried = planning.run(partial(_judge, job, trials, simulator.workers), trials)
-    plan = _stated(job, root, table, untried, trials, planning.work, say)
+
+    def planning(top: TreeNode, hasty: bool) -> _Planning:
+        anytime = Anytime(growth, limit, hasty)
+        return _Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
+
+    judge = partial(_judge, job, trials, simulator.workers)
+    careful = planning(root, False)
+    planned = (
+        _within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
+    )
+    planned = replace(careful, root=planned.root).held(planned, judge)
+    plan = _plan(job, planned, trials, work, say)
     if not plan.evaluation.success.any():
-        raise _no_plan(plan.table, plan.evaluation, job)
+        raise _no_plan(plan.table, plan.evaluation, job, plan.cut)
     return plan
+
+
+class _Planned(NamedTuple):
+    """What planning came to."""
+
+    root: TreeNode
+    table: Table
+    evaluation: Evaluation  # its trials
+    attempt: int  # that they belong to
+    cut: Cut | None = None
+    others: Sequence[Evaluation] = ()  # trials in other worlds
+
+    def value(self, growth: Growth) -> float:
+        """Success, less what the squeezes cost."""
+        return float(
+            self.evaluation.success.mean() - growth.objective.costs.least * self.evaluation.squeezes.mean()
+        )
+
+
+def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
+    """The better of a hasty plan and, if there is time for it, a careful one."""
+
+    def decide(table: Table, attempt: int) -> Evaluation:
+        return _judge(hasty.job, hasty.deciding, hasty.workers, table, attempt)
+
+    found, limit = hasty.run(decide), hasty.anytime.limit
+    needed_s = CAREFUL * hasty.anytime.growth_s
+    if found.cut or limit.over(needed_s):
+        return found._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
+    careful.begin()
+    if careful.anytime.cut:
+        return found._replace(cut=careful.anytime.report())
+    better = careful.run(judge)
+    return max(better, found._replace(cut=better.cut), key=lambda plan: plan.value(careful.growth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,30 +178,44 @@ class _Planning:
     job: Job
     root: TreeNode
     growth: Growth
+    workers: int
+    trials: int
     work: Scheduler
     say: Report
-    deadline: float
+    anytime: Anytime
 
-    def run(self, judge: Judge, trials: int) -> tuple[Table, int]:
-        """Plans the whole tree, with all that trials decide: the table, and how many branches were cut."""
-        table, evaluation, attempt = self._planned(judge)
-        table, runs = self._marked(table, evaluation, attempt, trials)
-        if self.job.goal.wrong_ppm is not None:
-            table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge, trials)
-        return _cut(self.job, self.root, table, runs)
+    def run(self, judge: Judge) -> _Planned:
+        """Plans the whole tree, unless it was grown before."""
+        doubts: list[Doubt] = []
+        for attempt in range(PARAMS.refinements + 1):
+            if attempt or not self.root.children:
+                self._grow(attempt)
+            settle(doubts, self.growth.objective.confidence)
+            table = lower(self.root, self.job)
+            self.say("evaluate", attempt, PARAMS.refinements + 1)
+            began_s = self.anytime.limit.spent_s
+            evaluation = judge(table, attempt)
+            self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
+            if attempt == PARAMS.refinements or self._late():
+                break
+            short, doubts = self._faults(table, evaluation, attempt)
+            if short < PARAMS.least_short and not doubts:
+                break
+        return _Planned(self.root, table, evaluation, attempt, self.anytime.report())
 
-    def _held(
-        self, limit: int, table: Table, runs: list[Evaluation], judge: Judge, trials: int
-    ) -> tuple[Table, list[Evaluation]]:
-        """Grows the leaves that are wrong too often [ppm], and marks those unresolved that do not grow.
+    def held(self, planned: _Planned, judge: Judge) -> _Planned:
+        """Marks leaves that trials refute unresolved, also trials beyond; then sees to `goal.wrong_ppm`.
 
-        No more parts are given up so than the goal's confidence leaves open.
+        The leaves that are wrong too often grow; those that do not are marked, as long as no more parts are
+        given up so than the goal's confidence leaves open.
         """
+        planned, limit = self._marked(planned), self.job.goal.wrong_ppm
         given_up, spare = list[TreeNode](), 1.0 - self.job.goal.confidence
         for number in range(1, PARAMS.refinements + 2):
-            case = rare.studied(
-                table, self.job, limit, self.job.seed + SEED_RARE + number, self.work, self.say
-            )
+            if limit is None or planned.cut:
+                break
+            seed = self.job.seed + SEED_RARE + number
+            case = rare.studied(planned.table, self.job, limit, seed, self.work, self.say)
             blamed = case.to_blame(limit)
             if case.found.wrong.high < limit or not blamed:
                 break
@@ -158,49 +226,38 @@ class _Planning:
                 self._grow(attempt)
                 settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
-                table, runs = self._marked(table, judge(table, attempt), attempt, trials)
+                planned = self._marked(_Planned(self.root, table, judge(table, attempt), attempt))
             for leaf in blamed:
                 share = case.found.sums.visits[leaf] / case.found.sums.parts
                 if not ends[leaf].children and share <= spare:
                     given_up.append(ends[leaf])
                     spare -= share
-            table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
-        return table, runs
+            lost = [number for number, end in enumerate(_ends(self.root)) if end in given_up]
+            planned = planned._replace(table=rare.given_up(planned.table, lost))
+        return planned
 
-    def _marked(
-        self, table: Table, evaluation: Evaluation, attempt: int, trials: int
-    ) -> tuple[Table, list[Evaluation]]:
-        """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
-        others = beyond(table, self.job, trials, attempt, self.work)
-        return _marked(self.job, table, evaluation, others), [evaluation, *others]
+    def _marked(self, planned: _Planned) -> _Planned:
+        """The plan with the leaves unresolved that its trials refute, here and beyond."""
+        others = beyond(planned.table, self.job, self.trials, planned.attempt, self.work)
+        return _marked(planned._replace(others=others), self.job)
 
-    def _planned(self, judge: Judge) -> tuple[Table, Evaluation, int]:
-        """Grows the tree; its table, the trials, and the attempt that they belong to."""
-        doubts: list[Doubt] = []
-        for attempt in range(PARAMS.refinements + 1):
-            self._grow(attempt)
-            settle(doubts, self.growth.objective.confidence)
-            table = lower(self.root, self.job)
-            self.say("evaluate", attempt, PARAMS.refinements + 1)
-            evaluation = judge(table, attempt)
-            if attempt == PARAMS.refinements or self._late():
-                break
-            short, doubts = self._faults(table, evaluation, attempt)
-            if short < PARAMS.least_short and not doubts:
-                break
-        return table, evaluation, attempt
+    def begin(self) -> None:
+        """Grows the tree, without a look at what becomes of it."""
+        self._grow(0)
 
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
         seed = [self.job.seed, attempt]
-        reopen = self._reopen if attempt else 1.0
-        grow(self.root, self.growth, seed, lambda a, b: self.say("search", a, a + b), self._late, reopen)
+        if attempt == 0:
+            self.anytime.grow(self.root, seed, self._watch)
+        else:
+            grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
         if not self.root.children:
             raise NoPlanError(
                 f"{self.job.part.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
-        if attempt == 0:
+        if attempt == 0 and not self.anytime.hasty:
             improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), self._late)
 
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
@@ -224,8 +281,37 @@ class _Planning:
         return 1.0 - PARAMS.reopen_margin * (1.0 - self.job.goal.confidence)
 
     def _late(self) -> bool:
-        """Whether the budget is spent; never before there is a first squeeze, for a plan must be one."""
-        return bool(self.root.children) and time.monotonic() > self.deadline
+        """Whether the time is spent; never before there is a first squeeze, for a plan must be one."""
+        return self.anytime.late(self.root)
+
+    @property
+    def deciding(self) -> int:
+        """Parts that decide how a tree grows on."""
+        return max(1, self.trials // TIGHT_TRIALS) if self.anytime.tight else self.trials
+
+    def _watch(self, *_: int) -> None:
+        """Tells how the tree grows; once it has a squeeze, a few trials tell how long many will take."""
+        limit = self.anytime.limit
+        if limit.bounded and not limit.reserve_s and self.root.children:
+            table = lower(self.root, self.job)
+            _judge(self.job, 1, self.workers, table, 0)  # its kernels are loaded then
+            began_s = limit.spent_s
+            timed = _judge(self.job, TIMED_TRIALS, self.workers, table, 0)
+            took_s = limit.spent_s - began_s
+            self._reserve(took_s, timed)
+            self.anytime.tight = limit.reserve_s > TIGHT * limit.budget_s
+            self._reserve(took_s, timed)
+        self.say("draft" if self.anytime.hasty else "search", *self.anytime.told(self.root))
+
+    def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
+        """Keeps time for the evaluations after the growth, given one and how long it took."""
+        goal, limit = self.job.goal, self.anytime.limit
+        doubted = math.ceil(self.job.friction.doubt * self.trials)
+        beyond_it = doubted + goal.stress_trials * len(stress_cases(self.job))
+        parts = self.deciding + self.trials + 2 * beyond_it  # to decide what is claimed, and for the figures
+        mean = float(evaluation.squeezes.mean())
+        each_s = took_s / len(evaluation.squeezes)
+        limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
 
 
 def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan:
@@ -236,10 +322,8 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table = lower(root, job)
-    evaluation = _judge(job, trials, workers, table, 0)
-    table, untried = _cut(job, root, _marked(job, table, evaluation, []), [evaluation])
-    work = Threads() if workers is None else Threads(workers)
-    return _stated(job, root, table, untried, trials, work, say)
+    planned = _marked(_Planned(root, table, _judge(job, trials, workers, table, 0), 0), job)
+    return _plan(job, planned, trials, Threads() if workers is None else Threads(workers), say)
 
 
 def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
@@ -248,24 +332,39 @@ def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: in
     return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
 
 
-def _marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
-    """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, others, job)[0].leaves)
+def _marked(planned: _Planned, job: Job) -> _Planned:
+    """The plan with the leaves unresolved that its trials refute; its shares stay as planned."""
+    table = planned.table
+    stated, _ = with_figures(table, planned.evaluation, planned.others, job)
+    return planned._replace(table=replace(table, leaves=stated.leaves))
 
 
-def _cut(job: Job, root: TreeNode, table: Table, runs: list[Evaluation]) -> tuple[Table, int]:
-    """Cuts off what no trial took, in the tree, too: the table, and how many branches went.
+def _plan(job: Job, planned: _Planned, trials: int, work: Scheduler, say: Report) -> Plan:
+    """Leaves out what no trial took, and puts figures in: of trials that had no part in any decision.
 
-    The first of `runs` is that in the job's own world.
+    A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
+    failures in these very figures. Other trials would be chosen for not refuting it.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    kept = tried(table, runs)
+    table, root, cut = planned.table, planned.root, planned.cut
+    kept = tried(table, [planned.evaluation, *planned.others])
     if not kept[0]:
-        raise _no_plan(table, runs[0], job)
+        raise _no_plan(table, planned.evaluation, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
-    return (without_untried(table, root, kept) if untried else table), untried
+    if untried:
+        table = without_untried(table, root, kept)
+    others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
+    seed = job.seed + SEED_FIGURES
+    evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
+    table, evaluation = with_figures(table, evaluation, others, job)
+    wrong, limit = None, job.goal.wrong_ppm
+    if limit is not None:
+        most = rare.CUT_PARTS if cut else rare.MOST_PARTS
+        wrong = rare.studied(table, job, limit, job.seed + SEED_RARE, work, say, most).found
+    cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
+    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, cut, wrong)
 
 
 def _ends(root: TreeNode) -> list[TreeNode]:
@@ -273,35 +372,16 @@ def _ends(root: TreeNode) -> list[TreeNode]:
     return [node for node in breadth_first(root) if not node.children]
 
 
-def _stated(
-    job: Job, root: TreeNode, table: Table, untried: int, trials: int, work: Scheduler, say: Report
-) -> Plan:
-    """Puts figures in, of trials that had no part in any decision.
-
-    A table must not call a leaf resolved that its own figures refute. Where they do, it is marked, and other
-    trials give the figures: so often until they refute nothing.
-    """
-    others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
-    for seed in itertools.count(job.seed + SEED_FIGURES):
-        evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
-        stated, evaluation = with_figures(table, evaluation, others, job)
-        if [leaf.resolved for leaf in stated.leaves] == [leaf.resolved for leaf in table.leaves]:
-            break
-        table = stated
-    wrong, limit = None, job.goal.wrong_ppm
-    if limit is not None:
-        wrong = rare.studied(stated, job, limit, job.seed + SEED_RARE, work, say).found
-    return Plan(predicting(stated, evaluation), root, evaluation, untried, seed, wrong)
-
-
-def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:
-    """Why no leaf knows its pose: what stays open, and what would tell it apart."""
+def _no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
+    """Why no leaf knows its pose; if the search was complete, also what would tell it apart."""
     evaluation = replace(evaluation, resolved=claimed(table, evaluation.leaf))
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
-    reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
-    error = NoPlanError(
-        "; ".join([f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less", *reasons])
-    )
+    if cut is not None:
+        error = NoPlanError(f"{job.part.name}: {cut.line()}; no leaf is within {goal} yet")
+    else:
+        reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
+        problem = f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less"
+        error = NoPlanError("; ".join([problem, *reasons]))
     error.success = float(np.mean(evaluation.within))
     return error
 

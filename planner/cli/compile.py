@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from planner.cli import models_report, shell, sweep
+from planner.cli import bounds, models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -16,9 +16,10 @@ from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
-from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -36,6 +37,7 @@ def parser() -> Parser:
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
         f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
     add = built.add_argument
@@ -55,13 +57,15 @@ def parser() -> Parser:
     )  # fmt: skip
     add(
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
-        help="stop searching after so long, with the best tree so far (default: search until done)",
+        help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
+        "(default: search until done)",
     )  # fmt: skip
     add(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
+    bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
     add("--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds")
     add(
@@ -76,6 +80,8 @@ def parser() -> Parser:
 def _compile(arguments: argparse.Namespace) -> int:
     if arguments.baseline and (arguments.output or arguments.sweep):
         raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and (arguments.bound or arguments.bound_dense):
+        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
     if arguments.sweep:
@@ -94,29 +100,37 @@ def _single(arguments: argparse.Namespace) -> int:
         picture = models_report.picture_path(arguments.models_report, output)
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
-    store = shell.store_of(arguments)
+    store, limit = shell.store_of(arguments), Limit(arguments.budget)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
         shell.progress(arguments.json) as report,
     ):
-        plan = compile_job(
-            job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
-        )
+        with shell.stopping(limit, NAME):
+            plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)
         models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
+        bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
-        if not arguments.no_advice:
+        if not (arguments.no_advice or plan.cut):  # what a longer search might contradict is not advised
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
         told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-        more = {"models": models[0]} if models else {}
+        more: dict[str, object] = {"models": models[0]} if models else {}
+        if bound:
+            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
         shell.print_json({**told, **more, "advice": advice and advice.figures()})
-        return 0
+        return _code(plan)
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
+    if bound:
+        print("\n".join(bound.lines()))
     if models:
         print(models[1])
-    return 0
+    return _code(plan)
+
+
+def _code(plan: Plan) -> int:
+    return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
 def _baseline(arguments: argparse.Namespace) -> int:
@@ -138,6 +152,8 @@ def _job(arguments: argparse.Namespace) -> Job:
 def _sweep(arguments: argparse.Namespace) -> int:
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+    if arguments.bound or arguments.bound_dense:
+        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)
     store = shell.store_of(arguments)
@@ -167,8 +183,9 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
             f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
             f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
         )
+    cut = f"{plan.cut.line()}\n" if plan.cut else ""
     return f"""\
-{job.part.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
+{cut}{job.part.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \

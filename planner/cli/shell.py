@@ -1,13 +1,20 @@
 """What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
 import argparse
+import contextlib
 import json
 import logging
+import math
+import os
+import signal
+import sys
 import textwrap
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from rich import progress as bars
@@ -18,6 +25,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
+from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
@@ -26,6 +34,8 @@ from runtime.table import TableFile, load
 
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
+LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
 exit codes:
@@ -154,28 +164,90 @@ def print_json(data: dict[str, Any]) -> None:
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Report]:
-    """A progress bar on a terminal, nothing in a pipe; yields `report(stage, done, total)`.
+def progress(quiet: bool, clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
+    """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
-    Each stage shows the time since it began and an estimate of the time it still takes.
+    On a terminal that is a bar with an estimate of the time that the stage still takes; elsewhere a line
+    every `LINES_S` seconds, so that what takes less says nothing.
+
+    Args:
+        quiet: show nothing.
+        clock: tells seconds.
     """
     console = Console(stderr=True)
-    if quiet or not console.is_terminal:
+    if quiet:
         yield silent
-        return
-    columns = [
-        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
-        bars.TimeElapsedColumn(), bars.TextColumn("left:"), bars.TimeRemainingColumn(),
-    ]  # fmt: skip
-    with bars.Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-        stage_now = ""
+    elif not console.is_terminal:
+        yield _lines(clock)
+    else:
+        columns = [
+            bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
+            bars.TimeElapsedColumn(), bars.TextColumn("{task.fields[left]} {task.fields[detail]}"),
+        ]  # fmt: skip
+        with bars.Progress(*columns, console=console, transient=True) as bar:
+            yield _drawn(bar, clock)
 
-        def report(stage: str, done: int, total: int) -> None:
-            nonlocal stage_now
-            if stage != stage_now:
-                stage_now = stage
-                bar.reset(task, description=stage)
-            bar.update(task, completed=done, total=total)
 
-        yield report
+class _Stage:
+    """The stage of a command's work that is under way."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.name, self.begun, self._clock = "", clock(), clock
+
+    def changed(self, name: str) -> bool:
+        """Whether work of this name begins now."""
+        if name == self.name:
+            return False
+        self.name, self.begun = name, self._clock()
+        return True
+
+    def left(self, done: int, total: int) -> str:
+        """How long the rest will take, at the rate until now."""
+        if not done or done > total:
+            return "left: not known yet"
+        seconds = (self._clock() - self.begun) * (total - done) / done
+        return f"left: about {math.ceil(seconds)} s"
+
+
+def _lines(clock: Callable[[], float]) -> Report:
+    stage, told = _Stage(clock), clock()
+
+    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
+        nonlocal told
+        stage.changed(name)
+        if clock() - told < LINES_S:
+            return
+        told = clock()
+        share = f" {done / total:.0%}" if total else ""
+        words = [f"{name}{share}", stage.left(done, total), *([detail] if detail else ())]
+        command.say(", ".join(words), sys.stderr)
+
+    return report
+
+
+def _drawn(bar: bars.Progress, clock: Callable[[], float]) -> Report:
+    stage, task = _Stage(clock), bar.add_task("starting", total=None, left="", detail="")
+
+    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
+        if stage.changed(name):
+            bar.reset(task, description=name)
+        bar.update(task, completed=done, total=total, left=stage.left(done, total), detail=detail)
+
+    return report
+
+
+@contextmanager
+def stopping(limit: Limit, name: str) -> Iterator[None]:
+    """The first Ctrl-C asks the work of a command to end with what stands; the next one interrupts it."""
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        if not limit.ask():
+            signal.default_int_handler(number, frame)
+        with contextlib.suppress(OSError):  # not by way of sys.stderr, which may be in the middle of a line
+            os.write(2, f"{name}: {STOPPING}\n".encode())
+
+    usual = signal.signal(signal.SIGINT, hear)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)

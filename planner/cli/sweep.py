@@ -27,6 +27,7 @@ from planner.job import documents
 from planner.job import model as job_file
 from planner.job.overrides import changes_of, split
 from planner.learned.store import Store
+from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
 from runtime.shell.command import INTERRUPTED
@@ -129,7 +130,7 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
     try:
         job = job_file.from_canonical(order.text)
         store = None if settings.cache is None else Store(settings.cache)
-        plan = compile_job(job, settings.workers, settings.trials, report, settings.budget_s, store)
+        plan = compile_job(job, settings.workers, settings.trials, report, Limit(settings.budget_s), store)
     except PlannerError as error:
         return Outcome(None, _failure(error))
     except Exception as error:
@@ -149,6 +150,7 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
         "seconds": round(seconds, 3),
         "trials_seed": plan.seed,
+        "cut_short": plan.cut and plan.cut.figures(),
         **plan.evaluation.summary(),
         **wrong,
     }
@@ -244,6 +246,9 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
             line = (
                 f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves, wrote {row['table']}"
             )
+            if row["cut_short"]:
+                line = f"cut short, {row['cut_short']['open_share']:.2%} of the parts still open; {line}"
+                success += f" (cut short, {row['cut_short']['open_share']:.2%} open)"
             seconds = f"{row['seconds']:.1f}"
             table.add_row(*values, success, squeezes, str(row["leaves"]), seconds, row["table"])
         if not console.is_terminal:
@@ -264,5 +269,5 @@ def _failure(error: PlannerError) -> dict[str, Any]:
     return {"error": str(error), "exit_code": error.exit_code}
 
 
-def _told(report: Report, prefix: str, stage: str, done: int, total: int) -> None:
-    report(f"{prefix}: {stage}", done, total)
+def _told(report: Report, prefix: str, stage: str, done: int, total: int, detail: str = "", /) -> None:
+    report(f"{prefix}: {stage}", done, total, detail)

@@ -14,6 +14,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
+from planner.bound.certificate import Certificate
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.trials import Step
@@ -37,12 +38,13 @@ LISTED = 5000  # most parts of a journal on the page: those that failed first, t
 
 
 class Source(NamedTuple):
-    """What a page is about: the table's file name and bytes, the journal laid over it, and its models."""
+    """What a page is about: the table's file name and bytes, its journal, models and bound, if any."""
 
     name: str
     data: bytes
     log: RunLog | None = None
     models: Models | None = None
+    bound: Certificate | None = None
 
 
 def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0) -> str:

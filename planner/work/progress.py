@@ -1,13 +1,14 @@
 """How long work tells about its progress."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import TypeAlias
-
-Report: TypeAlias = Callable[[str, int, int], None]
-"""Called with a stage's name, how much of it is done and how much there is."""
+from typing import Protocol
 
 
-def silent(_stage: str, _done: int, _total: int) -> None:
+class Report(Protocol):
+    """Is told about progress."""
+
+    def __call__(self, stage: str, done: int, total: int, detail: str = "", /) -> None:
+        """Hears a stage's name, how much of it is done, how much there is, and what it comes to so far."""
+
+
+def silent(_stage: str, _done: int, _total: int, _detail: str = "", /) -> None:
     """Tell nobody."""

@@ -27,13 +27,13 @@ def job():
 
 @pytest.fixture(scope="module")
 def plan(job):
-    return compile_job(job, workers=2, trials=4000)
+    return compile_job(job.replaced(goal={"stress_trials": 500}), workers=2, trials=4000)
 
 
 @pytest.fixture(scope="module")
 def quick_job(job):
     """The same with fewer particles and trials."""
-    return job.replaced(search={"particles": 2000, "search_particles": 200}, goal={"stress_trials": 300})
+    return job.replaced(search={"particles": 1000, "search_particles": 100}, goal={"stress_trials": 100})
 
 
 def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
@@ -130,8 +130,8 @@ def l_job(proposals, **changes):
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    job = l_job("belief", search={"particles": 6000})
-    figures = compile_job(job, workers=2, trials=3000).evaluation.summary()
+    job = l_job("belief", search={"search_particles": 120})
+    figures = compile_job(job, workers=2, trials=2000).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
     assert figures["crashes"] == 0
@@ -200,10 +200,3 @@ def test_confident_wrong_answers_stay_rare_in_worlds_a_little_off(job, plan):
         (line,) = sweep(plan.table, job, [case], lambda real: ContactWorlds.of_job(real, 21), 4000, 22)
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 4000)
         assert low <= 0.005, case.name
-
-
-def test_a_budget_leaves_a_valid_tree_that_knows_what_it_does_not_know(quick_job):
-    with pytest.raises(NoPlanError):
-        compile_job(quick_job, workers=2, trials=500, budget_s=1e-9)
-    plan = compile_job(quick_job, workers=2, trials=2000, budget_s=60.0)
-    assert loads(dumps(plan.table)) == plan.table

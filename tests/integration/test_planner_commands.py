@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -143,8 +144,29 @@ def test_compile_says_what_limits_the_plan(tmp_path):
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - json.loads(out)["success_rate"])
     words = ("-o", tmp_path / "out.msgpack", "--trials", 500, "--no-advice", "--json")
-    code, out, _ = run("compile", job, *words)
+    code, out, _ = inside(compile_, job, *words)
     assert json.loads(out)["advice"] is None
+
+
+def test_compile_proves_how_near_the_best_the_plan_is(tmp_path):
+    job = tmp_path / "quick.toml"
+    job.write_text(JOB.read_text().replace("stress_trials = 2000", "stress_trials = 0"))
+    words = (job, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--no-advice", "--bound", 5000)
+    code, out, _ = inside(compile_, *words, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert 2.0 < figures["squeezes_lower_bound"] < figures["mean_squeezes"]
+    bound = figures["bound"]
+    assert bound["squeezes"] == figures["squeezes_lower_bound"]
+    assert bound["confidence"] == 0.95
+    assert bound["leaf_confidence"] == 0.99
+    assert bound["success_rate"] == pytest.approx(figures["success_ci95"][0], abs=1e-5)
+    assert set(bound["terms"]) == {"leaves", "overall"}
+    table = (tmp_path / "out.msgpack").read_bytes()
+    code, out, _ = inside(compile_, *words)
+    shown = float(re.search(r"any plan as good takes (\d\.\d\d) squeezes a part or more", out)[1])
+    assert shown <= figures["squeezes_lower_bound"] < shown + 0.01
+    assert (tmp_path / "out.msgpack").read_bytes() == table
 
 
 def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
@@ -170,8 +192,8 @@ def read_rows(path):
 
 def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
-    code, _, _ = run(
-        "simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    code, _, _ = inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
     )
     rows = read_rows(tmp_path / "out.csv")
     assert code == 0
@@ -187,7 +209,9 @@ def test_simulate_reproduces_the_reference_squeezes(tmp_path):
     reference = read_rows(SHARED / "oracle_rect.csv")
     poses = [(1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference]
     write_poses(tmp_path / "in.csv", poses)
-    run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5)
+    inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    )
     for want, got in zip(reference, read_rows(tmp_path / "out.csv"), strict=True):
         dx = 1e3 * float(want["x_m"]) - float(got["final_x_mm"])
         dy = 1e3 * float(want["y_m"]) - float(got["final_y_mm"])
@@ -257,6 +281,16 @@ def test_usage_errors(tmp_path):
     assert inside(evaluate, TABLE, "--world", "no.such.module:make", "--trials", 1)[0] == 2
     assert inside(evaluate, TABLE, "--world", "math:sqrt2", "--trials", 1)[0] == 2
     assert inside(compile_)[0] == 2
+    table = ("-o", tmp_path / "out.msgpack")
+    for words in (
+        (*table, "--bound", 0),
+        (*table, "--bound", 10**9),
+        (*table, "--bound-dense", "--sweep", "seed=1,2"),
+        (*table, "--bound", "--sweep", "seed=1,2"),
+        ("--baseline", "sensorless", "--bound"),
+    ):
+        code, _, err = inside(compile_, JOB, *words)
+        assert (code, one_line(err)) == (2, True), words
 
 
 def test_a_damaged_table_is_refused(tmp_path):

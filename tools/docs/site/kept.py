@@ -23,7 +23,17 @@ MACROS = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, a
 MACROS = MACROS.get_template("kept.jinja").module
 TABLES = (
     *("table1", "zoo", "worlds", "squeeze-speed", "squeeze-convergence", "squeeze-goldberg", "kcde"),
-    *("push_forward", "rollouts", "runtime", "mutation", "robustness", "camera", "audit-loop", "audit-drift"),
+    *(
+        "push_forward",
+        "rollouts",
+        "runtime",
+        "mutation",
+        "robustness",
+        "camera",
+        "audit-loop",
+        "audit-drift",
+        "bound",
+    ),
 )
 
 

@@ -80,6 +80,18 @@ def test_the_summary_is_the_tables_own(text):
     assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
 
 
+def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, text, capsys):
+    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "100"]
+    assert report.main([*words, "--bound", "1000"]) == 0
+    capsys.readouterr()
+    page = (tmp_path / "page.html").read_text()
+    assert Page(page).open == []
+    least = re.search(r"any plan as good: (\d\.\d\d) or more", page)[1]
+    assert 2.0 < float(least) < TABLE.predicted.mean_squeezes_ppm / PPM
+    assert f"takes {least} squeezes a part or more" in page
+    assert "as good" not in text
+
+
 def test_parts_are_neither_lost_nor_made(data):
     assert data["nodes"][0]["visits"] == TRIALS
     arrivals = {0: TRIALS}

@@ -1,0 +1,114 @@
+"""Search within a limit of time.
+
+The careful search expands the leaves that hold most parts, all over the tree: nearly all leaves stay open
+until nearly all the work is done, and a tree cut short half-way locates hardly a part. So under a budget a
+whole tree is grown hastily first, in a fraction of the time, and the careful one takes its place once it is
+whole and turns out better.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from planner.belief.particles import subsample
+from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow
+from planner.work.limit import Limit
+
+HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
+HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
+CAREFUL = 4.0  # Time of the careful growth in units of the hasty one
+AFTER_GROWTH = 0.75  # Time of improvement and refinement in units of the growth before them
+LEAST_DONE = 0.02  # Share of the growth from which its rate is believed
+SEED_HASTY = 0x48415354
+
+
+class Cut(NamedTuple):
+    """How a search was cut short."""
+
+    asked: bool  # by a request; else by the budget
+    open_share: float  # of all parts, those that end in leaves which are not resolved
+    seconds: float  # that the rest of the search would take, estimated
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "by": "interrupt" if self.asked else "budget",
+            "open_share": round(self.open_share, 6),
+            "seconds_to_finish": math.ceil(self.seconds),
+        }
+
+    def line(self) -> str:
+        """For people."""
+        cause = "Ctrl-C" if self.asked else "the budget"
+        return (
+            f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "
+            f"finishing would take about {math.ceil(self.seconds)} s more"
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Anytime:
+    """The growth of one tree within a limit."""
+
+    growth: Growth
+    limit: Limit
+    hasty: bool = False
+    tight: bool = False  # whether its evaluations would take much of the budget
+    begun_s: float = 0.0  # when its growth began, on the limit's clock
+    growth_s: float = 0.0  # how long the growth took, or would have taken by estimate
+    cut: bool = False  # whether something was left undone
+
+    def grow(self, root: TreeNode, seed: list[int], progress: Progress) -> None:
+        """Grows a tree from its root; a hasty one with little effort, more where that gains nothing."""
+        self.begun_s = self.limit.spent_s
+        if self.hasty:
+            look_ahead = self.growth.look_ahead
+            few = max(1, look_ahead.particles // HASTY_SEARCH)
+            little = replace(self.growth, look_ahead=replace(look_ahead, depth=1, particles=few))
+            grow(root, little, [*seed, SEED_HASTY], progress, lambda: self.late(root))
+            for node in breadth_first(root):
+                node.exhausted = math.inf
+        grow(root, self.growth, seed, progress, lambda: self.late(root))
+        self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)
+
+    def late(self, root: TreeNode) -> bool:
+        """Whether to leave a tree as it is; never before it has a first squeeze, for a plan must be one."""
+        self.limit.standing = self.limit.standing or bool(root.children)
+        late = bool(root.children) and self.limit.over()
+        self.cut = self.cut or late
+        return late
+
+    def told(self, root: TreeNode) -> tuple[int, int, str]:
+        """Progress of a tree's growth for a `Report`: done, of how much, and what it comes to so far."""
+        leaves = [node for node in breadth_first(root) if not node.children]
+        waiting = sum(leaf.share for leaf in self._open(root))
+        known = sum(leaf.share for leaf in leaves if leaf.mode.ratio >= self.growth.objective.confidence)
+        return round(1000 * self._done(root)), 1000, f"{waiting:.1%} of the parts open, {known:.1%} located"
+
+    def report(self) -> Cut | None:
+        """How the search was cut short, if it was; the share that is open is not known before the trials."""
+        if not self.cut:
+            return None
+        left_s = self.growth_s * (1.0 + AFTER_GROWTH) - (self.limit.spent_s - self.begun_s)
+        return Cut(self.limit.asked, 1.0, max(left_s, self.limit.reserve_s, 1.0))
+
+    def _done(self, root: TreeNode) -> float:
+        """How much of the growth is done, 0 to 1: the mass that is not located falls about exponentially."""
+        unlocated = sum(leaf.unlocated_mass for leaf in self._open(root))
+        least = 1.0 - self.growth.objective.confidence
+        if unlocated <= least:
+            return 1.0
+        return math.log(min(unlocated, 1.0)) / math.log(least) if least > 0.0 else 0.0
+
+    def _open(self, root: TreeNode) -> list[TreeNode]:
+        confidence = self.growth.objective.confidence
+        leaves = (node for node in breadth_first(root) if not node.children)
+        return [leaf for leaf in leaves if self.growth.worth_growing(leaf, confidence)]
+
+
+def hasty_root(root: TreeNode) -> TreeNode:
+    """The root of a hasty tree: the same belief with fewer particles."""
+    few = subsample(root.belief, max(1, len(root.belief) // HASTY_PARTICLES))
+    return TreeNode(few, root.share, root.mode)

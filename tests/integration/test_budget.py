@@ -1,0 +1,135 @@
+"""plan-compile under a budget, and interrupted: the best tree so far is kept, and said to be cut short."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from planner.cli import compile as plan_compile
+from planner.compile import compile_job
+from planner.errors import NoPlanError
+from planner.job import model as job_file
+from planner.work.limit import Limit
+from runtime.table import dumps, load, loads
+
+RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
+SEARCH = "\n[search]\nparticles = 4000\nsearch_particles = 100\n"
+WAITING = """
+import sys, time
+import planner.compile
+from planner.cli import compile
+
+def improve(root, growth, seed, progress, out_of_time):
+    print("improving", file=sys.stderr, flush=True)
+    while not out_of_time():
+        time.sleep(0.01)
+
+planner.compile.improve = improve
+sys.exit(compile.main(sys.argv[1:]))
+"""
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    path = tmp_path_factory.mktemp("job") / "job.toml"
+    text = RECTANGLE.read_text(encoding="utf-8").replace("stress_trials = 2000", "stress_trials = 200")
+    path.write_text(text + SEARCH, encoding="utf-8")
+    return path
+
+
+class Steps:
+    """A clock on which a second passes each time that it is looked at."""
+
+    now = 0.0
+
+    def __call__(self):
+        self.now += 1.0
+        return self.now
+
+
+@pytest.fixture(scope="module")
+def whole(job):
+    clock = Steps()
+    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(1e9, clock))
+    return plan, clock.now
+
+
+def test_a_budget_that_is_not_spent_cuts_nothing_short(whole):
+    plan, _ = whole
+    assert plan.cut is None
+    assert plan.evaluation.success.mean() > 0.98
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole, share):
+    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(share * whole[1], Steps()))
+    assert loads(dumps(plan.table)) == plan.table
+    assert plan.table.predicted.trials == 2000
+    assert plan.cut is not None
+    assert plan.cut.open_share == pytest.approx(plan.evaluation.unresolved.mean())
+    assert plan.evaluation.success.mean() >= 0.95 or plan.cut.open_share > 0.0
+    assert plan.cut.seconds >= 1.0
+
+
+def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):
+    with pytest.raises(NoPlanError, match="CUT SHORT by the budget") as caught:
+        compile_job(job_file.load(job), 2, 500, limit=Limit(1e-9))
+    assert "add actions" not in str(caught.value)
+
+
+def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypatch):
+    class Stingy(Limit):
+        """Is spent after so many looks at it, whatever the time."""
+
+        looks = 0
+
+        def over(self, kept_s=0.0):
+            self.looks += 1
+            return self.looks > 20
+
+    monkeypatch.setattr(plan_compile, "Limit", Stingy)
+    words = [str(job), "-o", str(tmp_path / "t.msgpack"), "--trials", "1000", "--budget", "60min"]
+    assert plan_compile.main(words) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0].startswith("CUT SHORT by the budget: ")
+    assert "s more" in out[0]
+    assert not any("add angles" in line or "max_depth" in line for line in out)
+    assert plan_compile.main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["cut_short"]["by"] == "budget"
+    assert told["cut_short"]["open_share"] == pytest.approx(told["unresolved_rate"], abs=1e-6)
+    assert told["cut_short"]["seconds_to_finish"] >= 1
+    assert told["advice"] is None
+
+
+def interrupted(job, output, *options):
+    """A process that has grown its tree, and has heard a first Ctrl-C."""
+    words = [sys.executable, "-c", WAITING, str(job), "-o", str(output), *options]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert any(line == "improving\n" for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    heard = process.stderr.readline()
+    assert "stopping" in heard, heard + process.stderr.read()
+    return process
+
+
+def test_ctrl_c_keeps_the_tree_that_stands(job, tmp_path):
+    output = tmp_path / "t.msgpack"
+    process = interrupted(job, output, "--trials", "1000")
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert out.startswith("CUT SHORT by Ctrl-C: "), err
+    assert load(output).table.predicted.success_ppm > 0
+
+
+def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
+    process = interrupted(job, tmp_path / "t.msgpack", "--trials", "1000000")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == "plan-compile: interrupted; nothing was written"
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,61 @@
+"""A budget of time, and a request to end with what stands."""
+
+import math
+
+import pytest
+
+from planner.work.limit import Limit
+
+
+class Clock:
+    """Stands until it is told to go on."""
+
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+def test_a_budget_ends_when_only_the_reserve_is_left(clock):
+    limit = Limit(10.0, clock)
+    clock.now += 10.0
+    assert not limit.over()
+    limit.reserve_s = 4.0
+    assert limit.over()
+    clock.now -= 5.0
+    assert not limit.over()
+    assert limit.over(1.5)
+
+
+def test_time_before_the_start_is_not_on_the_budget(clock):
+    limit = Limit(10.0, clock)
+    clock.now += 50.0
+    assert limit.over()
+    limit.start()
+    assert limit.spent_s == 0.0
+    assert not limit.over()
+
+
+def test_without_a_budget_only_a_request_ends_the_work(clock):
+    limit = Limit(clock=clock)
+    limit.reserve_s = 1e9
+    clock.now = 1e12
+    assert not limit.bounded
+    assert not limit.over(math.pi)
+    limit.standing = True
+    assert limit.ask()
+    assert limit.over()
+
+
+def test_a_request_is_heard_once_and_only_where_something_stands(clock):
+    limit = Limit(10.0, clock)
+    assert not limit.ask()
+    assert not limit.asked
+    limit.standing = True
+    assert limit.ask()
+    assert not limit.ask()
