@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -34,7 +35,7 @@ from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
-from planner.search.anytime import AFTER_GROWTH, CAREFUL, Anytime, Cut, hasty_root
+from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.handling import handling_of
@@ -51,14 +52,14 @@ EVALUATION_TRIALS = 20_000
 PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
-SEED_FIGURES = 0x46494755
-SEED_RARE = 0x52415245
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 TIGHT = (
     0.3  # share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on
 )
 TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
 USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
+SEED_FIGURES = 0x46494755
+SEED_RARE = 0x52415245
 
 Judge = Callable[[Table, int], Evaluation]
 """Trials of a table, in an attempt."""
@@ -74,8 +75,8 @@ class Plan:
     untried: int  # how many branches no trial took, so that their widths are REJECT
     # Of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
     seed: int
-    cut: Cut | None = None  # how the search was cut short; None where it was complete
     wrong: Findings | None = None  # of as fresh a study, where the goal states wrong_ppm
+    cut: Cut | None = None  # how the search was cut short; None where it was complete
 
 
 def compile_job(
@@ -118,8 +119,10 @@ def compile_job(
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growth, work = _growth(job, simulator, ahead, reference), scheduler or Threads(simulator.workers)
+    growth = _growth(job, simulator, ahead, reference)
     root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
+
+    work = scheduler or Threads(simulator.workers)
 
     def planning(top: TreeNode, hasty: bool) -> _Planning:
         anytime = Anytime(growth, limit, hasty)
@@ -130,8 +133,8 @@ def compile_job(
     planned = (
         _within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
     )
-    planned = replace(careful, root=planned.root).held(planned, judge)
-    plan = _plan(job, planned, trials, work, say)
+    table, untried = planned.by.finished(planned, judge)
+    plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
     if not plan.evaluation.success.any():
         raise _no_plan(plan.table, plan.evaluation, job, plan.cut)
     return plan
@@ -140,12 +143,11 @@ def compile_job(
 class _Planned(NamedTuple):
     """What planning came to."""
 
-    root: TreeNode
+    by: _Planning
     table: Table
     evaluation: Evaluation  # its trials
     attempt: int  # that they belong to
     cut: Cut | None = None
-    others: Sequence[Evaluation] = ()  # trials in other worlds
 
     def value(self, growth: Growth) -> float:
         """Success, less what the squeezes cost."""
@@ -163,12 +165,21 @@ def _within(hasty: _Planning, careful: _Planning, judge: Judge) -> _Planned:
     found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
     if found.cut or limit.over(needed_s):
-        return found._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
+        best = found if found.cut else _improved(hasty, found, decide)
+        return best._replace(cut=Cut(limit.asked, 0.0, needed_s * (1.0 + AFTER_GROWTH)))
     careful.begin()
     if careful.anytime.cut:
         return found._replace(cut=careful.anytime.report())
     better = careful.run(judge)
     return max(better, found._replace(cut=better.cut), key=lambda plan: plan.value(careful.growth))
+
+
+def _improved(hasty: _Planning, found: _Planned, judge: Judge) -> _Planned:
+    """The better of a hasty plan and the same with other squeezes tried for as long as there is time."""
+    other = replace(hasty, root=deepcopy(hasty.root))
+    mending_s = MENDING * hasty.anytime.growth_s
+    other.improve([hasty.job.seed, 0], lambda: hasty.anytime.limit.over(mending_s))
+    return max(found, other.run(judge), key=lambda plan: plan.value(hasty.growth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,6 +194,49 @@ class _Planning:
     work: Scheduler
     say: Report
     anytime: Anytime
+
+    def finished(self, planned: _Planned, judge: Judge) -> tuple[Table, int]:
+        """All else that trials decide: the table, and how many branches were cut off."""
+        table, runs = self._marked(planned.table, planned.evaluation, planned.attempt)
+        if self.job.goal.wrong_ppm is not None and planned.cut is None:
+            table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
+        return _pruned(self.job, self.root, table, runs, planned.cut)
+
+    def _held(
+        self, limit: int, table: Table, runs: list[Evaluation], judge: Judge
+    ) -> tuple[Table, list[Evaluation]]:
+        """Grows the leaves that are wrong too often [ppm], and marks those unresolved that do not grow.
+
+        No more parts are given up so than the goal's confidence leaves open.
+        """
+        given_up, spare = list[TreeNode](), 1.0 - self.job.goal.confidence
+        for number in range(1, PARAMS.refinements + 2):
+            case = rare.studied(
+                table, self.job, limit, self.job.seed + SEED_RARE + number, self.work, self.say
+            )
+            blamed = case.to_blame(limit)
+            if case.found.wrong.high < limit or not blamed:
+                break
+            ends = _ends(self.root)
+            if number <= PARAMS.refinements and not self._late():
+                attempt = PARAMS.refinements + number
+                doubts = unsettle(self.root, blamed, self.growth.objective.metric)
+                self._grow(attempt)
+                settle(doubts, self.growth.objective.confidence)
+                table = lower(self.root, self.job)
+                table, runs = self._marked(table, judge(table, attempt), attempt)
+            for leaf in blamed:
+                share = case.found.sums.visits[leaf] / case.found.sums.parts
+                if not ends[leaf].children and share <= spare:
+                    given_up.append(ends[leaf])
+                    spare -= share
+            table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
+        return table, runs
+
+    def _marked(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[Table, list[Evaluation]]:
+        """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
+        others = beyond(table, self.job, self.trials, attempt, self.work)
+        return _marked(self.job, table, evaluation, others), [evaluation, *others]
 
     def run(self, judge: Judge) -> _Planned:
         """Plans the whole tree, unless it was grown before."""
@@ -201,45 +255,7 @@ class _Planning:
             short, doubts = self._faults(table, evaluation, attempt)
             if short < PARAMS.least_short and not doubts:
                 break
-        return _Planned(self.root, table, evaluation, attempt, self.anytime.report())
-
-    def held(self, planned: _Planned, judge: Judge) -> _Planned:
-        """Marks leaves that trials refute unresolved, also trials beyond; then sees to `goal.wrong_ppm`.
-
-        The leaves that are wrong too often grow; those that do not are marked, as long as no more parts are
-        given up so than the goal's confidence leaves open.
-        """
-        planned, limit = self._marked(planned), self.job.goal.wrong_ppm
-        given_up, spare = list[TreeNode](), 1.0 - self.job.goal.confidence
-        for number in range(1, PARAMS.refinements + 2):
-            if limit is None or planned.cut:
-                break
-            seed = self.job.seed + SEED_RARE + number
-            case = rare.studied(planned.table, self.job, limit, seed, self.work, self.say)
-            blamed = case.to_blame(limit)
-            if case.found.wrong.high < limit or not blamed:
-                break
-            ends = _ends(self.root)
-            if number <= PARAMS.refinements and not self._late():
-                attempt = PARAMS.refinements + number
-                doubts = unsettle(self.root, blamed, self.growth.objective.metric)
-                self._grow(attempt)
-                settle(doubts, self.growth.objective.confidence)
-                table = lower(self.root, self.job)
-                planned = self._marked(_Planned(self.root, table, judge(table, attempt), attempt))
-            for leaf in blamed:
-                share = case.found.sums.visits[leaf] / case.found.sums.parts
-                if not ends[leaf].children and share <= spare:
-                    given_up.append(ends[leaf])
-                    spare -= share
-            lost = [number for number, end in enumerate(_ends(self.root)) if end in given_up]
-            planned = planned._replace(table=rare.given_up(planned.table, lost))
-        return planned
-
-    def _marked(self, planned: _Planned) -> _Planned:
-        """The plan with the leaves unresolved that its trials refute, here and beyond."""
-        others = beyond(planned.table, self.job, self.trials, planned.attempt, self.work)
-        return _marked(planned._replace(others=others), self.job)
+        return _Planned(self, table, evaluation, attempt, self.anytime.report())
 
     def begin(self) -> None:
         """Grows the tree, without a look at what becomes of it."""
@@ -258,7 +274,11 @@ class _Planning:
                 "jaws wider, add actions, or reduce the uncertainty"
             )
         if attempt == 0 and not self.anytime.hasty:
-            improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), self._late)
+            self.improve(seed, self._late)
+
+    def improve(self, seed: list[int], late: Callable[[], bool]) -> None:
+        """Tries other squeezes for the nodes that matter most, until it is late."""
+        improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
@@ -307,8 +327,7 @@ class _Planning:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
         doubted = math.ceil(self.job.friction.doubt * self.trials)
-        beyond_it = doubted + goal.stress_trials * len(stress_cases(self.job))
-        parts = self.deciding + self.trials + 2 * beyond_it  # to decide what is claimed, and for the figures
+        parts = self.deciding + 2 * (self.trials + doubted) + goal.stress_trials * len(stress_cases(self.job))
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -322,8 +341,10 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table = lower(root, job)
-    planned = _marked(_Planned(root, table, _judge(job, trials, workers, table, 0), 0), job)
-    return _plan(job, planned, trials, Threads() if workers is None else Threads(workers), say)
+    evaluation = _judge(job, trials, workers, table, 0)
+    table, untried = _pruned(job, root, _marked(job, table, evaluation, []), [evaluation])
+    work = Threads() if workers is None else Threads(workers)
+    return _stated(job, root, table, untried, trials, work, say)
 
 
 def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
@@ -332,29 +353,42 @@ def _judge(job: Job, trials: int, workers: int | None, table: Table, attempt: in
     return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
 
 
-def _marked(planned: _Planned, job: Job) -> _Planned:
-    """The plan with the leaves unresolved that its trials refute; its shares stay as planned."""
-    table = planned.table
-    stated, _ = with_figures(table, planned.evaluation, planned.others, job)
-    return planned._replace(table=replace(table, leaves=stated.leaves))
+def _marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
+    """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
+    return replace(table, leaves=with_figures(table, evaluation, others, job)[0].leaves)
 
 
-def _plan(job: Job, planned: _Planned, trials: int, work: Scheduler, say: Report) -> Plan:
-    """Leaves out what no trial took, and puts figures in: of trials that had no part in any decision.
+def _pruned(
+    job: Job, root: TreeNode, table: Table, runs: list[Evaluation], cut: Cut | None = None
+) -> tuple[Table, int]:
+    """Cuts off what no trial took, in the tree, too: the table, and how many branches went.
 
-    A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
-    failures in these very figures. Other trials would be chosen for not refuting it.
+    The first of `runs` is that in the job's own world.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    table, root, cut = planned.table, planned.root, planned.cut
-    kept = tried(table, [planned.evaluation, *planned.others])
+    kept = tried(table, runs)
     if not kept[0]:
-        raise _no_plan(table, planned.evaluation, job, cut)
+        raise _no_plan(table, runs[0], job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
-    if untried:
-        table = without_untried(table, root, kept)
+    return (without_untried(table, root, kept) if untried else table), untried
+
+
+def _ends(root: TreeNode) -> list[TreeNode]:
+    """The leaves of a tree, in the order of its table."""
+    return [node for node in breadth_first(root) if not node.children]
+
+
+def _stated(
+    job: Job, root: TreeNode, table: Table, untried: int, trials: int, work: Scheduler, say: Report,
+    cut: Cut | None = None,
+) -> Plan:  # fmt: skip
+    """Puts figures in, of trials that had no part in any decision.
+
+    A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
+    failures in these very figures. Other trials would be chosen for not refuting it.
+    """
     others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
     seed = job.seed + SEED_FIGURES
     evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
@@ -364,12 +398,7 @@ def _plan(job: Job, planned: _Planned, trials: int, work: Scheduler, say: Report
         most = rare.CUT_PARTS if cut else rare.MOST_PARTS
         wrong = rare.studied(table, job, limit, job.seed + SEED_RARE, work, say, most).found
     cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
-    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, cut, wrong)
-
-
-def _ends(root: TreeNode) -> list[TreeNode]:
-    """The leaves of a tree, in the order of its table."""
-    return [node for node in breadth_first(root) if not node.children]
+    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:

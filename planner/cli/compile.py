@@ -19,7 +19,7 @@ from planner.paper import baseline
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
-from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int
+from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, tell
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -113,7 +113,10 @@ def _single(arguments: argparse.Namespace) -> int:
         bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
         if not (arguments.no_advice or plan.cut):  # what a longer search might contradict is not advised
-            advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
+            try:
+                advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
+            except KeyboardInterrupt:
+                tell(NAME, f"interrupted: no advice; {output} is written")
     if arguments.json:
         told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
         more: dict[str, object] = {"models": models[0]} if models else {}

@@ -1,27 +1,34 @@
-"""plan-simulate: single squeezes, rolled out from a list of poses."""
+"""plan-simulate: single squeezes, rolled out from a list of poses, or single pushes along a list of paths."""
 
 import argparse
 import csv
-import io
-import math
 import sys
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.cli import shell
-from planner.errors import InputFileError, KeyNameError, UsageError, ValueRangeError
-from planner.job import documents
+from planner.cli import columns, pushes, shell
+from planner.errors import UsageError, ValueRangeError
 from planner.job import model as job_file
-from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, RollOut, Simulator
+from planner.mechanics.push import PUSH_NAMES
+from planner.mechanics.simulator import (
+    DEFAULT_STEP_MM,
+    STATUS_NAMES,
+    Parameters,
+    Pushed,
+    RollOut,
+    Simulator,
+)
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 
@@ -31,31 +38,41 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _simulate(arguments: argparse.Namespace) -> int:
-    _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
     pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
+    _check_options(arguments, pictures)
     for name, path in pictures.items():
         shell.checked_suffix(f"--{name}", path, PICTURES[name])
-    job = job_file.load(arguments.job)
-    read = (*job_file.files(arguments.job), arguments.poses)
+    job = job_file.load(arguments.job, ANY_OPENING if arguments.push else None)
+    listed: Path = arguments.poses or arguments.push
+    read = (*job_file.files(arguments.job), listed)
     outputs = [usable(arguments.output, *read, stdout=True)]
     for path in pictures.values():
         outputs.append(usable(path, *read, *outputs))
-    poses = read_poses(arguments.poses)
-    if pictures and not len(poses):
-        raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
+    rows = columns.read(listed, INPUTS) if arguments.poses else pushes.read(listed, arguments.fingers_mm)
+    if pictures and not len(rows):
+        raise ValueRangeError("has no poses to draw; add a line", where=str(listed))
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
     if arguments.nominal:
-        parameters = simulator.nominal(len(poses), arguments.mu)
+        parameters = simulator.nominal(len(rows), arguments.mu)
     else:
         seed = job.seed if arguments.seed is None else arguments.seed
-        parameters = simulator.sample(len(poses), np.random.default_rng(seed))
-    rolled = simulator.roll_out(poses, parameters)
+        parameters = simulator.sample(len(rows), np.random.default_rng(seed))
+    if arguments.push:
+        paths = pushes.paths(rows, job_file.centroid_as_drawn(arguments.job))
+        pushes.check_clear(paths, job.part.outline_mm, listed)
+        pushed = simulator.push(paths, parameters)
+        with writing(arguments.output) as draft:
+            pushes.write(draft, rows, pushed)
+        with redirect_stdout(words_of(arguments.output)):
+            _report("pushes", PUSH_NAMES, pushed, arguments.output, pictures, arguments.json)
+        return 0
+    rolled = simulator.roll_out(rows, parameters)
     with writing(arguments.output) as draft:
-        write_results(draft, poses, rolled)
+        write_results(draft, rows, rolled)
     if pictures:
-        draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
+        draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
     with redirect_stdout(words_of(arguments.output)):
-        _report(rolled, arguments.output, pictures, arguments.json)
+        _report("squeezes", STATUS_NAMES, rolled, arguments.output, pictures, arguments.json)
     return 0
 
 
@@ -65,13 +82,28 @@ def parser() -> Parser:
         NAME,
         "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
         "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
-        "reported as jammed at full opening, unmoved.",
+        "reported as jammed at full opening, unmoved. Or push it once along each of many paths: two fingers "
+        "touch an edge and turn about a centre, given in the frame of the job's outline_mm; a part that ends "
+        "within 10 mm and 5 degrees of where they took it is stuck, one that they left is lost.",
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
         f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
+        f"{NAME} job.toml --push in.csv -o out.csv --nominal --mu 0.5 --fingers-mm 50",
     )
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
-    add("--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}")
+    listed = built.add_mutually_exclusive_group(required=True)
+    listed.add_argument(
+        "--poses", type=Path, metavar="IN.csv", help=f"squeeze; with a header: {','.join(INPUTS)}"
+    )  # fmt: skip
+    listed.add_argument(
+        "--push", type=Path, metavar="IN.csv",
+        help=f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre "
+        f"moves, too, {','.join(pushes.SHIFTS)}",
+    )  # fmt: skip
+    add(
+        "--fingers-mm", type=float, metavar="MM",
+        help=f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger",
+    )  # fmt: skip
     add(
         "-o", "--output", type=Path, required=True, metavar="OUT.csv",
         help="the results; - for standard output",
@@ -81,7 +113,7 @@ def parser() -> Parser:
     add("--seed", type=natural, help="of the scatter (default: the job's)")
     add(
         "--step-mm", type=float, default=DEFAULT_STEP_MM,
-        help="closing step of a finger (default: %(default)s)",
+        help="step of a finger that closes or pushes (default: %(default)s)",
     )  # fmt: skip
     add("--workers", type=positive_int, help="threads (default: cores)")
     add("--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)")
@@ -113,45 +145,20 @@ def draw(
         trajectory.html(outline, jaws, traces, title, path)
 
 
-def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:
-    if nominal != (mu is not None):
+def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> None:
+    mu, step_mm, fingers_mm = arguments.mu, arguments.step_mm, arguments.fingers_mm
+    if arguments.nominal != (mu is not None):
         raise UsageError("--nominal and --mu go together: state the one friction value, such as --mu 0.5")
     if mu is not None and not 0.0 <= mu <= 2.0:
         raise UsageError(f"--mu {mu} is not between 0 and 2")
     if not 1e-4 <= step_mm <= 2.0:
         raise UsageError(f"--step-mm {step_mm} is not between 0.0001 and 2")
-
-
-def read_poses(path: Path) -> Array:
-    """Reads (n, 3) poses from a CSV file with the columns `INPUTS`; others are ignored.
-
-    Raises:
-        InputFileError: the file is missing or not text.
-        KeyNameError: a column is missing.
-        ValueRangeError: a value is not a finite number; names the line.
-    """
-    where = str(path)
-    try:
-        reader = csv.DictReader(io.StringIO(documents.read(path), newline=""))
-        header = [name.strip() for name in reader.fieldnames or []]
-        reader.fieldnames = header
-        if missing := [name for name in INPUTS if name not in header]:
-            problem = f"column {', '.join(missing)} is missing; the header must name {','.join(INPUTS)}"
-            raise KeyNameError(problem, where=where)
-        rows = [[_number(row[name], name, where, reader.line_num) for name in INPUTS] for row in reader]
-    except csv.Error as error:
-        raise InputFileError(f"not a CSV file: {error}", where=where) from error
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
-def _number(text: str | None, name: str, where: str, line: int) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name)
-    return value
+    if arguments.push and pictures:
+        raise UsageError(f"--{next(iter(pictures))} draws squeezes; leave it out with --push")
+    if arguments.poses and fingers_mm is not None:
+        raise UsageError("--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze")
+    if fingers_mm is not None and not 0.0 <= fingers_mm <= 1000.0:
+        raise UsageError(f"--fingers-mm {fingers_mm} is not between 0 and 1000")
 
 
 def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
@@ -164,18 +171,21 @@ def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
             writer.writerow([*(f"{value:.9g}" for value in row), STATUS_NAMES[status]])
 
 
-def _report(rolled: RollOut, output: Path, pictures: dict[str, Path], as_json: bool) -> None:
-    tally = {name: int(np.sum(rolled.status == k)) for k, name in enumerate(STATUS_NAMES)}
-    given_up = int(rolled.given_up.sum())
+def _report(
+    what: str, names: Sequence[str], done: RollOut | Pushed, output: Path, pictures: dict[str, Path],
+    as_json: bool,
+) -> None:  # fmt: skip
+    tally = {name: int(np.sum(done.status == k)) for k, name in enumerate(names)}
+    given_up = int(done.given_up.sum())
     if as_json:
-        told = {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up}
+        told = {"output": str(output), what: len(done.status), **tally, "given_up": given_up}
         shell.print_json(told | {name: str(path) for name, path in pictures.items()})
         return
     parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     files = ", ".join(map(str, (output, *pictures.values())))
-    print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {files}")
+    print(f"{len(done.status)} {what}: {parts or 'none'}; wrote {files}")
     if given_up:
-        words = f"{given_up} squeezes could not be stepped to their end; try --step-mm"
+        words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
 
 

@@ -149,8 +149,8 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "untried_branches": plan.untried,
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
         "seconds": round(seconds, 3),
-        "trials_seed": plan.seed,
         "cut_short": plan.cut and plan.cut.figures(),
+        "trials_seed": plan.seed,
         **plan.evaluation.summary(),
         **wrong,
     }

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.errors import JobError
 from planner.job import checks as job_checks
 from planner.job import documents, schema, surface_file
@@ -88,6 +89,16 @@ def files(path: str | Path) -> list[Path]:
     pressure = document.get("pressure")
     named = pressure.get("surface_file") if isinstance(pressure, dict) else None
     return [Path(path), *([Path(path).parent / named] if isinstance(named, str) else [])]
+
+
+def centroid_as_drawn(path: str | Path) -> Array:
+    """Where the part's origin (2,) lies in the frame in which the job file writes `outline_mm` [mm].
+
+    Raises:
+        JobError: as `load`.
+    """
+    document = documents.from_toml(documents.read(path), str(path))
+    return -job_checks.place_outline(document["part"]["outline_mm"], drawn=True).shift_mm
 
 
 def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = None) -> Job:

@@ -8,6 +8,8 @@ extend outwards by their thickness. Four pairs of features can touch:
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
+A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP).
+
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
 
@@ -31,6 +33,7 @@ FACE = 0
 CORNER = 1
 END = 2
 OUTER = 3
+TIP = 4
 
 RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT, LOW, HIGH = range(13)
 C_COLUMNS = 13
@@ -213,4 +216,47 @@ def find(
     for k in range(count):
         C[k, RX] -= q[0]
         C[k, RY] -= q[1]
+    return count
+
+
+@kernel
+def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, margin: float) -> int:
+    """Finds where the points of a pusher are within `margin` [mm] of touching; returns how many times.
+
+    A point is near an edge where it lies beside it and no neighbour keeps it out, and near a convex vertex
+    where it lies in the vertex's normal cone; in a notch it is near both edges, also where it overlaps them.
+    C and I are modified in place; the outline (N, 2) is placed at the pose q (3,), counter-clockwise [mm];
+    the pusher has K points (K, 2).
+    """
+    n = points.shape[0]
+    count = 0
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        b, k = i - 1 if i > 0 else n - 1, j + 1 if j + 1 < n else 0
+        ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        length = np.sqrt(ex * ex + ey * ey)
+        ex, ey = ex / length, ey / length
+        next_x, next_y = points[k, 0] - points[j, 0], points[k, 1] - points[j, 1]
+        notch_before = (points[i, 0] - points[b, 0]) * ey - (points[i, 1] - points[b, 1]) * ex < 0.0
+        notch_after = ex * next_y - ey * next_x < 0.0
+        for finger in range(pusher.shape[0]):
+            px, py = pusher[finger, 0], pusher[finger, 1]
+            dx, dy = px - points[i, 0], py - points[i, 1]
+            along, gap = dx * ex + dy * ey, dx * ey - dy * ex
+            kind, nx, ny, low, high = CORNER, -ey, ex, -along, length - along
+            if along > length and not notch_after:
+                dx, dy = px - points[j, 0], py - points[j, 1]
+                gap = np.sqrt(dx * dx + dy * dy)
+                if gap == 0.0 or dx * next_x + dy * next_y >= 0.0:
+                    continue
+                kind, nx, ny, low, high = TIP, -dx / gap, -dy / gap, -np.inf, np.inf
+            elif along < (-margin if notch_before else 0.0) or along > length + margin:
+                continue
+            if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, gap)):
+                continue
+            slot = _slot(C, count, gap)
+            if slot >= 0:
+                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
+                _write(C, slot, gap, px + gap * nx - q[0], py + gap * ny - q[1], nx, ny, low, high)
+                count = min(count + 1, MAX_CONTACTS)
     return count

@@ -1,4 +1,4 @@
-"""Squeezes by the thousand, rolled out on all cores; the number of workers does not change the result."""
+"""Squeezes and pushes by the thousand, on all cores; the number of workers does not change the result."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
+from planner.mechanics.push import LOST, SLID, STUCK, Paths, push_many
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, grip_of, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
@@ -25,6 +26,7 @@ SIMPLIFY_MM = 0.005
 """Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
 CHUNK = 256
 TRACE_ROWS = 2000
+STUCK_MM, STUCK_DEG = 10.0, 5.0  # How far a part that sticks to its pusher may lie off where that took it
 
 
 class Parameters(NamedTuple):
@@ -46,6 +48,14 @@ class RollOut(NamedTuple):
     width_mm: Array  # (n,) opening at which the fingers stopped
     status: IntArray  # (n,) index into `STATUS_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
+
+
+class Pushed(NamedTuple):
+    """What n pushes came to."""
+
+    moved: Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
+    status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
+    given_up: IntArray  # (n,) 1 where the stepping failed and the push was cut short there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +132,37 @@ class Simulator:
             held = (status == GRASPED) | (status == JAMMED)
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
+
+    def push(self, paths: Paths, parameters: Parameters) -> Pushed:
+        """Pushes the part once along each of n paths, given in the part's frame at the start.
+
+        A part is stuck where it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
+        it, lost where the pusher has left it or never met it, else it slid.
+        """
+        n = len(paths.angles)
+        moved, touching, given_up = np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros(n, np.int64)
+
+        def run(start: int) -> None:
+            part = slice(start, start + CHUNK)
+            push_many(
+                self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part],
+                self.step_mm, Paths(*(values[part] for values in paths)), moved[part], touching[part],
+                given_up[part], squeeze_workspace(),
+            )  # fmt: skip
+
+        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
+        off = moved - commanded(paths)
+        stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
+        stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
+        return Pushed(moved, np.where(stuck, STUCK, np.where(touching == 1, SLID, LOST)), given_up)
+
+
+def commanded(paths: Paths) -> Array:
+    """Where each pusher takes a part that moves along with it (n, 3) [mm, mm, rad]."""
+    c, s = np.cos(paths.angles) - 1.0, np.sin(paths.angles)
+    x, y = paths.centres[:, 0], paths.centres[:, 1]
+    dx, dy = paths.shifts[:, 0] - c * x + s * y, paths.shifts[:, 1] - s * x - c * y
+    return np.column_stack([dx, dy, paths.angles])
 
 
 __all__ = ["DEFAULT_STEP_MM", "STATUS_NAMES", "Parameters", "RollOut", "Simulator"]

@@ -18,7 +18,8 @@ from planner.work.limit import Limit
 
 HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
 HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
-CAREFUL = 4.0  # Time of the careful growth in units of the hasty one
+MENDING = 0.5  # Time to mend a hasty tree in which other squeezes were tried, in units of its growth
+CAREFUL = 5.0  # Time of the careful growth in units of the hasty one
 AFTER_GROWTH = 0.75  # Time of improvement and refinement in units of the growth before them
 LEAST_DONE = 0.02  # Share of the growth from which its rate is believed
 SEED_HASTY = 0x48415354

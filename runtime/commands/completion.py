@@ -29,6 +29,7 @@ COMMANDS = {
     "plan-simulate": "planner.cli.simulate",
     "plan-evaluate": "planner.cli.evaluate",
     "plan-expect": "planner.cli.expect",
+    "plan-export": "planner.cli.export",
     "plan-identify": "planner.cli.identify",
     "plan-init": "planner.cli.init",
     "plan-report": "planner.cli.report",

@@ -133,3 +133,16 @@ def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
     assert out == ""
     assert err.splitlines()[-1] == "plan-compile: interrupted; nothing was written"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_advice_that_is_interrupted_is_left_out_and_the_table_is_there(job, tmp_path, capsys, monkeypatch):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plan_compile, "counsel", interrupted)
+    output = tmp_path / "t.msgpack"
+    assert plan_compile.main([str(job), "-o", str(output), "--trials", "500"]) == 0
+    out, err = capsys.readouterr()
+    assert f"wrote {output}" in out
+    assert f"interrupted: no advice; {output} is written" in err
+    assert load(output).table.predicted.trials == 500

@@ -98,6 +98,7 @@ def test_each_parser_is_its_commands() -> None:
         ("plan-simulate --nom", "plan-simulate --nominal "),
         ("plan-identify --fric", "plan-identify --friction-n "),
         ("plan-report --jour", "plan-report --journal "),
+        ("plan-export t.msgpack --to c", "plan-export t.msgpack --to c99 "),
         ("grasp-doctor --cal", "grasp-doctor --calibration "),
         ("grasp-calibrate cam", "grasp-calibrate camera "),
         ("grasp-calibrate camera --board-", "grasp-calibrate camera --board-height "),

@@ -1,7 +1,6 @@
 """What a table says of itself comes from trials that decided nothing."""
 
 import json
-import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,17 +69,14 @@ def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed)
     dumps(table)  # and none of them refutes what the table claims
 
 
-def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds, monkeypatch):
+def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds):
     job = replace(quick(), friction=replace(quick().friction, doubt=0.0))
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
     rows = list(table.leaves)
     rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + 50_000)
     table = replace(table, leaves=tuple(rows))
-    decided = evaluate(table, job, ContactWorlds.of_job(job, 5), 20_000, 5)
-    tree = types.SimpleNamespace(children=[])
-    monkeypatch.setattr(planning, "without_untried", lambda table, root, kept: table)
-    plan = planning._plan(job, planning._Planned(tree, table, decided, 0), TRIALS, Threads(2), silent)
+    plan = planning._stated(job, None, table, 0, TRIALS, Threads(2), silent)
     assert seeds == [plan.seed]
     assert not plan.table.leaves[leaf].resolved
     assert plan.table.leaves[leaf].success_ppm == 0

@@ -26,6 +26,10 @@ SURFACE = (
 )
 TEXTS = {
     "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
+    "pushes": (
+        "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg,fingers_mm\n"
+        "15,0,0,1,90,0,2,5\n"
+    ),
     "log": "no pushes\n",
     "outline": "0,0\n30,0\n30,21\n",
     "expected": "{}\n",
@@ -65,9 +69,11 @@ COMMANDS = {
     ),
     "plan-compile --sweep": Command("planner.cli.compile", "{job} -o {folder} --sweep seed=1", ".msgpack"),
     "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
+    "plan-simulate --push": Command("planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"),
     "plan-simulate --figure": Command("planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"),
     "plan-simulate --gif": Command("planner.cli.simulate", f"{SIMULATE} --gif {{out}}", ".gif"),
     "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
+    "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
     "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),
     "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
     "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),

@@ -1,14 +1,24 @@
-"""The two public sets of robot pushes (arXiv 1602.06056), read where the reference data lies."""
+"""Public robot pushes (arXiv 1602.06056), by one finger and by two, read where the reference data lies."""
 
+import csv
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import simulator
 from surfaces import hessian
 
+from planner.cli import columns
+from planner.cli import pushes as push_files
 from planner.identification import identify, push_log, pushes
+from planner.mechanics.limit_surface import fit_ellipsoid
+from planner.mechanics.push import STUCK
+from planner.mechanics.simulator import commanded
 from planner.part import quartic_form
+from planner.part.outline import canonical, radius_of_gyration
+from planner.part.pressure import Pressure
+from planner.part.pressure import support as pressure_under
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "data" / "pushes"
 RHO = 75.0
@@ -77,3 +87,36 @@ def test_the_quartic_is_better_than_the_ellipsoid(data):
     directions = np.random.default_rng(0).normal(size=(5000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert np.linalg.eigvalsh(hessian(surface, directions)).min() >= -1e-9
+
+
+FINGERS_MM = 50.0
+CORNER_TO_CENTROID = np.array([50.0, 50.0])
+FRICTION = 0.45  # between finger and block; tests/bench/bench_pushes.py fits it to the single-finger logs
+AT_LEAST = {"3pts1": 0.90, "3pts3": 0.84, "patch": 0.88}  # share of pushes whose kind is foretold
+SUPPORTS = {
+    "3pts1": [[30, 30], [63.33, 43.33], [43.33, 63.33]],
+    "3pts3": [[30, 30], [90, 30], [30, 90]],
+}
+
+
+@pytest.mark.parametrize("support", AT_LEAST)
+def test_pushes_with_two_fingers_are_foretold(support):
+    path = FOLDER / "two_fingers.csv"
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    mine = np.array([line["support"] == support for line in lines])
+    paths = push_files.paths(push_files.read(path, FINGERS_MM)[mine], CORNER_TO_CENTROID)
+    moved = columns.read(path, ("moved_x_mm", "moved_y_mm", "turned_deg"))[mine] * [1.0, 1.0, math.pi / 180.0]
+    outline = canonical([[0, 0], [150, 0], [0, 150]]).outline_mm
+    pressure = Pressure("uniform", 20)
+    if support in SUPPORTS:
+        feet = np.array(SUPPORTS[support]) - CORNER_TO_CENTROID
+        pressure = Pressure("points", 20, points_mm=feet, weights=np.full(3, 1 / 3))
+    surface = fit_ellipsoid(*pressure_under(pressure, outline), radius_of_gyration(outline))
+    block = simulator(outline, surface=surface)
+    pushed = block.push(paths, block.nominal(len(moved), FRICTION))
+    off = moved - commanded(paths)
+    stuck = (np.hypot(off[:, 0], off[:, 1]) < 10.0) & (np.abs(off[:, 2]) < math.radians(5.0))
+    assert not pushed.given_up.any()
+    assert ((pushed.status == STUCK) == stuck).mean() >= AT_LEAST[support]
+    assert np.median(np.hypot(*(pushed.moved - moved)[~stuck, :2].T)) <= 8.0

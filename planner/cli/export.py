@@ -1,0 +1,48 @@
+"""plan-export: a table as C99, structured text or JSON, for controllers without Python."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from planner.cli import shell
+from planner.export.write import FORMS, write
+from runtime.shell.command import Parser
+from runtime.table import load
+
+NAME = "plan-export"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+
+    def body(arguments: argparse.Namespace) -> int:
+        files = write(load(arguments.tree), arguments.to, arguments.output)
+        if arguments.json:
+            shell.print_json({"folder": str(arguments.output), "to": arguments.to, "files": files})
+        else:
+            told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
+            print(f"wrote {told} to {arguments.output}")
+        return 0
+
+    return shell.run(parser(), argv, body)
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = shell.parser(
+        NAME,
+        "Write a decision table for a controller without Python: one C99 header, one function block of IEC "
+        "61131-3 structured text, or JSON with its schema; and vectors.csv, what follows every reading.",
+        f"{NAME} trees/rectangle/rectangle.msgpack --to c99 -o rectangle-c99",
+        f"{NAME} trees/rectangle/rectangle.msgpack --to st -o rectangle-st",
+    )
+    built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
+    built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
+    built.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files, new or empty"
+    )
+    return built
+
+
+if __name__ == "__main__":
+    sys.exit(main())

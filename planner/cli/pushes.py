@@ -1,0 +1,91 @@
+"""Pushes in CSV files, for `plan-simulate --push`: two fingers, an edge, a rotation about a centre.
+
+Coordinates are in the frame in which the job writes `outline_mm`.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array
+from planner.cli import columns
+from planner.errors import KeyNameError, ValueRangeError
+from planner.mechanics.push import PUSH_NAMES, Paths
+from planner.mechanics.simulator import Pushed
+
+PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
+FINGERS = "fingers_mm"
+SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
+OUTPUTS = ("moved_x_mm", "moved_y_mm", "turned_deg", "status")
+MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # magnitude of an entry
+DEEPEST_MM = 1.0  # How far inside the outline a finger may start, for rounded places on an edge
+
+
+def read(path: Path, fingers_mm: float | None) -> Array:
+    """Reads pushes (n, 10): `PLACES`, the fingers' distance, then `SHIFTS`, which may be missing.
+
+    The distance is `fingers_mm` in a file that has no such column.
+
+    Raises:
+        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or no distance is stated, or an
+            entry is out of range.
+    """
+    distance = {} if fingers_mm is None else {FINGERS: fingers_mm}
+    try:
+        rows = columns.read(path, PLACES if distance else (*PLACES, FINGERS), distance | SHIFTS)
+    except KeyNameError as error:
+        if FINGERS not in error.problem:
+            raise
+        raise KeyNameError(f"{error.problem}, or give --fingers-mm", where=error.where) from None
+    names = (*PLACES, FINGERS, *SHIFTS)
+    for number, row in enumerate(rows, 1):
+        far = np.abs(row) > MOST
+        if far.any():
+            k = int(np.argmax(far))
+            problem = f"push {number}: {row[k]:g} is beyond {MOST[k]:g}; correct it"
+            raise ValueRangeError(problem, where=str(path), key=names[k])
+        if row[7] < 0.0:
+            problem = f"push {number}: {row[7]:g} is no distance; 0 is a single finger"
+            raise ValueRangeError(problem, where=str(path), key=FINGERS)
+        if not row[2:4].any():
+            problem = f"push {number}: both are 0; state the direction in which the fingers come"
+            raise ValueRangeError(problem, where=str(path), key="approach_x, approach_y")
+    return rows
+
+
+def paths(rows: Array, centroid: Array) -> Paths:
+    """The paths of pushes (n, 10), seen from the part's frame, whose origin is at `centroid` (2,)."""
+    approach = rows[:, 2:4] / np.hypot(rows[:, 2], rows[:, 3])[:, None]
+    across = 0.5 * rows[:, 7:8] * np.column_stack([-approach[:, 1], approach[:, 0]])
+    middle = rows[:, 0:2] - centroid
+    fingers = np.stack([middle - across, middle + across], axis=1)
+    return Paths(fingers, rows[:, 4:6] - centroid, np.radians(rows[:, 6]), rows[:, 8:10].copy())
+
+
+def check_clear(made: Paths, outline: Array, where: Path) -> None:
+    """Refuses fingers that start inside the part.
+
+    Raises:
+        ValueRangeError: names the push and says how deep the finger would stand.
+    """
+    part, fingers = shapely.Polygon(outline), shapely.points(made.points)  # (n, 2)
+    depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
+    if depth.max(initial=0.0) > DEEPEST_MM:
+        number, finger = np.unravel_index(int(np.argmax(depth)), depth.shape)
+        problem = (
+            f"push {number + 1}: a finger starts {depth[number, finger]:.3g} mm inside the part; state where "
+            "the fingers meet it, in the frame of the job's outline_mm"
+        )
+        raise ValueRangeError(problem, where=str(where))
+
+
+def write(path: Path, rows: Array, pushed: Pushed) -> None:
+    """Writes pushes (n, 10) and what they came to, one line a push."""
+    numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*PLACES, FINGERS, *SHIFTS, *OUTPUTS])
+        for row, status in zip(numbers, pushed.status, strict=True):
+            writer.writerow([*(f"{value:.9g}" for value in row), PUSH_NAMES[status]])

@@ -1,0 +1,281 @@
+"""How well pushes by two fingers are foretold that a real robot made; not part of the gate.
+
+    python tests/bench/bench_pushes.py --data FOLDER
+
+FOLDER holds two push logs, `hardboard_3pts3.txt` and `plywood_3pts1.txt` (as `plan-identify` reads them), and
+`two_fingers.csv`: one push a line in the columns that `plan-simulate --push` reads, with `support` (3pts1,
+3pts3 or patch), `run`, `index` and what was measured, `moved_x_mm`, `moved_y_mm` and `turned_deg`.
+
+Friction and the scatter of the limit surface are fitted to the logs, in which a single finger pushes:
+friction by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the
+coverage of 90 % intervals. The pushes with two fingers are only judged. Prints figures and writes
+`results/pushes.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from planner.arrays import Array, BoolArray  # noqa: E402
+from planner.cli import pushes  # noqa: E402
+from planner.identification import push_log  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.mechanics.push import STUCK, Paths  # noqa: E402
+from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded  # noqa: E402
+from planner.part.outline import radius_of_gyration  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "pushes.json"
+DATA = ROOT.parent / "shared" / "data" / "pushes"
+LOGS = {"hardboard_3pts3.txt": "3pts3", "plywood_3pts1.txt": "3pts1"}
+TWO_FINGERS = "two_fingers.csv"
+SOURCE = (
+    "the pushes are public logs of Carnegie Mellon University's Manipulation Lab (2015, the robot data of "
+    "arXiv 1602.06056), in the columns that the head of this file states; give their folder with --data"
+)
+FINGERS_MM = 50.0
+SUPPORTS = {
+    "3pts1": 'kind = "points"\npoints_mm = [[30, 30], [63.33, 43.33], [43.33, 63.33]]',
+    "3pts3": 'kind = "points"\npoints_mm = [[30, 30], [90, 30], [30, 90]]',
+    "patch": 'kind = "uniform"',
+}
+JOB = """
+part = {{ name = "right triangle", outline_mm = [[0, 0], [150, 0], [0, 150]] }}
+friction = {{ finger_part_min = {low}, finger_part_max = {high} }}
+gripper = {{ finger_length_mm = 20, finger_width_mm = 10, opening_mm = 200 }}
+uncertainty = {{ radius_mm = 10, orientation = "unknown" }}
+actions = {{ angles_deg = [0], centers_mm = [[0, 0]] }}
+goal = {{ distance_mm = 3, confidence = 0.9 }}
+[pressure]
+wishart_dof = {dof}
+{support}
+"""
+FRICTIONS = np.arange(0.05, 1.01, 0.05)
+NEARLY_AS_GOOD = 1.05  # The interval of friction: whose mean error on the logs is within 5 % of the least
+DOFS = (5, 7, 10, 15, 20, 30, 50, 100, 200)
+SAMPLES = 400
+NOISE = np.array([0.7, 0.7, math.radians(0.6)])
+"""How well pushes that stick agree with the command, as the data's description states [mm, mm, rad]."""
+OFF_MM, OFF_DEG = 20.0, 15.0  # A worse final pose than this is named
+
+
+class Recorded(NamedTuple):
+    """Pushes and what they did to the block, in its frame at the start."""
+
+    paths: Paths
+    moved: Array  # (n, 3) [mm, mm, rad]
+
+    def take(self, rows: Any) -> Recorded:
+        """Some of the pushes."""
+        return Recorded(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
+
+
+def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:
+    """The block on a support, as a job describes it."""
+    text = JOB.format(low=friction[0], high=friction[1], dof=dof, support=SUPPORTS[support])
+    return Simulator.of_job(job_file.parse(text, f"the job of {support}"))
+
+
+def read_log(path: Path) -> Recorded:
+    """A log of straight pushes by a single finger."""
+    log = push_log.parse(path.read_text(encoding="utf-8"), str(path))
+    sideways = push_log.tip_offset(log)
+    starts, shifts, moved = [], [], []
+    for push in log:
+        (before, x, y), (after, *end) = (_pose(pose) for pose in (push.before, push.after))
+        tips = push.pusher[[0, -1], 1:3] + sideways * _turn(_yaw(push.pusher[-1, 4:]))[:, 1]
+        start, stop = (tips - [x, y]) @ _turn(before)
+        starts.append([start])
+        shifts.append(stop - start)
+        moved.append([*((np.array(end) - [x, y]) @ _turn(before)), math.remainder(after - before, math.tau)])
+    n = len(log)
+    return Recorded(Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved))
+
+
+def _yaw(quaternion: Array) -> float:
+    w, x, y, z = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _turn(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _pose(marker: Array) -> tuple[float, float, float]:
+    """Angle and place of the block's centroid, of a logged pose."""
+    angle = _yaw(marker[3:])
+    x, y = marker[:2] + _turn(angle) @ push_log.MARKER_TO_PART_MM
+    return angle, float(x), float(y)
+
+
+def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float], dict[str, float]]:
+    """Friction between finger and block: the best value, the interval, and the best value of each log."""
+    errors = np.empty((len(logs), len(FRICTIONS)))
+    for row, (support, log) in enumerate(logs.items()):
+        block = simulator(support, (0.4, 0.6), 100)
+        for column, mu in enumerate(FRICTIONS):
+            pushed = block.push(log.paths, block.nominal(len(log.moved), mu))
+            errors[row, column] = pose_error(pushed.moved - log.moved, block).mean()
+    mean = errors.mean(axis=0)
+    near = FRICTIONS[mean <= NEARLY_AS_GOOD * mean.min()]
+    alone = dict(zip(logs, FRICTIONS[errors.argmin(axis=1)].round(2).tolist(), strict=True))
+    interval = round(float(near[0]), 2), round(float(near[-1]), 2)
+    return round(float(FRICTIONS[mean.argmin()]), 2), interval, alone
+
+
+def pose_error(off: Array, block: Simulator) -> Array:
+    """Distance of poses (n, 3) as in the success metric [mm]."""
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + radius_of_gyration(block.outline) * np.abs(off[:, 2]))
+
+
+def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, Array]:
+    """Pushes with random mechanics: what they say of the measured ones.
+
+    Returns whether x, y and angle (n, 3) lie in the central 90 %, with noise, and the share that stick (n,).
+    """
+    n, rng = len(recorded.moved), np.random.default_rng(seed)
+    many = recorded.take(np.repeat(np.arange(n), SAMPLES))
+    pushed = block.push(many.paths, block.sample(n * SAMPLES, rng))
+    moved = pushed.moved.reshape(n, SAMPLES, 3)
+    low, high = np.quantile(moved + NOISE * rng.standard_normal(moved.shape), (0.05, 0.95), axis=1)
+    covered = (low <= recorded.moved) & (recorded.moved <= high)
+    return covered, (pushed.status == STUCK).reshape(n, SAMPLES).mean(axis=1)
+
+
+def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[int, float]:
+    """The degrees of freedom whose 90 % intervals hold nearest to 90 % of the logs' poses, and that share."""
+    shares = {}
+    for dof in DOFS:
+        blocks = {support: simulator(support, friction, dof) for support in logs}
+        shares[dof] = float(np.mean([draws(log, blocks[s], 0)[0].mean() for s, log in logs.items()]))
+    best = min(DOFS, key=lambda dof: abs(shares[dof] - 0.9))
+    return best, shares[best]
+
+
+def read_two_fingers(path: Path) -> tuple[Recorded, list[dict[str, str]]]:
+    """The pushes with two fingers, and their lines as text."""
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    paths = pushes.paths(pushes.read(path, FINGERS_MM), push_log.MARKER_TO_PART_MM)
+    moved = [[float(line[name]) for name in ("moved_x_mm", "moved_y_mm", "turned_deg")] for line in lines]
+    return Recorded(paths, np.array(moved) * [1.0, 1.0, math.pi / 180.0]), lines
+
+
+def is_stuck(recorded: Recorded) -> BoolArray:
+    """Which pushes moved the block along with the pusher."""
+    off = recorded.moved - commanded(recorded.paths)
+    near = np.hypot(off[:, 0], off[:, 1]) < STUCK_MM
+    return np.asarray(near & (np.abs(off[:, 2]) < math.radians(STUCK_DEG)))
+
+
+def judged(
+    recorded: Recorded, block: Simulator, mu: float, seed: int
+) -> tuple[dict[str, float], Array, BoolArray]:
+    """Figures of one support's pushes, what each is off by (n, 3), and whether its kind was foretold (n,)."""
+    pushed = block.push(recorded.paths, block.nominal(len(recorded.moved), mu))
+    stuck, off = is_stuck(recorded), pushed.moved - recorded.moved
+    distance, right = np.hypot(off[:, 0], off[:, 1]), (pushed.status == STUCK) == stuck
+    covered, share = draws(recorded, block, seed)
+    undecided = (share > 0.05) & (share < 0.95)
+    figures = {
+        "pushes": len(stuck),
+        "foretold": float(right.mean()),
+        "majority": float(max(stuck.mean(), 1.0 - stuck.mean())),
+        "foretold_stuck_but_slid": int((~right & ~stuck).sum()),
+        "foretold_slid_but_stuck": int((~right & stuck).sum()),
+        "undecided": int(undecided.sum()),
+        "wrong_and_undecided": int((~right & undecided).sum()),
+        "median_mm_slid": float(np.median(distance[~stuck])),
+        "median_deg_slid": float(np.degrees(np.median(np.abs(off[~stuck, 2])))),
+        "p90_mm_slid": float(np.quantile(distance[~stuck], 0.9)),
+        "median_mm_stuck": float(np.median(distance[stuck])),
+        "median_deg_stuck": float(np.degrees(np.median(np.abs(off[stuck, 2])))),
+        "coverage_slid": float(covered[~stuck].mean()),
+        "coverage_stuck": float(covered[stuck].mean()),
+        "coverage": float(covered.mean()),
+    }
+    return figures, off, right
+
+
+def too_far(recorded: Recorded) -> BoolArray:
+    """Pushes after which the block lies farther from its start than any finger went: not by pushing."""
+    paths = recorded.paths
+    arms = np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
+    return np.asarray(
+        np.hypot(recorded.moved[:, 0], recorded.moved[:, 1]) > 1.2 * arms * np.abs(paths.angles)
+    )
+
+
+def runs_of(
+    lines: list[dict[str, str]], recorded: Recorded, off: Array, right: BoolArray
+) -> list[dict[str, Any]]:
+    """Each recording: how often its kind was foretold, and the pushes that end far off."""
+    distance, turned = np.hypot(off[:, 0], off[:, 1]), np.degrees(off[:, 2])
+    names, beyond = np.array([line["run"] for line in lines]), too_far(recorded)
+    rows = []
+    for run in dict.fromkeys(names):
+        mine = names == run
+        far = np.flatnonzero(mine & ((distance > OFF_MM) | (np.abs(turned) > OFF_DEG)))
+        named = [
+            f"{lines[k]['index']}: {distance[k]:.0f} mm, {turned[k]:+.0f} deg"
+            + (", recorded as farther than the fingers went" if beyond[k] else "")
+            for k in far
+        ]
+        rows.append({
+            "run": str(run), "pushes": int(mine.sum()), "foretold": float(right[mine].mean()),
+            "median_mm": float(np.median(distance[mine])), "far_off": named,
+        })  # fmt: skip
+    return rows
+
+
+def main() -> int:
+    """Fits to the logs, judges the pushes with two fingers."""
+    parser = argparse.ArgumentParser(description="Judge foretold pushes by real ones.")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
+    parser.add_argument("--no-results", action="store_true", help="print only")
+    options = parser.parse_args()
+    if missing := [name for name in (*LOGS, TWO_FINGERS) if not (options.data / name).is_file()]:
+        print(f"bench_pushes: {options.data} has no {', '.join(missing)}: {SOURCE}", file=sys.stderr)
+        return 3
+    logs = {support: read_log(options.data / name) for name, support in LOGS.items()}
+    mu, interval, alone = fit_friction(logs)
+    dof, share = fit_dof(logs, interval)
+    print(
+        f"from the logs: friction {mu} in {interval} (alone: {alone}), {dof} degrees of freedom ({share:.3f})"
+    )
+    recorded, lines = read_two_fingers(options.data / TWO_FINGERS)
+    found: dict[str, Any] = {"friction": mu, "interval": interval, "alone": alone, "dof": dof, "supports": {}}
+    off, right = np.zeros((len(lines), 3)), np.zeros(len(lines), bool)
+    supports = np.array([line["support"] for line in lines])
+    for seed, support in enumerate(SUPPORTS, 1):
+        mine = supports == support
+        figures, off[mine], right[mine] = judged(
+            recorded.take(mine), simulator(support, interval, dof), mu, seed
+        )
+        found["supports"][support] = figures
+        print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
+    slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
+    found["median_mm_slid"] = float(np.median(distance[slid]))
+    found["runs"] = runs_of(lines, recorded, off, right)
+    print(f"median error of pushes that did not stick: {found['median_mm_slid']:.2f} mm")
+    for row in found["runs"]:
+        named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
+        print(f"{row['run']}: {row['foretold']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}")
+    if not options.no_results:
+        RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,242 @@
+"""Exported tables, executed: C by each compiler here, structured text by an interpreter."""
+
+import csv
+import re
+import subprocess
+from pathlib import Path
+from random import Random
+
+import pytest
+from blark.parse import parse_source_code
+from exported import (
+    FAULT,
+    SANITIZERS,
+    STRICT,
+    Oracle,
+    built,
+    code_bytes,
+    compilers,
+    executor,
+    said,
+    wide_table,
+)
+from sample_tables import every_field_table, random_table, small_table
+from structured_text import INPUT, OUTPUT, FunctionBlock
+
+from planner.cli import export
+from planner.export.content import LEAF, NODE, UNRESOLVED
+from planner.export.write import VECTORS
+from runtime.table import dump, load
+
+ROOT = Path(__file__).parents[2]
+GUIDE = (ROOT / "tools" / "docs" / "controllers.md").read_text()
+SHIPPED = {path.stem: load(path).table for path in sorted((ROOT / "trees").glob("*/*.msgpack"))}
+TABLES = {
+    **SHIPPED,
+    "every field": every_field_table(),
+    "sixty nodes": random_table(3, 60),
+    "wide": wide_table(),
+}
+FUZZED = 100_000
+MOST_CODE_BYTES = 4096
+WILD = (-(2**31), -257, -2, -1, 256, 257, 4096, 2**31 - 1)
+PLAYED = """\
+#include <stdio.h>
+#include <stdlib.h>
+static char **reading;
+int place_hand(int32_t x_um, int32_t y_um, int32_t angle_urad, int32_t opening_um)
+{
+    printf("%ld %ld %ld %ld ", (long)x_um, (long)y_um, (long)angle_urad, (long)opening_um);
+    return 0;
+}
+int close_jaws(int32_t speed_um_s, int32_t force_mn, int32_t *count, int32_t *object_flag)
+{
+    printf("%ld %ld ", (long)speed_um_s, (long)force_mn);
+    *count = (int32_t)atol(*reading++);
+    *object_flag = (int32_t)atol(*reading++);
+    return 0;
+}
+int release_at(int32_t x_um, int32_t y_um, int32_t angle_urad)
+{
+    printf("%ld %ld %ld\\n", (long)x_um, (long)y_um, (long)angle_urad);
+    return 0;
+}
+int main(int count, char **words)
+{
+    squeezetree_decision end;
+    (void)count;
+    reading = words + 1;
+    end = locate_part();
+    printf("%ld %ld\\n", (long)end.outcome, (long)end.index);
+    return 0;
+}
+"""
+"""A cell whose gripper reads what its command line says, for the guide's program."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of a table's export, made once."""
+    base = tmp_path_factory.mktemp("export")
+
+    def made(name, form, table=None):
+        out = base / f"{name}-{form}"
+        if not out.exists():
+            dump(table or TABLES[name], base / f"{name}.msgpack")
+            words = [str(base / f"{name}.msgpack"), "--to", form, "-o", str(out)]
+            assert export.main(words) == 0
+        return out
+
+    return made
+
+
+def rows(path):
+    """The vectors of a folder as integers."""
+    with (path / VECTORS).open() as file:
+        return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
+
+
+def wild_rows(table, seed):
+    """Arguments that no gripper gives, and what must come of them."""
+    random, oracle = Random(seed), Oracle(table)
+    values = [*WILD, *(random.randint(-(2**31), 2**31 - 1) for _ in range(5))]
+    for node in (*values, *range(min(3, len(table.nodes))), len(table.nodes)):
+        for count in (*values, 0, 130, 255):
+            for flag in (*values, 0, 1, 2, 3, 4):
+                yield (node, count, flag, *oracle.answer(node, count, flag))
+
+
+def test_arguments_that_are_none_are_a_fault_or_a_reject():
+    seen = {row[3] for row in wild_rows(small_table(), 0)}
+    assert {3, 4} <= seen
+    assert all(row[3:] == FAULT for row in wild_rows(small_table(), 0) if row[2] not in (2, 3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
+def test_c_gives_all_vectors_and_survives_any_arguments(name, folder):
+    out = folder(name, "c99")
+    with (out / "wild.csv").open("w", newline="") as file:
+        wild = list(wild_rows(TABLES[name], 1))
+        csv.writer(file).writerows([["node"], *wild])
+    for compiler in compilers():
+        program = built(compiler, out, *STRICT, *SANITIZERS)
+        assert int(said("check", out / VECTORS, program=program)) == len(rows(out))
+        assert int(said("check", out / "wild.csv", program=program)) == len(wild)
+        met = [int(word) for word in said("fuzz", FUZZED, 1, program=program).split()]
+        assert sum(met) == FUZZED
+        assert min(met[1], met[3], met[4]) > 0
+
+
+@pytest.mark.slow
+def test_the_check_of_vectors_sees_one_wrong_number(folder):
+    out = folder("every field", "c99")
+    program = built(compilers()[0], out)
+    right = (out / VECTORS).read_text().splitlines()
+    for column in range(3, 7):
+        wrong = right[300].split(",")
+        wrong[column] = str(int(wrong[column]) + 1)
+        (out / "wrong.csv").write_text("\n".join([*right[:300], ",".join(wrong), *right[301:]]))
+        done = subprocess.run(
+            [program, "check", out / "wrong.csv"], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 1
+        assert done.stderr.startswith("row 300:")
+
+
+@pytest.mark.slow
+def test_the_executor_is_small_and_needs_no_library(folder):
+    out = folder("sixty nodes", "c99")
+    assert re.findall(r"#include .*", (out / "squeezetree_table.h").read_text()) == ["#include <stdint.h>"]
+    for compiler in compilers():
+        made = executor(compiler, out)
+        assert 0 < code_bytes(made) < MOST_CODE_BYTES
+        assert said("-u", made, program="nm") == ""
+
+
+@pytest.mark.slow
+def test_the_guide_s_program_follows_the_tree(folder):
+    """Two squeezes of the small table: 30 mm, then 21 mm; and a reject, an unresolved leaf and a fault."""
+    out = folder("small", "c99", small_table())
+    program = re.findall(r"```c\n(.*?)```", GUIDE, re.DOTALL)
+    assert len(program) == 1
+    (out / "guide.c").write_text(program[0] + PLAYED)
+    root, second = "0 0 0 85000 60000 40000 0 0 0", "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796"
+    for compiler in compilers():
+        made = out / f"guide-{compiler}"
+        said("-I", out, out / "guide.c", "-o", made, *STRICT, *SANITIZERS, program=compiler)
+        for readings, told in {
+            "150 2 174 2": [root, second, "1 1"],
+            "174 2": [root, "1 0"],
+            "150 2 134 2": [root, second, "2 2"],
+            "174 3": [root, "3 -1"],
+            "174 1": [root.rsplit(" ", 3)[0], "4 -1"],
+        }.items():
+            printed = said(*readings.split(), program=made).split()
+            assert printed == " ".join(told).split()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*SHIPPED, "every field", "wide"])
+def test_structured_text_gives_all_vectors(name, folder):
+    table, out = TABLES[name], folder(name, "st")
+    block = FunctionBlock((out / "squeezetree_table.st").read_text())
+    assert block.names[INPUT] == ["restart", "node", "count", "object_flag"]
+    vectors = rows(out)
+    assert len(vectors) == 512 * len(table.nodes)
+    for row in (*vectors, *wild_rows(table, 2)):
+        said_ = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
+        outcome, index = said_["outcome"], said_["index"]
+        assert (outcome, index, said_["release_x_um"], said_["release_y_um"]) == row[3:]
+        names = block.names[OUTPUT]
+        if outcome == NODE:
+            first = names.index("hand_x_um")
+            assert tuple(said_[name] for name in names[first : first + 6]) == table.nodes[index].squeeze[:6]
+        if outcome in (LEAF, UNRESOLVED):
+            leaf, first = table.leaves[index], names.index("part_x_um")
+            success = leaf.success_ppm if leaf.trials else -1
+            wanted = (*leaf[:3], success, leaf.error_p95_um, len(leaf.alternatives))
+            assert tuple(said_[name] for name in names[first:]) == wanted
+    begun = block(restart=True, node=-7, count=300, object_flag=9)
+    assert (begun["outcome"], begun["index"]) == (NODE, 0)
+    assert begun["opening_um"] == table.nodes[0].squeeze.opening_um
+
+
+@pytest.mark.slow
+def test_the_parser_as_it_is_takes_the_block_and_the_guide_s_program(folder):
+    block = (folder("every field", "st") / "squeezetree_table.st").read_text()
+    program = re.findall(r"```text\n(.*?)```", GUIDE, re.DOTALL)
+    assert len(program) == 1
+    for text in (block, *program):
+        assert parse_source_code(text).exception is None
+    used = set(re.findall(r"table\.(\w+)", program[0]))
+    assert used < set(FunctionBlock(block).names[OUTPUT])
+
+
+REFUSED = """\
+FUNCTION_BLOCK refused
+VAR_INPUT
+    n : DINT;
+END_VAR
+VAR
+    a : DINT;
+END_VAR
+VAR CONSTANT
+    b : ARRAY[0..1] OF DINT := [1, 2];
+    c : DINT := 1;
+END_VAR
+a := 1;
+{}
+END_FUNCTION_BLOCK
+"""
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["a := b[2];", "a := b[-1];", "c := 1;", "n := 2;", "a := 2147483647 + a;", "a := TRUE;", "a := d;"],
+)
+def test_the_interpreter_refuses_what_a_controller_would(statement):
+    assert FunctionBlock(REFUSED.format("a := b[1];"))(n=1) == {}
+    block = FunctionBlock(REFUSED.format(statement))
+    with pytest.raises((AssertionError, IndexError, KeyError, TypeError)):
+        block(n=1)

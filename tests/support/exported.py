@@ -1,0 +1,102 @@
+"""Exported tables: what the runtime says follows a reading, and the C executor, compiled and run."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+from sample_tables import small_table
+
+from runtime.errors import GripperStateError
+from runtime.table import Branch, Calibration, Table, decision_map
+from runtime.table.model import MAX_BRANCHES
+from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.results import Outcome
+
+HARNESS = Path(__file__).with_name("export_harness.c")
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+SANITIZERS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+NUMBERS = {Outcome.LEAF: 1, Outcome.UNRESOLVED: 2, Outcome.REJECT: 3}
+FAULT = (4, -1, 0, 0)
+OBJECT = """\
+#include "squeezetree_table.h"
+squeezetree_decision decide(int32_t node, int32_t count, int32_t object_flag);
+squeezetree_decision decide(int32_t node, int32_t count, int32_t object_flag)
+{
+    return squeezetree_decide(node, count, object_flag);
+}
+"""
+"""The executor alone, where a linker finds it."""
+
+Answer = tuple[int, int, int, int]  # outcome, index, release x and y
+
+
+def wide_table() -> Table:
+    """One squeeze with as many outcomes as a node may have; the first holds nothing that could be dragged."""
+    table = small_table()
+    branches = tuple(
+        Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k) for k in range(MAX_BRANCHES)
+    )
+    root = table.nodes[0]._replace(branches=branches, release=(3_000, -4_000))
+    return replace(table, nodes=(root,), leaves=table.leaves[:1] * MAX_BRANCHES)
+
+
+class Oracle:
+    """What a run of the default policy does after a reading, by the runtime's own code."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        self._maps = [decision_map(node, Calibration.linear(table.gripper)) for node in table.nodes]
+
+    def answer(self, index: int, count: int, flag: int) -> Answer:
+        """What follows a count and object flag at a node."""
+        if not 0 <= index < len(self._maps):
+            return FAULT
+        node = self._table.nodes[index]
+        try:
+            decision = decide(node, self._maps[index], count, flag)
+        except GripperStateError:
+            return FAULT
+        state = advance(TraversalState(index), decision.target, self._table, Policy())
+        x, y = release_point(node, decision.branch) or node.squeeze[:2]
+        if state.outcome is None:
+            return 0, state.node, x, y
+        return NUMBERS[state.outcome], -1 if state.leaf is None else state.leaf, x, y
+
+
+def compilers() -> list[str]:
+    """The C compilers of this machine, at least one."""
+    found = [name for name in ("gcc", "clang") if shutil.which(name)]
+    assert found, "neither gcc nor clang is installed; install one (Debian: apt-get install gcc)"
+    return found
+
+
+def built(compiler: str, folder: Path, *flags: str) -> Path:
+    """The harness with the header of a folder, compiled; the program."""
+    program = folder / f"harness-{compiler}"
+    said("-I", folder, HARNESS, *flags, "-o", program, program=compiler)
+    return program
+
+
+def executor(compiler: str, folder: Path) -> Path:
+    """The executor alone as an object file, for size and without any library."""
+    source = folder / "executor.c"
+    source.write_text(OBJECT)
+    made = folder / f"executor-{compiler}.o"
+    said("-Os", "-ffreestanding", "-I", folder, "-c", source, "-o", made, *STRICT, program=compiler)
+    return made
+
+
+def code_bytes(compiled: Path) -> int:
+    """The size of an object file's code, without its data."""
+    rows = [line.split() for line in said("-A", compiled, program="size").splitlines()]
+    return sum(int(row[1]) for row in rows if row and row[0].startswith(".text"))
+
+
+def said(*words: object, program: str | Path, seconds: float = 280.0) -> str:
+    """What a program prints; it must end with 0 and without a word on standard error."""
+    done = subprocess.run(
+        [str(program), *map(str, words)], capture_output=True, text=True, timeout=seconds, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, ""), f"{program} ended with {done.returncode}: {done.stderr}"
+    return done.stdout

@@ -1,0 +1,40 @@
+"""Paths of pushers, shared by tests."""
+
+import math
+
+import numpy as np
+
+from planner.mechanics.push import Paths
+
+
+def paths(points, centre=(0.0, 0.0), angle=0.0, shift=(0.0, 0.0)):
+    """One path of a pusher with points (K, 2)."""
+    return Paths(
+        np.array([points], float),
+        np.array([centre], float),
+        np.array([angle], float),
+        np.array([shift], float),
+    )
+
+
+def joined(many):
+    return Paths(*(np.concatenate(arrays) for arrays in zip(*many, strict=True)))
+
+
+def random_paths(outline, rng, count):
+    """Pushes with two fingers on random edges, each about a random centre or along a random way."""
+    made = []
+    while len(made) < count:
+        k = rng.integers(len(outline))
+        start, end = outline[k], outline[(k + 1) % len(outline)]
+        edge = (end - start) / math.hypot(*(end - start))
+        middle, half = start + rng.uniform(0.3, 0.7) * (end - start), rng.uniform(1.0, 4.0)
+        inward = np.array([-edge[1], edge[0]])
+        way = inward * rng.uniform(4.0, 12.0) + edge * rng.uniform(-4.0, 4.0)
+        fingers = [middle - half * edge - 1e-6 * inward, middle + half * edge - 1e-6 * inward]
+        if rng.random() < 0.3:
+            made.append(paths(fingers, shift=way))
+            continue
+        arm = rng.uniform(15.0, 60.0) * rng.choice([-1.0, 1.0])
+        made.append(paths(fingers, middle + arm * edge, math.copysign(0.2, -arm)))
+    return joined(made)

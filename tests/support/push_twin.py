@@ -1,0 +1,69 @@
+"""A second push simulator: slow, obvious, and built another way than the kernels.
+
+An ordinary differential equation in the share of the path, as in `twin`: at every pose shapely finds where
+the pusher's points are about to touch, and the velocity follows from trying all modes of contact. Meant for
+convex polygons of few vertices. Shares no code with `planner.mechanics`.
+"""
+
+import math
+
+import numpy as np
+import shapely
+from contact_problems import ContactProblem
+from lcp_twin import motions
+from scipy.integrate import solve_ivp
+from twin import Part
+
+CLOSING = 0.004
+"""Share of the path over which an open contact closes: the twin is that soft."""
+NEAR_MM = 0.02
+
+
+def push(part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shift: np.ndarray) -> np.ndarray:
+    """The pose (3,) of the part, from (0, 0, 0), after a pusher with points (K, 2) went its way."""
+
+    def velocity(share: float, q: np.ndarray) -> np.ndarray:
+        c, s = math.cos(share * angle), math.sin(share * angle)
+        middle = centre + share * shift
+        now = (fingers - centre) @ np.array([[c, s], [-s, c]]) + middle
+        c, s = math.cos(q[2]), math.sin(q[2])
+        boundary = shapely.Polygon(part.outline @ np.array([[c, s], [-s, c]]) + q[:2])
+        rows = [row for point in now if (row := _contact(boundary, point)) is not None]
+        if not rows:
+            return np.zeros(3)
+        gap, px, py, nx, ny = np.array(rows).T
+        advance = shift + angle * np.column_stack([middle[1] - py, px - middle[0]])
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        V = motions(ContactProblem(
+            A=turn @ part.A @ turn.T, rho=part.rho, points=np.column_stack([px, py]) - q[:2],
+            normals=np.column_stack([nx, ny]), advance=advance, gap=gap / CLOSING,
+            mu=np.full(len(gap), part.mu),
+        ))[0]  # fmt: skip
+        return np.array([V[0], V[1], V[2] / part.rho])
+
+    found = solve_ivp(
+        velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 4, rtol=1e-3, atol=1e-3, method="RK23"
+    )
+    return found.y[:, -1]
+
+
+def _contact(part: shapely.Polygon, point: np.ndarray) -> tuple[float, ...] | None:
+    """Gap, nearest boundary point and normal into the part, where the point is near or inside."""
+    boundary, here = part.exterior, shapely.Point(point)
+    touched = np.array(boundary.interpolate(boundary.project(here)).coords[0])
+    outside = -1.0 if part.contains(here) else 1.0
+    distance = here.distance(boundary)
+    if distance > NEAR_MM and outside > 0.0:
+        return None
+    normal = _inward(part, touched) if distance < 1e-6 else outside * (touched - point) / distance
+    return (outside * distance, *touched, *normal)
+
+
+def _inward(part: shapely.Polygon, point: np.ndarray) -> np.ndarray:
+    """The inward normal of the edge nearest to a point on the boundary."""
+    corners = shapely.get_coordinates(part.exterior)
+    edges = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))
+    nearest = int(np.argmin(shapely.distance(edges, shapely.Point(point))))
+    x, y = corners[nearest + 1] - corners[nearest]
+    turn = 1.0 if shapely.is_ccw(part.exterior) else -1.0
+    return turn * np.array([-y, x]) / math.hypot(x, y)

@@ -1,0 +1,132 @@
+"""`plan-simulate --push`: files in, files out, and one line for what is wrong with them."""
+
+import csv
+import io
+import json
+import math
+from contextlib import redirect_stderr, redirect_stdout
+
+import numpy as np
+import pytest
+
+from planner.cli import simulate
+from planner.errors import InputFileError, KeyNameError, ValueRangeError
+
+JOB = """
+part = { name = "triangle", outline_mm = [[0, 0], [150, 0], [0, 150]] }
+friction = { finger_part_min = 0.4, finger_part_max = 0.5 }
+gripper = { finger_length_mm = 20, finger_width_mm = 10, opening_mm = 85 }
+uncertainty = { radius_mm = 10, orientation = "unknown" }
+actions = { angles_deg = [0], centers_mm = [[0, 0]] }
+goal = { distance_mm = 3, confidence = 0.9 }
+pressure = { kind = "points", points_mm = [[30, 30], [90, 30], [30, 90]] }
+"""
+HEADER = "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg"
+STRAIGHT = "50,0,0,2,-5000,0,0.4"  # a wide turn: 35 mm up, nearly straight
+OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg", "status"]
+
+
+def run(folder, text, *options, job=JOB):
+    """Exit code, lines of the result, standard output and standard error."""
+    (folder / "job.toml").write_text(job)
+    (folder / "in.csv").write_text(text)
+    out, err = io.StringIO(), io.StringIO()
+    words = [
+        str(folder / "job.toml"),
+        "--push",
+        str(folder / "in.csv"),
+        "-o",
+        str(folder / "out.csv"),
+        *options,
+    ]
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            code = simulate.main(words)
+        except SystemExit as end:
+            code = end.code
+    result = folder / "out.csv"
+    rows = list(csv.DictReader(io.StringIO(result.read_text()))) if result.exists() else []
+    return code, rows, out.getvalue(), err.getvalue()
+
+
+NOMINAL = ("--nominal", "--mu", "0.45")
+
+
+def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
+    """The gripper opens 85 mm and the block is wider: it is pushed all the same."""
+    text = f"run,{HEADER},fingers_mm,moved_x_mm\nr1,{STRAIGHT},50,99\n"
+    code, rows, out, err = run(tmp_path, text, *NOMINAL)
+    assert (code, err) == (0, "")
+    assert "1 pushes: 1 stuck" in out
+    assert list(rows[0]) == [*HEADER.split(","), "fingers_mm", "shift_x_mm", "shift_y_mm", *OUTPUTS]
+    angle = math.radians(0.4)  # of the centroid (50, 50) about (-5000, 0)
+    expected = [
+        5050 * (math.cos(angle) - 1) - 50 * math.sin(angle),
+        5050 * math.sin(angle) + 50 * (math.cos(angle) - 1),
+        0.4,
+    ]
+    assert [float(rows[0][name]) for name in OUTPUTS[:3]] == pytest.approx(expected, abs=1e-3)
+    assert rows[0]["status"] == "stuck"
+
+
+def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
+    text = f"{HEADER}\n30,0,0,1,160,40,-20\n0,100,1,0,40,200,15\n"
+    _, rows, _, _ = run(tmp_path, text, *NOMINAL, "--fingers-mm", "50")
+    moved_job = JOB.replace("[[0, 0], [150, 0], [0, 150]]", "[[-7, 20], [-7, 170], [143, 20]]").replace(
+        "[[30, 30], [90, 30], [30, 90]]", "[[23, 50], [83, 50], [23, 110]]"
+    )
+    moved = f"{HEADER}\n23,20,0,1,153,60,-20\n-7,120,1,0,33,220,15\n"
+    _, others, _, _ = run(tmp_path, moved, *NOMINAL, "--fingers-mm", "50", job=moved_job)
+    for name in OUTPUTS[:3]:
+        assert [float(row[name]) for row in others] == pytest.approx(
+            [float(row[name]) for row in rows], abs=1e-6
+        )
+
+
+def test_a_single_finger_may_go_straight(tmp_path):
+    text = f"{HEADER},fingers_mm,shift_x_mm,shift_y_mm\n-1,50,1,0,0,0,0,0,12,0\n500,0,0,1,0,0,0,0,0,3\n"
+    _, rows, _, _ = run(tmp_path, text, *NOMINAL)
+    assert float(rows[0]["moved_x_mm"]) == pytest.approx(11.0, abs=0.3)
+    assert [row["status"] for row in rows] == ["stuck", "lost"]
+
+
+def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
+    text = f"{HEADER}\n" + "0,35,1,0,130,120,10\n" * 30
+    options = ("--fingers-mm", "50", "--seed", "3", "--json")
+    code, rows, out, _ = run(tmp_path, text, *options)
+    told = json.loads(out)
+    assert code == 0
+    assert told["pushes"] == 30 == told["stuck"] + told["slid"] + told["lost"]
+    assert told["given_up"] == 0
+    turned = np.array([float(row["turned_deg"]) for row in rows])
+    assert np.ptp(turned) > 0.5
+    assert run(tmp_path, text, *options)[1] == rows
+
+
+@pytest.mark.parametrize(("text", "error", "words"), [
+    (f"{HEADER}\n{STRAIGHT}\n", KeyNameError, "fingers_mm is missing"),
+    ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
+    (f"{HEADER},fingers_mm\n{STRAIGHT},x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
+    (f"{HEADER},fingers_mm\n{STRAIGHT},-1\n", ValueRangeError, "fingers_mm: push 1: -1 is no distance"),
+    (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", ValueRangeError, "push 1: both are 0"),
+    (f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n", ValueRangeError, "cor_x_mm: push 1: 1e+09 is beyond"),
+    (f"{HEADER},fingers_mm\n{STRAIGHT},50\n50,20,0,1,1,1,1,0\n", ValueRangeError, "push 2: a finger"),
+    (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputFileError, "not a CSV file"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, words):
+    code, rows, _, err = run(tmp_path, text, *NOMINAL)
+    assert code == error.exit_code
+    assert words in err
+    assert "in.csv" in err
+    assert err.count("\n") == 1
+    assert rows == []
+
+
+@pytest.mark.parametrize("options", [
+    ("--poses", "in.csv"), ("--figure", "f.png"), ("--fingers-mm", "-3"), ("--fingers-mm", "nan"),
+])  # fmt: skip
+def test_options_that_do_not_go_with_pushes_are_refused(tmp_path, options):
+    code, rows, _, err = run(tmp_path, f"{HEADER}\n{STRAIGHT}\n", *NOMINAL, *options)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert rows == []

@@ -1,0 +1,153 @@
+"""The files of an export: whole or not at all, never over others, JSON as its schema says."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import pytest
+from sample_tables import every_field_table, random_table, small_table, with_leaf
+
+from planner.cli import export
+from planner.export import write as writer
+from planner.export.write import FORMS, VECTORS
+from runtime.shell.files import OutputError
+from runtime.table import TableFile, dump, dumps, load
+
+TREES = sorted((Path(__file__).parents[4] / "trees").glob("*/*.msgpack"))
+
+
+@pytest.fixture
+def tree(tmp_path):
+    dump(every_field_table(), tmp_path / "t.msgpack")
+    return tmp_path / "t.msgpack"
+
+
+def document(table, folder):
+    """The JSON form of a table, checked by the schema beside it."""
+    writer.write(TableFile(table, b"", "0" * 64), "json", folder)
+    told = json.loads((folder / "squeezetree_table.json").read_text())
+    schema = json.loads((folder / "squeezetree_table.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.validate(told)
+    return told, validator
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_files_and_words(form, tree, tmp_path, capsys):
+    out = tmp_path / "made" / form
+    assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {path.name: path.stat().st_size for path in out.iterdir()} == told["files"]
+    assert set(told["files"]) == {VECTORS, *FORMS[form]}
+    again = tmp_path / "again"
+    again.mkdir()
+    assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
+    for name in told["files"]:
+        assert (again / name).read_bytes() == (out / name).read_bytes()
+        assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
+    assert capsys.readouterr().out.count("\n") == 1
+
+
+def test_vectors_hold_every_reading(tree, tmp_path):
+    assert export.main([str(tree), "--to", "c99", "-o", str(tmp_path / "o")]) == 0
+    with (tmp_path / "o" / VECTORS).open() as file:
+        head, *rows = csv.reader(file)
+    assert head == [
+        "node", "count", "object_flag", "outcome", "index", "release_x_um", "release_y_um",
+    ]  # fmt: skip
+    assert len({tuple(row[:3]) for row in rows}) == len(rows) == 2 * 256 * len(load(tree).table.nodes)
+
+
+@pytest.mark.parametrize("path", TREES, ids=lambda path: path.stem)
+def test_json_of_shipped_tables_is_as_the_schema_says(path, tmp_path):
+    document(load(path).table, tmp_path)
+
+
+def test_json_holds_the_whole_table(tmp_path):
+    table = every_field_table()
+    told, validator = document(table, tmp_path)
+    for index, (node, written) in enumerate(zip(table.nodes, told["nodes"], strict=True)):
+        assert {name: written[name] for name in node.squeeze._fields} == node.squeeze._asdict()
+        assert tuple(written["release_um"]) == (node.release or node.squeeze[:2]), index
+        assert written["branches"] == [branch._asdict() for branch in node.branches]
+    for leaf, written in zip(table.leaves, told["leaves"], strict=True):
+        assert written == json.loads(json.dumps(leaf._asdict()))
+    assert told["goal"]["kind"] == table.goal.kind
+    assert told["limits"]["work_area_um"] == list(table.limits.work_area_um)
+    told["nodes"][0]["runs"][0]["first"] = 256
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate(told)
+
+
+def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
+    hostile = "*/ int a; /* (* *) ??/\n\\ \u00e9"
+    table = replace(small_table(), tool=hostile, gripper=replace(small_table().gripper, model=hostile))
+    for form in ("c99", "st"):
+        writer.write(TableFile(table, dumps(table), "0" * 64), form, tmp_path / form)
+        text = (tmp_path / form / FORMS[form][0]).read_text()
+        assert "int a" in text
+        assert "*/ int a" not in text
+        assert "??" not in text
+        assert "\\" not in text
+        assert text.count("(*") == text.count("*)")
+
+
+def test_a_leaf_without_trials_has_no_success(tmp_path):
+    table = small_table()
+    untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=999_000, trials=0))
+    writer.write(TableFile(untried, b"", "0" * 64), "c99", tmp_path)
+    assert "{0, 500, 0, -1, 940, 1, 0, 0}," in (tmp_path / "squeezetree_table.h").read_text()
+
+
+def test_numbers_fit_into_32_bits(tmp_path):
+    """Of a table's numbers only the trials do not; they are in the JSON form alone."""
+    table = small_table()
+    many = with_leaf(table, 0, table.leaves[0]._replace(trials=10**10))
+    for form in ("c99", "st"):
+        writer.write(TableFile(many, b"", "0" * 64), form, tmp_path / form)
+        assert str(10**10) not in (tmp_path / form / FORMS[form][0]).read_text()
+    assert document(many, tmp_path / "json")[0]["leaves"][0]["trials"] == 10**10
+
+
+def test_nothing_is_left_of_an_export_that_broke_off(tmp_path, monkeypatch):
+    found, written = TableFile(random_table(1, 3), b"", "0" * 64), []
+
+    def broken(path):
+        written.append(path)
+        if len(written) == 3:
+            raise OutputError("the disk is full")
+        return whole(path)
+
+    whole = writer.writing
+    monkeypatch.setattr(writer, "writing", broken)
+    with pytest.raises(OutputError):
+        writer.write(found, "json", tmp_path / "o")
+    assert list((tmp_path / "o").iterdir()) == []
+
+
+def test_wrong_input_is_told_in_one_line(tree, tmp_path, capsys):
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / VECTORS).write_text("mine\n")
+    damaged = tmp_path / "damaged.msgpack"
+    damaged.write_bytes(tree.read_bytes()[:-1])
+    wrong = {
+        2: [(tree, full), (tree, tree), (tree, tree / "below"), (tree, Path("/proc/none"))],
+        3: [(tmp_path / "none.msgpack", tmp_path / "o"), (tmp_path, tmp_path / "o")],
+        30: [(damaged, tmp_path / "o")],
+    }
+    for code, pairs in wrong.items():
+        for table, out in pairs:
+            assert export.main([str(table), "--to", "c99", "-o", str(out)]) == code
+            said = capsys.readouterr()
+            assert said.out == ""
+            assert said.err.count("\n") == 1
+            assert said.err.startswith("plan-export: ")
+    assert [path.read_text() for path in full.iterdir()] == ["mine\n"]
+    assert not (tmp_path / "o").exists()
+    with pytest.raises(SystemExit) as ended:
+        export.main([str(tree), "--to", "ada", "-o", str(tmp_path / "o")])
+    assert ended.value.code == 2

@@ -1,0 +1,184 @@
+"""Pushes with known answers, and what turning, mirroring or scaling the scene must not change."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from problems import disc, hexagon, l_shape, place, random_convex, rectangle, regular_polygon, simulator
+from push_paths import joined, paths, random_paths
+
+from planner.mechanics import contacts
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.push import LOST, SLID, STUCK, Paths
+from planner.mechanics.simulator import Parameters, commanded
+
+
+def pushed(outline, made, mu, **options):
+    part = simulator(outline, **options)
+    result = part.push(made, part.nominal(len(made.angles), mu))
+    assert not result.given_up.any()
+    return result
+
+
+def turned(array, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(array) @ np.array([[c, s], [-s, c]])
+
+
+def test_a_push_through_the_centre_carries_the_part_along():
+    made = paths([(-5.0, -11.5), (5.0, -11.5)], shift=(0.0, 20.0))
+    for mu in (0.0, 0.5):
+        result = pushed(rectangle(), made, mu)
+        assert result.moved[0] == pytest.approx([0.0, 19.0, 0.0], abs=1e-6)  # 1 mm to contact
+        assert result.status[0] == STUCK
+
+
+def test_a_disc_slides_off_a_frictionless_finger_along_the_closed_form():
+    """Its centre follows the finger by d(phi)/ds = sin(phi) / R, phi between the push and the line to it."""
+    radius, way = 13.0, 6.0
+    outline = regular_polygon(720, radius)
+    for degrees in (10.0, 30.0, 50.0):
+        phi = math.radians(degrees)
+        start = -radius * np.array([math.cos(phi), math.sin(phi)])
+        result = pushed(outline, paths([start], shift=(way, 0.0)), 0.0)
+        end = 2.0 * math.atan(math.tan(phi / 2.0) * math.exp(way / radius))
+        expected = start + [way, 0.0] + radius * np.array([math.cos(end), math.sin(end)])
+        assert result.moved[0, :2] == pytest.approx(expected, abs=0.05)
+        assert abs(result.moved[0, 2]) < math.radians(0.5)
+        assert result.status[0] == (STUCK if np.hypot(*(expected - [way, 0.0])) < 10.0 else SLID)
+
+
+def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
+    cage = [(-15.0, 3.0), (15.0, -3.0), (4.0, 10.5), (-4.0, -10.5), (-15.0, -3.0), (15.0, 3.0)]
+    result = pushed(rectangle(), paths(cage, angle=1.0), 0.8)
+    assert result.moved[0] == pytest.approx([0.0, 0.0, 1.0], abs=0.02)
+    assert result.status[0] == STUCK
+
+
+@pytest.mark.parametrize("angle", [0.3, -0.3])
+def test_fingers_that_stick_take_the_part_where_they_go(angle):
+    """A centre far to the side: the wrench that it takes lies well within the friction cones."""
+    made = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(math.copysign(90.0, -angle), 0.0), angle=angle)
+    result = pushed(rectangle(), made, 1.0)
+    assert result.moved == pytest.approx(commanded(made), abs=1e-6)
+    assert result.status[0] == STUCK
+
+
+def test_without_friction_nothing_follows_a_turning_pusher():
+    made = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(0.0, 30.0), angle=0.6)
+    result = pushed(rectangle(), made, 0.0)
+    assert result.status[0] != STUCK
+
+
+def test_a_finger_beside_the_part_has_lost_it():
+    made = joined([paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))])
+    result = pushed(rectangle(), made, 0.3)
+    assert result.status.tolist() == [LOST, LOST]
+    assert not result.moved[0].any()
+    assert result.moved[1].any()
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_turned_scenes_end_turned(mu):
+    outline, angle = random_convex(np.random.default_rng(5), 6), 0.7
+    made = random_paths(outline, np.random.default_rng(6), 40)
+    other = Paths(*(turned(values, angle) if values.ndim > 1 else values for values in made))
+    surface = simulator(outline).surface
+    turn = np.eye(3)
+    turn[:2, :2] = turned(np.eye(2), angle).T
+    straight = pushed(outline, made, mu, surface=surface)
+    result = pushed(
+        turned(outline, angle), other, mu, surface=LimitSurface(turn @ surface.A @ turn.T, surface.rho_mm)
+    )
+    assert result.moved[:, :2] == pytest.approx(turned(straight.moved[:, :2], angle), abs=1e-6)
+    assert result.moved[:, 2] == pytest.approx(straight.moved[:, 2], abs=1e-7)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_mirrored_scenes_end_mirrored(mu):
+    """The rectangle is its own mirror image, and so is its limit surface."""
+    made = random_paths(rectangle(), np.random.default_rng(7), 40)
+    flip = np.array([-1.0, 1.0])
+    other = Paths(made.points * flip, made.centres * flip, -made.angles, made.shifts * flip)
+    straight, result = pushed(rectangle(), made, mu), pushed(rectangle(), other, mu)
+    assert result.moved == pytest.approx(straight.moved * [-1.0, 1.0, -1.0], abs=1e-6)
+
+
+def test_larger_scenes_end_alike():
+    made = random_paths(rectangle(), np.random.default_rng(9), 40)
+    larger = Paths(4.0 * made.points, 4.0 * made.centres, made.angles, 4.0 * made.shifts)
+    straight = pushed(rectangle(), made, 0.4, step_mm=0.1)
+    result = pushed(4.0 * rectangle(), larger, 0.4, step_mm=0.4)
+    assert result.moved == pytest.approx(straight.moved * [4.0, 4.0, 1.0], abs=0.02)
+
+
+def test_the_step_matters_little():
+    outline = random_convex(np.random.default_rng(1), 6)
+    made = random_paths(outline, np.random.default_rng(2), 60)
+    coarse, fine = (pushed(outline, made, 0.4, step_mm=step).moved for step in (0.4, 0.02))
+    off = np.hypot(*(coarse - fine)[:, :2].T)
+    assert np.median(off) < 0.1
+    assert np.quantile(off, 0.95) < 0.3
+
+
+@pytest.mark.parametrize("outline", [hexagon(), l_shape(), disc()])
+def test_no_finger_ends_inside_the_part(outline):
+    made = random_paths(outline, np.random.default_rng(4), 60)
+    result = pushed(outline, made, 0.4)
+    for k, pose in enumerate(result.moved):
+        middle = made.centres[k] + made.shifts[k]
+        ends = shapely.points(turned(made.points[k] - made.centres[k], made.angles[k]) + middle)
+        part = shapely.Polygon(place(outline, pose))
+        depths = np.where(shapely.contains(part, ends), shapely.distance(part.exterior, ends), 0.0)
+        assert depths.max() < 0.02
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_finger_in_a_notch_stays_there(mu):
+    """Pushed from within the cone of the notch's two edges: neither lets it pass."""
+    outline = l_shape()
+    notch = outline[3]
+    result = pushed(outline, paths([notch + 0.5], shift=(-9.0, -9.0)), mu)
+    finger = notch + 0.5 - 9.0
+    assert place(outline, result.moved[0])[3] == pytest.approx(finger, abs=0.02)
+    assert result.status[0] != LOST
+
+
+def test_workers_do_not_change_the_result():
+    made = random_paths(hexagon(), np.random.default_rng(12), 600)
+    results = []
+    for workers in (1, 3):
+        part = simulator(hexagon(), workers=workers)
+        results.append(part.push(made, part.sample(600, np.random.default_rng(1))))
+    assert results[0].moved.tobytes() == results[1].moved.tobytes()
+    assert results[0].status.tolist() == results[1].status.tolist()
+
+
+def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
+    rng = np.random.default_rng(11)
+    for _ in range(40):
+        outline = random_convex(rng, 5)
+        part = shapely.Polygon(outline)
+        C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
+        I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+        for point in rng.uniform(-22.0, 22.0, (60, 2)):
+            here = shapely.Point(point)
+            distance = here.distance(part.exterior)
+            if part.contains(here):
+                continue
+            count = contacts.find_points(C, I, outline, np.zeros(3), point[None], 2.0)
+            assert count == (distance <= 2.0)
+            if count:
+                assert C[0, contacts.GAP] == pytest.approx(distance)
+                touched = C[0, [contacts.RX, contacts.RY]]
+                assert shapely.Point(touched).distance(part.exterior) < 1e-9
+                assert touched - point == pytest.approx(distance * C[0, [contacts.NX, contacts.NY]], abs=1e-9)
+
+
+def test_each_push_takes_its_own_mechanics():
+    made = joined([paths([(6.0, -10.5)], shift=(0.0, 10.0))] * 2)
+    part = simulator(rectangle())
+    surfaces = np.stack([np.diag([1.0, 1.0, 0.2]), np.diag([1.0, 1.0, 3.0])])
+    result = part.push(made, Parameters(surfaces, np.full((2, 2), 0.3)))
+    assert result.moved[0, 2] < 0.5 * result.moved[1, 2]
