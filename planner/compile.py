@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from copy import deepcopy
@@ -199,7 +198,7 @@ class _Planning:
     def finished(self, planned: _Planned, judge: Judge) -> tuple[Table, int]:
         """All else that trials decide: the table, and how many branches were cut off."""
         table, runs = self._marked(planned.table, planned.evaluation, planned.attempt)
-        if self.job.goal.wrong_ppm is not None:
+        if self.job.goal.wrong_ppm is not None and planned.cut is None:
             table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
         return _pruned(self.job, self.root, table, runs, planned.cut)
 
@@ -387,21 +386,19 @@ def _stated(
 ) -> Plan:  # fmt: skip
     """Puts figures in, of trials that had no part in any decision.
 
-    A table must not call a leaf resolved that its own figures refute. Where they do, it is marked, and other
-    trials give the figures: so often until they refute nothing.
+    A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
+    failures in these very figures. Other trials would be chosen for not refuting it.
     """
     others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
-    for seed in itertools.count(job.seed + SEED_FIGURES):
-        evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
-        stated, evaluation = with_figures(table, evaluation, others, job)
-        if [leaf.resolved for leaf in stated.leaves] == [leaf.resolved for leaf in table.leaves]:
-            break
-        table = stated
+    seed = job.seed + SEED_FIGURES
+    evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
+    table, evaluation = with_figures(table, evaluation, others, job)
     wrong, limit = None, job.goal.wrong_ppm
     if limit is not None:
-        wrong = rare.studied(stated, job, limit, job.seed + SEED_RARE, work, say).found
+        most = rare.CUT_PARTS if cut else rare.MOST_PARTS
+        wrong = rare.studied(table, job, limit, job.seed + SEED_RARE, work, say, most).found
     cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
-    return Plan(predicting(stated, evaluation), root, evaluation, untried, seed, wrong, cut)
+    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
 def _no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:

@@ -20,6 +20,7 @@ from planner.world import ContactWorlds
 from runtime.table import Table
 
 MOST_PARTS = 2_000_000  # of a study: without a wrong answer among them the bound is about 4 ppm
+CUT_PARTS = 20_000  # of that of a plan whose search was cut short
 FIRST = 2  # chunks before the first look
 AIM = 0.5  # of the limit: what the leaves left alone may come to, so that a bound on it is below the limit
 
@@ -47,8 +48,11 @@ class Case:
         return {leaf: self.wrong.poses[self.wrong.leaf == leaf] for leaf in named}
 
 
-def studied(table: Table, job: Job, limit: float, seed: int, scheduler: Scheduler, report: Report) -> Case:
-    """Studies a table in its job's world until it is shown to be below a limit or above it, or `MOST_PARTS`.
+def studied(
+    table: Table, job: Job, limit: float, seed: int, scheduler: Scheduler, report: Report,
+    most: int | None = None,
+) -> Case:  # fmt: skip
+    """Studies a table in its job's own world until it is shown to be below a limit, or above it.
 
     Args:
         table: the table.
@@ -57,10 +61,11 @@ def studied(table: Table, job: Job, limit: float, seed: int, scheduler: Schedule
         seed: of all randomness; `plan-evaluate --ppm --seed` follows the same parts.
         scheduler: who runs the chunks; the result does not depend on it.
         report: told about progress.
+        most: parts after which it ends in any case, `MOST_PARTS` if None.
     """
     worlds = ContactWorlds.of_job(job, seed)
     study = Study(Program.of(table), job, worlds, seed, copies_of(table), NONE)
-    sums, told, done, chunks = Sums.none(len(table.leaves)), list[Wrong](), 0, MOST_PARTS // CHUNK
+    sums, told, done, chunks = Sums.none(len(table.leaves)), list[Wrong](), 0, (most or MOST_PARTS) // CHUNK
     while done < chunks and not (done and Findings.of(sums).decided(limit)):
         batch = range(done, min(max(FIRST, 2 * done), chunks))
         for more, wrong in scheduler.map(study.looked_into, batch):
