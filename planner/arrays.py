@@ -1,7 +1,5 @@
 """The array types that annotations use; shapes stand in the docstrings."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

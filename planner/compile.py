@@ -1,7 +1,5 @@
 """From a job to a decision table: the whole planner on one screen."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

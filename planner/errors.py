@@ -15,8 +15,6 @@
 The number is the exit code of every `plan-*` command. A message is one line: where, what, what to do.
 """
 
-from __future__ import annotations
-
 from typing import Self
 
 

@@ -1,7 +1,5 @@
 """Poses between the hand frame and the world (hand frame: jaws close along y, fingers lie along x)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array

@@ -4,8 +4,6 @@ Numba does not notice a change in the files of the functions that a cached one c
 named after the content of all kernels and numba's version.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable

@@ -6,8 +6,6 @@ pose: it grows with progress, and that pose is the right prediction. Where the g
 is the share within the goal of any of them.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ smallest number of clusters within which widths scatter little enough; then
 - what an empty hand reads (the part slipped out or was never touched) is always a cluster of its own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

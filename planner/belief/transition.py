@@ -4,8 +4,6 @@ The reference motion model is direct simulation of every particle, each with its
 encoder noise. Many beliefs and actions are rolled out in one batch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeAlias

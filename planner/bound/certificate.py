@@ -1,7 +1,5 @@
 """A certificate: how many squeezes any plan takes that is as good as this one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ others cut in two until e is a hundredth of the goal.
 Lengths are in units of the goal, so that it is 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array, IntArray

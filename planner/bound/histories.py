@@ -5,8 +5,6 @@ these. Parts with the same placements and readings so far share a history; a pla
 placement, or of a pose to claim, for each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 

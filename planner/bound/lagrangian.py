@@ -10,8 +10,6 @@ inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 
 says how far the sample may flatter that one plan; the prices may be chosen afterwards.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The placements that a certificate covers: what a plan of the job may choose from, and the plan's own."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

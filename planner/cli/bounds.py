@@ -1,7 +1,5 @@
 """--bound: the certificate that plan-compile and plan-report show."""
 
-from __future__ import annotations
-
 import argparse
 
 from planner.bound.certificate import MOST_PARTS, PARTS, Certificate, certify

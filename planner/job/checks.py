@@ -1,7 +1,5 @@
 """Checks of a job that concern more than one value, or a value's geometry."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

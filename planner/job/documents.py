@@ -1,7 +1,5 @@
 """The text of a job as nested tables: TOML as people write it, JSON as tables carry it."""
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """A new part's job file: an outline and a few answers become commented TOML that compiles as it stands."""
 
-from __future__ import annotations
-
 import json
 from typing import NamedTuple
 

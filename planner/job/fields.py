@@ -4,8 +4,6 @@ A field knows its type, range and default; `read_section` turns one TOML table i
 a field say what is wrong with the value; who reads it adds the place.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Values of a job stated on the command line: `uncertainty.radius_mm=15`."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable

@@ -3,8 +3,6 @@
 The 2F-85's figures are those of the rest of the project; the others are near what the maker announces.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -1,7 +1,5 @@
 """The sections of a job: what each key means, and its type, range and default, in one place."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints

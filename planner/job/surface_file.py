@@ -10,8 +10,6 @@
 A job takes it by `kind = "identified"` and `surface_file`, or inline, as a job in canonical form always does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

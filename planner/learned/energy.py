@@ -7,8 +7,6 @@ Poses are compared as points (x, y, r cos n theta, r sin n theta), r = rho / n: 
 paper's normalised pose (V.A), without a seam where the angle wraps under the rotational order n.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations, product
 from typing import NamedTuple

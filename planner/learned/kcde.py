@@ -8,8 +8,6 @@ largest. Beyond the paper, only parts that are touched (`planner.mechanics.clear
 roll-out counts twice where a hand turned by half a turn closes alike (not in paper mode).
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple, Self

@@ -6,8 +6,6 @@ the one friction and limit surface it happened to have. So a roll-out serves one
 others that draw it are simulated.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

@@ -4,8 +4,6 @@ Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinat
 rotational order. Cells are stored with the angle fastest, so that a search scans a few rows.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

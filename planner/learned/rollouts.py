@@ -6,8 +6,6 @@ on nothing but the squeeze and its place, which name it in the store and seed it
 region or more roll-outs are more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math

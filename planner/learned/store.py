@@ -5,8 +5,6 @@ what a power cut left behind is never used. Several processes may share a folder
 content.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Fingers and a part that does not move yet: do they overlap, how far may they close, do they touch."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray

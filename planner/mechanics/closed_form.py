@@ -6,8 +6,6 @@ a linear system of order one to three, a solution of eqs 3-5 where its forces an
 Two contacts that both stick have one condition too many and are covered by their neighbours.
 """
 
-from __future__ import annotations
-
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT

@@ -22,8 +22,6 @@ Contacts live in two plain arrays, one row a contact:
     I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1, -1), KIND, SIDE (sign of the finger end's x), VERTEX.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array, IntArray

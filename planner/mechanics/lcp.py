@@ -6,8 +6,6 @@ The contact matrices are copositive, so a ray means that no solution exists: the
 Ties in the ratio test are broken lexicographically: flush grasps, which are degenerate, do not cycle.
 """
 
-from __future__ import annotations
-
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 

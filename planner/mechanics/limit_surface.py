@@ -10,8 +10,6 @@ would describe the same mechanics. The ellipsoid is H(F) = F^T A F with H = 1 on
 s > 0.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

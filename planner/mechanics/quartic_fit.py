@@ -6,8 +6,6 @@ semidefinite Q that belong to a quartic. Wrench coordinates in which the fitted 
 keep the numbers of one size. CVXPY takes a second to import, so it is imported where the program is built.
 """
 
-from __future__ import annotations
-
 import warnings
 from functools import lru_cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Squeezes and pushes by the thousand, on all cores; the number of workers does not change the result."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections import deque

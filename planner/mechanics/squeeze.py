@@ -5,8 +5,6 @@ Where the LCP has no solution the part is held (paper, IV): *grasped* where no m
 the fingers close further, *jammed* where friction alone prevents it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array, IntArray

@@ -13,8 +13,6 @@ where V is a displacement and u the finger's; the gap in eq. 3 closes contacts w
 drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f_y, tau / rho).
 """
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

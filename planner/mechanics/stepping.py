@@ -5,8 +5,6 @@ an awaited contact touches or a pressed one leaves its feature, and is refused w
 finger. Only the vertices near the fingers are followed from step to step.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np

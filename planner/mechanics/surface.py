@@ -1,7 +1,5 @@
 """Either limit surface, ellipsoid or convex quartic, in the form that the kernels take."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

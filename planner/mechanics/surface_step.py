@@ -5,8 +5,6 @@ at the wrench before, until the wrench's direction stands still: a fixed point o
 "solving a sequence of LCP problems").
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.arrays import Array, IntArray

@@ -1,7 +1,5 @@
 """What the theory without sensors achieves: Goldberg's squeeze plan in the worlds that ours are judged in."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any, NamedTuple
 

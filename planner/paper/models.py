@@ -1,7 +1,5 @@
 """The learned models as the paper prints them (V), all from one set of roll-outs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 

@@ -10,8 +10,6 @@ A breadth-first search over sequences of actions, blind to what the squeezes wou
   (`COLLIDING_SHARE`).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

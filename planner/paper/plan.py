@@ -1,7 +1,5 @@
 """A job planned by the paper's method: roll-outs, learned models, and Algorithm 1."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -5,8 +5,6 @@ are kept as the final poses of roll-outs, and a particle moves to the nearest of
 has all three dimensions, so nothing is moved there.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Self

@@ -4,8 +4,6 @@ Unlike in the default method the action is the first of the best open-loop seque
 singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections import deque
 from collections.abc import Callable

@@ -4,8 +4,6 @@ The average of a belief of two modes lies between them, so its ratio is near 0 w
 `planner.belief.metric` has the mode ratio that the default method uses instead.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ tell apart are merged, and `Subspaces.notes` says so. Free space, where the jaws
 the first.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -5,8 +5,6 @@ the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the 
 two fixed vertices touch: maxima lie within such an arc and minima at its ends.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

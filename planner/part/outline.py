@@ -3,8 +3,6 @@
 Arrays of vertices have shape (N, 2); the closing edge runs from the last vertex to the first.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NamedTuple, TypeAlias

@@ -4,8 +4,6 @@ Everything is in the part's frame, whose origin is the outline's centroid. The c
 there: then forces and torques are coupled in the limit surface.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

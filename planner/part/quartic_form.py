@@ -6,8 +6,6 @@
 A 9 x 9 matrix Q belongs to some quartic on 24 of its 45 dimensions, and 9 of those do not show in y^T Q y.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """The rotational symmetry of an outline: which turns of the part nobody can tell apart."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

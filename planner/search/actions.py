@@ -1,7 +1,5 @@
 """The actions: where the open hand may be placed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ whole tree is grown hastily first, in a fraction of the time, and the careful on
 whole and turns out better.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

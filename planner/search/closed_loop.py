@@ -13,8 +13,6 @@ search of the same depth. Actions are widened progressively: all of them are squ
 with few particles at first), and only the most promising are followed further.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import attrgetter

@@ -4,8 +4,6 @@ None of this changes where a squeeze ends in the hand frame: from any opening th
 the same place, and quasi-static contact does not depend on their force.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

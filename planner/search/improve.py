@@ -4,8 +4,6 @@ A look-ahead of two squeezes estimates what comes after them. Here the alternati
 parts pass are grown to the end by the same search, and the cheapest subtree stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

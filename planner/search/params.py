@@ -1,7 +1,5 @@
 """What the search is to reach, and the numbers that trade planning time for the quality of the plan."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ opposite end. Placements are therefore computed from a node's own belief, too: t
 part's stable sides, shifted along the fingers so that they cover all of it or only one end.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

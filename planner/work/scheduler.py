@@ -3,8 +3,6 @@
 Work is cut into items that carry all they depend on: results are the same bytes on any number of workers.
 """
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """From shapes to contours: strokes joined, copies and holes told apart, one contour chosen."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

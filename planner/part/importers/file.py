@@ -1,7 +1,5 @@
 """Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """STL solids, by trimesh: the cross-section at one height, where the fingers close on the part."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

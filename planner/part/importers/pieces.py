@@ -1,7 +1,5 @@
 """What a drawing holds before it is a contour: closed rings and open strokes, in mm."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 The file is parsed by defusedxml, which refuses entities. The picture's y axis points down, the part's up.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from functools import partial

@@ -1,7 +1,5 @@
 """CSV outlines: one vertex a line, two columns; a header such as `x_mm,y_mm` names their unit."""
 
-from __future__ import annotations
-
 import math
 import re
 

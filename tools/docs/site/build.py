@@ -1,7 +1,5 @@
 """Builds the documentation with warnings as errors, and follows every link in it. See tools/site."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """What the pages of a built site lead to, and whether it is there."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from html.parser import HTMLParser
