@@ -19,7 +19,7 @@ RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 SEARCH = "\n[search]\nparticles = 4000\nsearch_particles = 100\n"
 WAITING = """
 import sys, time
-import planner.compile
+import planner.planning
 from planner.cli import compile
 
 def improve(root, growth, seed, progress, out_of_time):
@@ -27,7 +27,7 @@ def improve(root, growth, seed, progress, out_of_time):
     while not out_of_time():
         time.sleep(0.01)
 
-planner.compile.improve = improve
+planner.planning.improve = improve
 sys.exit(compile.main(sys.argv[1:]))
 """
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner import compile as planning
+from planner import planning as course
 from planner.cli import compile as compile_
 from planner.cli import evaluate as evaluate_
 from planner.evaluation import ppm, rare, stress
@@ -42,7 +43,13 @@ def seeds(monkeypatch):
 
         return recorded
 
-    taken = [(planning, "evaluate", 4), (stress, "evaluate", 4), (stress, "sweep", 5), (rare, "Study", 3)]
+    taken = [
+        (planning, "evaluate", 4),
+        (course, "evaluate", 4),
+        (stress, "evaluate", 4),
+        (stress, "sweep", 5),
+        (rare, "Study", 3),
+    ]
     for module, name, position in taken:
         monkeypatch.setattr(module, name, recording(getattr(module, name), position))
     return used
