@@ -12,6 +12,8 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # The tests have other work for every core; threads of linear algebra would wait for one another, spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Nor does a process that is forked have OpenCV's threads: it would wait for them for ever.
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 # Commands are tested as users start them: with it, nothing is ever left over that could be lost at the end.
 os.environ.pop("PYTHONUNBUFFERED", None)
 
