@@ -2,8 +2,11 @@
 
 import os
 import signal
+from collections.abc import Iterator
 
 import pytest
+
+from runtime.shell.interrupts import SIGNALS
 
 # A shell without job control ignores Ctrl-C in what it starts with `&`, and nohup ignores SIGHUP; processes
 # hand that down. The tests send both to themselves and to the commands they start.
@@ -16,6 +19,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 # Commands are tested as users start them: with it, nothing is ever left over that could be lost at the end.
 os.environ.pop("PYTHONUNBUFFERED", None)
+
+
+@pytest.fixture(autouse=True)
+def _handlers() -> Iterator[None]:
+    """A command that is its process's last leaves the signals ignored; the next test needs them."""
+    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -4,7 +4,6 @@ import contextlib
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,15 +12,6 @@ from runtime.shell import interrupts
 from runtime.shell.interrupts import SIGNALS, StopRequests, stoppable, whole
 
 WAIT_S = 30.0
-
-
-@pytest.fixture(autouse=True)
-def _handlers() -> Iterator[None]:
-    """A command that believes to be its process's last leaves the signals ignored."""
-    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def ask(number: signal.Signals = signal.SIGINT) -> None:
