@@ -22,6 +22,7 @@ SAME = {
     "widths_um": "calibration",
     "on_reject": "--on-reject",
     "on_unresolved": "--on-unresolved",
+    "delivery": "--deliver",
 }
 
 

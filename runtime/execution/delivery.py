@@ -35,6 +35,16 @@ class Delivery:
     # x min, y min, x max, y max of the hand while it carries, um; None for the work area
     area_um: tuple[int, int, int, int] | None = None
 
+    def told(self) -> dict[str, object]:
+        """As a journal's header keeps it; no upper limit of a width is None."""
+        low, high = self.width_mm
+        return {
+            "drop": list(self.drop),
+            "grasp": list(self.grasp),
+            "width_mm": [low, high if math.isfinite(high) else None],
+            "area_um": None if self.area_um is None else list(self.area_um),
+        }
+
 
 def from_text(text: str) -> Delivery:
     """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.

@@ -11,6 +11,7 @@ from written_journals import Quiet, write_run
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
 from runtime.execution import crash
+from runtime.execution.delivery import from_text
 from runtime.journal.chain import Journal, records, verify
 from runtime.table import dumps
 
@@ -74,6 +75,7 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> 
         ({"widths_um": [1, 2]}, "calibration"),
         ({"on_reject": "stop"}, "--on-reject"),
         ({"on_unresolved": "stop"}, "--on-unresolved"),
+        ({"delivery": from_text("50,0,90").told()}, "--deliver"),
     ],
 )
 def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, what: str) -> None:

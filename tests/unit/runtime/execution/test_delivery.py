@@ -1,5 +1,6 @@
 """Where a part goes: read from text, file or job, or refused with the key that is wrong."""
 
+import json
 from math import inf, nan, pi
 from pathlib import Path
 
@@ -21,6 +22,12 @@ area_mm = [-60, -60, 90, 60]
 
 def test_three_numbers_are_a_drop_off() -> None:
     assert from_text("50,-10,90") == Delivery(drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf))
+
+
+@pytest.mark.parametrize("text", ["50,-10,90", "-1e2,0.1,-179.9"])
+def test_what_the_journal_keeps_stays_equal_on_the_disk(text: str) -> None:
+    told = from_text(text).told()
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
 
 
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
