@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from random import Random
 
+LONGEST = 1 << 20  # bytes that a repeated line comes to
 # Numbers and words that a file of text may hold where it should hold something else.
 ODD = (
     "-1", "0", "nan", "inf", "-inf", "1e400", "1e308", "1e-320", "9" * 25, "9" * 5000, "0x10", "1_000",
@@ -39,7 +40,7 @@ def text(data: bytes, random: Random) -> bytes:
             at, to = random.randrange(len(lines)), random.randrange(len(lines))
             line = lines.pop(at)
             if action == 7:
-                lines[to:to] = [line] * random.choice((1, 2, 500))
+                lines[to:to] = [line] * min(random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line)))
             data = b"".join(lines)
         else:
             data = damaged(data, random)
