@@ -1,32 +1,46 @@
-"""Grippers and finger materials to begin a job with: starting values, to be measured in the cell.
-
-The 2F-85's figures are those of the rest of the project; the others are near what the maker announces.
-"""
+"""Grippers and finger materials to begin a job with: starting values, to be measured in the cell."""
 
 from typing import NamedTuple
 
+from runtime.table import PROFILES, Profile
+
 
 class GripperPreset(NamedTuple):
-    """A gripper as it comes."""
+    """A gripper as it comes; what its settings mean is in its profile."""
 
-    model: str  # its name
+    profile: Profile
     finger_length_mm: float  # extent of a fingertip across the closing direction
     finger_width_mm: float  # along it
-    opening_mm: float  # stroke
-    count_open: int  # encoder reading, jaws open
-    count_closed: int  # encoder reading, jaws closed on nothing
     speed_mm_s: float  # closing speed to begin with, moderate
     force_n: float  # grip force to begin with, low
-    max_force_n: float  # what it can
-    max_speed_mm_s: float  # what it can
+
+    @property
+    def model(self) -> str:
+        """Its name."""
+        return self.profile.model
+
+    @property
+    def opening_mm(self) -> float:
+        """Stroke."""
+        return self.profile.opening_um / 1000
+
+    @property
+    def max_force_n(self) -> float:
+        """What it can."""
+        return self.profile.force_mn[1] / 1000
+
+    @property
+    def max_speed_mm_s(self) -> float:
+        """What it can."""
+        return self.profile.speed_um_s[1] / 1000
 
 
 GRIPPERS = {
     preset.model: preset
     for preset in (
-        GripperPreset("robotiq-2f-85", 27.5, 9.5, 85.0, 3, 230, 60.0, 40.0, 235.0, 150.0),
-        GripperPreset("robotiq-2f-140", 27.0, 13.5, 140.0, 3, 230, 80.0, 40.0, 125.0, 250.0),
-        GripperPreset("hand-e", 22.0, 10.0, 50.0, 0, 255, 50.0, 40.0, 185.0, 150.0),
+        GripperPreset(PROFILES["robotiq-2f-85"], 27.5, 9.5, 60.0, 40.0),
+        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0),
+        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0),
     )
 }
 

@@ -23,11 +23,11 @@ from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
-from runtime.table import Calibration, GripperSpec
+from runtime.table import PROFILES, Calibration, GripperSpec
 
 Measured = dict[str, Any]
-DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
-LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
+DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
+DEFAULT_MODEL = "robotiq-2f-85"
 OF_THE_AUDIT = {
     "camera": "lens and place of the audit's camera, from pictures of a board",
     "tag": "where a tag is on its part",
@@ -73,12 +73,8 @@ def parser() -> Parser:
     add("--port", required=True, help="the gripper, as for grasp-runtime")
     add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
-    add(
-        "--blocks",
-        default=DEFAULT_BLOCKS,
-        metavar="MM,...",
-        help=f"widths of the blocks (default: {DEFAULT_BLOCKS})",
-    )
+    add("--model", choices=PROFILES, default=DEFAULT_MODEL, help=f"its kind (default: {DEFAULT_MODEL})")
+    add("--blocks", metavar="MM,...", help=f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})")
     add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)")
     add("--tips", metavar="LINK,OFFSET", help="the tips' arc in mm, kept in the file for grasp-runtime")
     add("--current", metavar="LEAST,MOST", help="motor current at rest on a part in mA, kept in the file")
@@ -104,11 +100,12 @@ def run(
     """
     ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     widths_mm, tips, current = _checked(arguments)
+    linear = PROFILES[arguments.model].spec
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
         with closing(gripper), fingers_stop(gripper):
             state = gripper.state()
-            if state.activated and (holds := held.look(state, Calibration.linear(LINEAR))):
+            if state.activated and (holds := held.look(state, Calibration.linear(linear))):
                 ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
             if arguments.activate and needs_activation(state):
                 ask("The fingers will open and close fully: clear the space between them and press Enter.")
@@ -120,9 +117,9 @@ def run(
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(made, arguments.output)
     if arguments.json:
-        say(json.dumps({"output": str(arguments.output), **figures(made)}))
+        say(json.dumps({"output": str(arguments.output), **figures(made, linear)}))
         return 0
-    for line in report(figures(made)):
+    for line in report(figures(made, linear)):
         say(line)
     say(f"written to {arguments.output}")
     return 0
@@ -140,9 +137,9 @@ def report(told: Measured) -> Iterator[str]:
         yield f"{line}  {block['off_linear_mm']:+.3f} mm"
 
 
-def figures(made: GripperCalibration) -> Measured:
-    """The measurement in plain types."""
-    linear = calibration.against_linear_mm(made, LINEAR)
+def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
+    """The measurement in plain types, beside the model's linear map."""
+    linear = calibration.against_linear_mm(made, nominal)
     left_out = [None, *calibration.residuals_mm(made)]
     blocks = [
         {
@@ -166,11 +163,12 @@ def _checked(
     arguments: argparse.Namespace,
 ) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
     """Blocks in rising order, tips and current; looked at before anybody holds a block."""
-    widths_mm = sorted(_numbers("--blocks", arguments.blocks))
+    named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
+    widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
         raise ArgumentsError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise ArgumentsError(f"--blocks {arguments.blocks!r}: name at least {LEAST_BLOCKS}, each once")
+        raise ArgumentsError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
     try:
         usable(arguments.output)
     except OutputError as error:
@@ -183,6 +181,11 @@ def _checked(
         least, most = _numbers("--current", arguments.current, 2)
         current = (round(least), round(most))
     return widths_mm, tips, current
+
+
+def _blocks(model: str) -> str:
+    """The usual blocks that fit between the fingers."""
+    return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < PROFILES[model].opening_um)
 
 
 def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:

@@ -8,12 +8,12 @@ from itertools import chain
 from pathlib import Path
 
 from runtime.devices.clock import date
-from runtime.errors import JournalError
-from runtime.journal import export
+from runtime.errors import ArgumentsError, JournalError
+from runtime.journal import export, recording
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Entry, Replay
 from runtime.shell.command import Parser, natural, run
-from runtime.shell.files import usable, words_of
+from runtime.shell.files import STDOUT, usable, words_of
 from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
@@ -27,8 +27,10 @@ examples:
   grasp-journal verify squeezetree-journal.jsonl
   grasp-journal replay squeezetree-journal.jsonl
   grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
+  grasp-journal export squeezetree-journal.jsonl --to mcap -o run.mcap
 
 {EXIT_CODES}"""
+FORMATS = ("csv", "parquet", "mcap")
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", "widths_um"})
 
@@ -57,11 +59,16 @@ def parser() -> Parser:
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
-    exported = _subcommand(subcommands, "export", _export, "one row a squeeze, as CSV or Parquet")
+    exported = _subcommand(
+        subcommands, "export", _export, "one row a squeeze as CSV or Parquet, or all as MCAP"
+    )
     exported.add_argument(
         "-o", "--output", type=Path, required=True, metavar="F",
-        help="file.csv or file.parquet; - for CSV on standard output",
+        help="file.csv, file.parquet or file.mcap; - for standard output",
     )  # fmt: skip
+    exported.add_argument(
+        "--to", choices=FORMATS, help="the form (default: as the file's name ends, else csv)"
+    )
     return built
 
 
@@ -127,7 +134,14 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.journal, stdout=True)
-    rows = export.write_rows(export.rows(_entries(arguments.journal)), output, "--output")
+    entries = _entries(arguments.journal)
+    form = arguments.to or output.suffix.removeprefix(".")
+    if arguments.to and (output.suffix != f".{form}" if output not in STDOUT else form == "parquet"):
+        raise ArgumentsError(f"--output {output}: --to {form} writes to a file that ends in .{form}")
+    if form == "mcap":
+        rows = recording.write(entries, output, arguments.journal, date)
+    else:
+        rows = export.write_rows(export.rows(entries), output, "--output")
     told = json.dumps({"rows": rows, "output": str(output)})
     print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0

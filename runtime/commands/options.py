@@ -15,10 +15,8 @@ from runtime.execution.hand import Handling
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
-from runtime.table import Table, job_of
+from runtime.table import Table, job_of, profile_of
 from runtime.traversal.decision import Policy
-
-ARC_MODELS = ("2f-85", "c-85")
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
@@ -120,5 +118,13 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
         return None
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)
-    known = any(model in table.gripper.model.lower() for model in ARC_MODELS)
-    return TipArc(taught_mm=taught_mm) if known or arguments.tips == "arc" else None
+    model = table.gripper.model
+    match profile_of(model).arc_mm:
+        case link_mm, offset_mm:
+            return TipArc(link_mm, offset_mm, taught_mm)
+        case (link_mm,):
+            raise ArgumentsError(
+                f"the tips of a {model} move on an arc whose offset has to be measured: write --tips "
+                f"{link_mm:g},OFFSET in mm (tools/docs/grippers.md), or --tips straight for tips that do not"
+            )
+    return TipArc(taught_mm=taught_mm) if arguments.tips == "arc" else None

@@ -5,7 +5,7 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.table import Table
+from runtime.table import Table, profile_of
 from runtime.traversal.geometry import placement
 
 
@@ -19,7 +19,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
     handling = options.handling
-    calibration = handling.widths(table)
+    calibration, profile = handling.widths(table), profile_of(table.gripper.model)
     seen, pose = gripper.state(), arm.pose()
     width_mm = calibration.width_um(seen.position_counts) / 1000
     activity = "active" if seen.activated else "NOT ACTIVE"
@@ -34,10 +34,10 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         x_mm, y_mm, angle_rad = placement(node.squeeze)
         for height_mm in heights:
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
-        regulated = strokes.is_regulated(node.squeeze, wanted=handling.regulated)
+        regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         open_mm = node.squeeze.opening_um / 1000
-        plan_of_jaws = strokes.closing(node, calibration, handling.arc, open_mm, regulated=regulated)
-        forces = strokes.raising(node.squeeze) if regulated else []
+        plan_of_jaws = strokes.closing(node, profile, calibration, handling.arc, open_mm, regulated=regulated)
+        forces = strokes.raising(node.squeeze, profile) if regulated else []
         requests = [f"{s.request_counts}/{s.speed_counts}/{s.force_counts}" for s in plan_of_jaws]
         requests += [f"{plan_of_jaws[-1].request_counts}/{strokes.GENTLE_SPEED}/{force}" for force in forces]
         told.append(

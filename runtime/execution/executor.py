@@ -12,7 +12,7 @@ from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
 from runtime.devices.audit import AuditProcess, answer_of
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
-from runtime.execution import recovery, safety, strokes
+from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Phase, Watcher, ignore_phase
@@ -22,7 +22,7 @@ from runtime.execution.safe_state import reach_safe_state
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
-from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose
+from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose, profile_of
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.geometry import placement
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -212,7 +212,7 @@ class Executor:
         path_um = hypot(x_max - x_min, y_max - y_min)
         path_um += tau * 1000 * TURN_RADIUS_MM
         path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        speed_um_s = min(squeeze.speed_um_s, strokes.SLOWEST_UM_S)
+        speed_um_s = min(squeeze.speed_um_s, profile_of(self._table.gripper.model).speed_um_s[0])
         return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / speed_um_s
 
     def _end(

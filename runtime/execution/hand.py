@@ -23,7 +23,7 @@ from runtime.execution.reading import (
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Limits, Node, Squeeze, Table
+from runtime.table import Calibration, Limits, Node, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import same_turns
 
@@ -92,6 +92,7 @@ class Hand:
         self.gripper, self.arm = gripper, arm
         self.limits = table.limits
         self.calibration = handling.widths(table)
+        self._profile = profile_of(table.gripper.model)
         self.arm_known = True
         self._clock = clock
         self._handling = handling
@@ -177,7 +178,8 @@ class Hand:
     def open(self, squeeze: Squeeze) -> None:
         """Open the jaws as wide as the squeeze wants them; the collision proof counts on it."""
         request = strokes.opening_counts(squeeze.opening_um, self.calibration)
-        speed, force = strokes.speed_counts(squeeze.speed_um_s), strokes.force_counts(squeeze.force_mn)
+        speed = self._profile.speed_counts(squeeze.speed_um_s)
+        force = self._profile.force_counts(squeeze.force_mn)
         settled = safety.stroke(self.gripper, request, speed, force)
         check_opened(settled, request, self.calibration)
         self._open_mm = self.width_mm(settled.position_counts)
@@ -200,9 +202,11 @@ class Hand:
         Raises:
             GripperStateError: the gripper is not ready, or a reading cannot be trusted.
         """
-        handling = self._handling
-        regulated = strokes.is_regulated(node.squeeze, wanted=handling.regulated)
-        plan = strokes.closing(node, self.calibration, handling.arc, self._open_mm, regulated=regulated)
+        handling, profile = self._handling, self._profile
+        regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
+        plan = strokes.closing(
+            node, profile, self.calibration, handling.arc, self._open_mm, regulated=regulated
+        )
         for stroke in plan[:-1]:
             self._level(stroke.advance_mm)
             if not check_passed(self._stroke(stroke), stroke.request_counts, self.calibration):
@@ -218,7 +222,7 @@ class Hand:
 
     def _raise_force(self, stroke: Stroke, squeeze: Squeeze, reading: Settled) -> Settled:
         limit_ma = self._handling.grip_current_ma
-        for force in strokes.raising(squeeze):
+        for force in strokes.raising(squeeze, self._profile):
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
             reading = self._stroke(stroke._replace(force_counts=force))

@@ -4,8 +4,7 @@ from math import hypot, isfinite, remainder, tau
 
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
-from runtime.execution.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
-from runtime.table import Limits, Table
+from runtime.table import Limits, Table, profile_of
 from runtime.traversal.geometry import MOST_TURNS
 
 # Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
@@ -22,17 +21,20 @@ def check_table(table: Table) -> None:
     Raises:
         TableError: naming the first node whose speed or force lies outside the gripper's range.
     """
+    profile = profile_of(table.gripper.model)
+    slowest, fastest = profile.speed_um_s
+    weakest, strongest = profile.force_mn
     for index, node in enumerate(table.nodes):
         speed, force = node.squeeze.speed_um_s, node.squeeze.force_mn
-        if not SLOWEST_UM_S <= speed <= FASTEST_UM_S:
+        if not slowest <= speed <= fastest:
             raise TableError(
                 f"node {index} closes at {speed / 1000:g} mm/s; the gripper does "
-                f"{SLOWEST_UM_S / 1000:g}..{FASTEST_UM_S / 1000:g}, change gripper.speed_mm_s and recompile"
+                f"{slowest / 1000:g}..{fastest / 1000:g}, change gripper.speed_mm_s and recompile"
             )
-        if not WEAKEST_MN <= force <= STRONGEST_MN:
+        if not weakest <= force <= strongest:
             raise TableError(
                 f"node {index} squeezes with {force / 1000:g} N; the gripper does "
-                f"{WEAKEST_MN / 1000:g}..{STRONGEST_MN / 1000:g}, change gripper.force_n and recompile"
+                f"{weakest / 1000:g}..{strongest / 1000:g}, change gripper.force_n and recompile"
             )
 
 

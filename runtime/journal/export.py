@@ -45,7 +45,7 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     for entry in entries:
         kind = entry["kind"]
         if kind == "squeeze":
-            told = {name: _value(source, entry.get(source)) for name, source in SQUEEZE.items()}
+            told = {name: scaled(source, entry.get(source)) for name, source in SQUEEZE.items()}
             part.append({"run": run, "table_sha256": table, **told, **dict.fromkeys(PART)})
         elif kind in ("header", "part", "outcome"):
             ended = {name: entry.get(source) for name, source in PART.items()} if kind == "outcome" else {}
@@ -113,6 +113,7 @@ def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kin
     return len(listed)
 
 
-def _value(source: str, value: object) -> object:
+def scaled(source: str, value: object) -> object:
+    """A record's value in mm or rad, where its name says that it is in um or urad."""
     scale = SCALES.get(source.rpartition("_")[2])
     return value / scale if scale is not None and isinstance(value, int) else value

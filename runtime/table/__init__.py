@@ -28,6 +28,7 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
+from runtime.table.grippers import PROFILES, Profile, profile_of
 from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map
 from runtime.table.model import (
     HELD_UM,
@@ -46,12 +47,12 @@ from runtime.table.model import (
 )
 from runtime.table.proof import job_of, prove, refuted, wilson_interval
 
-__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "REJECT", "UNDETECTED_UM"]
-__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction"]
+__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
+__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction", "Profile"]
 __all__ += ["Branch", "Leaf", "Node", "Squeeze", "Table", "TableError", "TableFile", "TableFileError"]
 __all__ += ["by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load", "loads", "misfits"]
 __all__ += ["distance", "error_mm", "meets", "poses_of", "predicted_pose", "residual", "threshold"]
-__all__ += ["refuted", "wilson_interval"]
+__all__ += ["profile_of", "refuted", "wilson_interval"]
 
 
 class TableFile(NamedTuple):

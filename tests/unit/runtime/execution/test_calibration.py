@@ -14,7 +14,7 @@ from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import ArgumentsError, CalibrationError, GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
-from runtime.table import Calibration
+from runtime.table import PROFILES, Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
 LINK_MM, OFFSET_MM = 57.15, 5.0
@@ -185,7 +185,7 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert gripper.closed
     out = capsys.readouterr().out
     assert "linear map" in out
-    assert len(list(report(figures(made)))) == 2 + len(BLOCKS)
+    assert len(list(report(figures(made, GRIPPER)))) == 2 + len(BLOCKS)
 
 
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
@@ -271,4 +271,4 @@ def test_the_arc_is_the_one_meant() -> None:
     assert sin(acos(0.5)) == pytest.approx(0.866, abs=1e-3)
     assert count_of(85.0) == pytest.approx(3.0)
     assert count_of(0.0) == pytest.approx(230.0)
-    assert calibrate_command.LINEAR.opening_um == GRIPPER.opening_um
+    assert PROFILES[calibrate_command.DEFAULT_MODEL].opening_um == GRIPPER.opening_um

@@ -4,14 +4,15 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 from fake_cell import Log, State, fake_cell
-from sample_tables import small_table, with_node
+from sample_tables import GRIPPER, small_table, with_node
 from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, EMPTY, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
-from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED, force_counts
+from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
+from runtime.table import profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
@@ -22,7 +23,7 @@ def test_a_regulated_squeeze_meets_the_part_gently_and_only_then_raises_the_forc
     made = fake_cell([AT_21])
     assert run(made, RunOptions(handling=Handling(regulated=True))).leaf == 0
     near, touch, hold = jaw_moves(made)[1:4]
-    node_force = force_counts(40_000)
+    node_force = profile_of(GRIPPER.model).force_counts(40_000)
     assert near[0] < AT_30[0]  # wider than any outcome
     assert near[2] == GENTLE_FORCE
     assert touch == (255, GENTLE_SPEED, GENTLE_FORCE)
@@ -34,7 +35,7 @@ def test_a_part_met_early_is_still_only_touched_first() -> None:
     result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
     forces = [force for position, _, force in jaw_moves(made) if position > 0]
-    assert forces == [GENTLE_FORCE, GENTLE_FORCE, force_counts(40_000)]
+    assert forces == [GENTLE_FORCE, GENTLE_FORCE, profile_of(GRIPPER.model).force_counts(40_000)]
 
 
 def test_the_motor_current_ends_the_raising() -> None:

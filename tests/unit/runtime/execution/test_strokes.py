@@ -5,9 +5,10 @@ from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.execution import strokes
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Node
+from runtime.table import PROFILES, Calibration, Node, profile_of
 
 CALIBRATION = Calibration.linear(GRIPPER)
+PROFILE = profile_of(GRIPPER.model)
 NODES = [node for seed in range(3) for node in random_table(seed, 8).nodes]
 
 
@@ -16,7 +17,7 @@ def with_force(node: Node, force_mn: int) -> Node:
 
 
 def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> list[strokes.Stroke]:
-    return strokes.closing(node, CALIBRATION, arc, 85.0, regulated=regulated)
+    return strokes.closing(node, PROFILE, CALIBRATION, arc, 85.0, regulated=regulated)
 
 
 @pytest.mark.parametrize("node", NODES[:6])
@@ -24,8 +25,8 @@ def test_a_direct_squeeze_is_one_stroke_with_the_nodes_own_settings(node: Node) 
     (only,) = plan(node, regulated=False)
     assert only == (
         255,
-        strokes.speed_counts(node.squeeze.speed_um_s),
-        strokes.force_counts(node.squeeze.force_mn),
+        PROFILE.speed_counts(node.squeeze.speed_um_s),
+        PROFILE.force_counts(node.squeeze.force_mn),
         0.0,
     )
 
@@ -42,7 +43,7 @@ def test_a_regulated_squeeze_is_weak_all_the_way_and_slow_where_the_part_may_jam
     start_um = CALIBRATION.widths_um[0]
     for stroke in made:
         slow = stroke.speed_counts == strokes.GENTLE_SPEED
-        assert slow or stroke.speed_counts == strokes.speed_counts(node.squeeze.speed_um_s)
+        assert slow or stroke.speed_counts == PROFILE.speed_counts(node.squeeze.speed_um_s)
         # A fast stroke ends before the widest outcome could be met.
         assert slow or CALIBRATION.width_um(stroke.request_counts) > widest_um
         assert not slow or start_um <= widest_um + strokes.NEAR_UM + 400
@@ -51,7 +52,7 @@ def test_a_regulated_squeeze_is_weak_all_the_way_and_slow_where_the_part_may_jam
 
 def test_without_room_for_a_fast_stroke_all_is_slow() -> None:
     node = small_table().nodes[0]
-    (only,) = strokes.closing(node, CALIBRATION, None, 33.0, regulated=True)
+    (only,) = strokes.closing(node, PROFILE, CALIBRATION, None, 33.0, regulated=True)
     assert (only.request_counts, only.speed_counts) == (255, strokes.GENTLE_SPEED)
 
 
@@ -67,7 +68,7 @@ def test_without_room_for_a_fast_stroke_all_is_slow() -> None:
     ],
 )
 def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[int]) -> None:
-    assert strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze) == forces
+    assert strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze, PROFILE) == forces
 
 
 @pytest.mark.parametrize(
@@ -75,8 +76,8 @@ def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[i
 )
 def test_regulation_is_off_where_the_force_is_the_least_already(force_mn: int, *, regulated: bool) -> None:
     squeeze = with_force(small_table().nodes[0], force_mn).squeeze
-    assert strokes.is_regulated(squeeze, wanted=True) == regulated
-    assert not strokes.is_regulated(squeeze, wanted=False)
+    assert strokes.is_regulated(squeeze, PROFILE, wanted=True) == regulated
+    assert not strokes.is_regulated(squeeze, PROFILE, wanted=False)
 
 
 @pytest.mark.parametrize("arc", [TipArc(), TipArc(level_mm=5.0)])
@@ -91,13 +92,34 @@ def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> Non
         start_mm = end_mm
 
 
-def test_speeds_and_forces_are_never_more_than_asked() -> None:
-    for speed in range(20_000, 150_001, 997):
-        assert 20_000 + strokes.speed_counts(speed) * 130_000 / 255 <= speed
-    for force in range(20_000, 235_001, 997):
-        assert 20_000 + strokes.force_counts(force) * 215_000 / 255 <= force
-    assert [strokes.speed_counts(value) for value in (0, 20_000, 150_000, 10**9)] == [0, 0, 255, 255]
-    assert [strokes.force_counts(value) for value in (0, 20_000, 235_000, 10**9)] == [0, 0, 255, 255]
+@pytest.mark.parametrize("model", PROFILES)
+def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_be(model: str) -> None:
+    profile = PROFILES[model]
+    for ask, (least, most) in (
+        (profile.speed_counts, profile.speed_um_s),
+        (profile.force_counts, profile.force_mn),
+    ):
+        for wanted in range(least, most + 1, 997):
+            count, step = ask(wanted), (most - least) / 255
+            assert least + count * step <= wanted < least + (count + 1) * step
+        assert [ask(value) for value in (0, least, most, 10**9)] == [0, 0, 255, 255]
+
+
+@pytest.mark.parametrize(
+    ("told", "model"),
+    [
+        ("Robotiq 2F-85", "robotiq-2f-85"),
+        ("C-85", "robotiq-2f-85"),
+        ("My 2F-140", "robotiq-2f-140"),
+        ("Robotiq Hand-E", "hand-e"),
+    ],
+)
+def test_a_model_is_found_by_its_name(told: str, model: str) -> None:
+    assert profile_of(told) is PROFILES[model]
+
+
+def test_another_make_is_not_given_the_tips_of_a_2f_85() -> None:
+    assert profile_of("parallel jaws").arc_mm == ()
 
 
 def test_an_opening_is_at_least_as_wide_as_asked() -> None:

@@ -1,9 +1,14 @@
 """The tips' arc: the published geometry, and stages that keep the tips where they are to be."""
 
+from dataclasses import replace
 from math import sqrt
 
 import pytest
+from sample_tables import small_table
 
+from runtime.commands.arguments import parser
+from runtime.commands.options import run_options
+from runtime.errors import ArgumentsError
 from runtime.execution.tips import TipArc
 
 ARC = TipArc()
@@ -59,3 +64,35 @@ def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
     assert TipArc(level_mm=20.0).stages(85.0, 0.0) == [0.0]
     assert len(TipArc(level_mm=1.0).stages(85.0, 0.0)) == 15
     assert sqrt(57.15**2 - 37.5**2) == pytest.approx(ARC._reach(85.0))
+
+
+@pytest.mark.parametrize(
+    ("model", "named", "arc"),
+    [
+        ("robotiq-2f-85", None, (57.15, 5.0)),
+        ("robotiq-2f-140", "100,5.4", (100.0, 5.4)),
+        ("robotiq-2f-140", "straight", None),
+        ("hand-e", None, None),
+        ("another make", None, None),
+    ],
+)
+def test_the_arc_follows_from_the_model(
+    model: str, named: str | None, arc: tuple[float, float] | None
+) -> None:
+    made = arc_of(model, named)
+    assert made == arc if made is None else (made.link_mm, made.offset_mm) == arc
+
+
+@pytest.mark.parametrize("named", [None, "arc"])
+def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(named: str | None) -> None:
+    with pytest.raises(ArgumentsError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
+        arc_of("robotiq-2f-140", named)
+
+
+def arc_of(model: str, named: str | None) -> TipArc | None:
+    table = small_table()
+    table = replace(table, gripper=replace(table.gripper, model=model))
+    given = parser().parse_args(
+        ["--tree", "T", "--port", "P", "--deliver", "no", *(["--tips", named] if named else [])]
+    )
+    return run_options(given, table).handling.arc

@@ -1,0 +1,64 @@
+"""What a gripper's settings of 0 to 255 mean, by the model that a table names: figures of the makers.
+
+A calibration with gauge blocks (`grasp-calibrate width`) takes the place of the encoder's ends; speed and
+force are nominal. Nothing here was measured on a gripper of our own.
+"""
+
+from typing import NamedTuple
+
+from runtime.table.model import GripperSpec
+
+
+class Profile(NamedTuple):
+    """One model; speed and force are linear over 0..255."""
+
+    model: str  # as a job names it
+    opening_um: int  # stroke
+    count_open: int  # encoder, asked to open fully
+    count_closed: int  # encoder, closed on nothing
+    speed_um_s: tuple[int, int]  # rate of the opening, slowest and fastest
+    force_mn: tuple[int, int]  # nominal grip force, weakest and strongest
+    # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
+    # empty: they move straight
+    arc_mm: tuple[float, ...]
+    verified: bool  # whether the encoder's ends are readings that the maker publishes
+
+    def speed_counts(self, speed_um_s: int) -> int:
+        """The fastest speed setting that is not faster than asked, 0..255."""
+        return _setting(speed_um_s, *self.speed_um_s)
+
+    def force_counts(self, force_mn: int) -> int:
+        """The strongest force setting that is not stronger than asked, 0..255."""
+        return _setting(force_mn, *self.force_mn)
+
+    @property
+    def spec(self) -> GripperSpec:
+        """A gripper of a table, but for its fingers."""
+        return GripperSpec(self.model, self.opening_um, 1, 1, self.count_open, self.count_closed, 0)
+
+
+PROFILES = {
+    profile.model: profile
+    for profile in (
+        # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc is that of its URDF models.
+        Profile("robotiq-2f-85", 85_000, 3, 230, (20_000, 150_000), (20_000, 235_000), (57.15, 5.0), True),
+        # 2F-85 & 2F-140 manual, "Specifications"; a user read 230 closed on nothing (ur_rtde issue 356). The
+        # URDF models agree on the link and differ by 5 mm in where the pads are.
+        Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,), False),
+        # Hand-E manual, "Specifications"; early units have 60 to 130 N. Its ends are not printed.
+        Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), (), False),
+    )
+}
+NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140", "hand-e": "hand-e"}
+
+
+def profile_of(model: str) -> Profile:
+    """The profile of a model as a table names it; another make's settings are taken as a 2F-85's."""
+    for name, known in NAMES.items():
+        if name in model.lower():
+            return PROFILES[known]
+    return PROFILES["robotiq-2f-85"]._replace(model=model, arc_mm=(), verified=False)
+
+
+def _setting(value: int, least: int, most: int) -> int:
+    return min(max((value - least) * 255 // (most - least), 0), 255)
