@@ -1,7 +1,8 @@
 """Open a device by its port name: the one module a runtime needs from this package.
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
-port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms:
+port), `tcp://host:port` (Modbus TCP), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
+`can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms:
 `tcp://host:port`, with frames and limits after a `?`:
 `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`. Simulated scenes: `tcp://host:port`.
 
@@ -16,15 +17,16 @@ from urllib.parse import parse_qsl, urlsplit
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
 from drivers.ports import Answered, Arm, Gripper, Report, Scene
-from drivers.robotiq.link import no_report
+from drivers.robotiq.link import Link, no_report
 
 TTY = "tty"  # the scheme of a port without one
 
 # Scheme -> module:function. Imported when first used: a program that opens no gripper loads no pymodbus.
 # A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
-GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.connect:robotiq_gripper")
+GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper")
 GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
 ARMS = {"tcp": "drivers.abb.arm:connect"}
+PORTS = {"urcap": 63352}  # where a scheme is served unless its address says otherwise
 
 
 def gripper(
@@ -43,18 +45,19 @@ def gripper(
 
 
 def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
-    """A Robotiq 2F on a tty, behind a serial device server, or with Modbus TCP."""
-    from drivers.robotiq import modbus
+    """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
+    from drivers.robotiq import modbus, urcap
     from drivers.robotiq.gripper import over
     from drivers.stream import SerialStream, Stream, open_tcp
 
     stream: Stream
-    open_link = modbus.rtu_link
+    open_link: Callable[..., Link] = modbus.rtu_link
     if "://" in port:
         scheme, host, number = _address(port)
-        stream = open_tcp(host, number, port, "check address, cable and power")
-        if scheme == "tcp":
-            open_link = modbus.tcp_link
+        hint = urcap.HINT if scheme == "urcap" else "check address, cable and power"
+        stream = open_tcp(host, number, port, hint)
+        if scheme != "rtu+tcp":
+            open_link = urcap.UrcapLink if scheme == "urcap" else modbus.tcp_link
     else:
         stream = SerialStream(port, modbus.BAUD)
     return over(open_link(stream, pace, report), pace, report, read_only=read_only)
@@ -115,7 +118,7 @@ def _opener(makes: dict[str, str], port: str) -> Callable[..., Any]:
 def _address(url: str) -> tuple[str, str, int]:
     try:
         parts = urlsplit(url)
-        number = parts.port or 0
+        number = parts.port or PORTS.get(parts.scheme, 0)
     except ValueError as error:
         raise _not_understood(url, ["tcp"]) from error
     if not (parts.hostname and number) or parts.path or parts.query:

@@ -1,6 +1,7 @@
 """What is refused before it is sent: the controller answers an unreachable target with silence."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.abb import kinematics
@@ -27,14 +28,28 @@ class Setup(NamedTuple):
     area: Box | None = None
     # least and greatest angle of the last axis, deg: the arm's own, or what the cables allow
     wrist: tuple[float, float] = LAST_AXIS_DEG
+    # how far from the base the flange may go, of an arm whose kinematics are not known here; mm
+    reach_mm: float = math.inf
     # send no setting and refuse every command; poses are then in the frames the server has
     read_only: bool = False
 
 
-def obstacle(start: Pose, target: Pose, setup: Setup) -> str:
+def within_irb_120(flange: Pose) -> bool:
+    """Whether an IRB 120-3/0.58 can bring its flange to a pose in its base frame."""
+    return kinematics.inverse(flange) is not None
+
+
+def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
+    """A stand-in for the kinematics of other arms: the flange within `reach_mm` of the base."""
+    return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
+
+
+def obstacle(
+    start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
+) -> str:
     """Why the hand cannot go a straight way in the work object frame, or an empty string.
 
-    The reach is that of an IRB 120-3/0.58, looked at where the base frame is known.
+    Where the base frame is known `reaches` says whether the flange can be at a pose there.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -47,7 +62,7 @@ def obstacle(start: Pose, target: Pose, setup: Setup) -> str:
     points = max(math.ceil(math.dist(start[:3], target[:3]) / STEP_MM), 1)
     for number in range(points, 0, -1):
         tip = kinematics.between(start, target, number / points)
-        if kinematics.inverse(compose(compose(to_base, tip), from_tool)) is None:
+        if not reaches(compose(compose(to_base, tip), from_tool)):
             return f"out of the arm's reach at {_told(tip[:3])} mm"
     return ""
 

@@ -9,6 +9,7 @@ from drivers.robotiq.frames import TCP
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
+from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 
 
 class Cell:
-    """Gripper on a pty and two TCP ports, arm and scene on TCP ports, joined by a world.
+    """Gripper on a pty and three TCP ports, arm and scene on TCP ports, joined by a world.
 
-    The gripper is one device: a host picks one of its three ports and leaves the others alone.
+    The gripper is one device: a host picks one of its four ports and leaves the others alone.
 
     Args:
         setting: part and world.
@@ -53,10 +54,11 @@ class Cell:
         rtu_tcp = TcpPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
         slave = MbapSlave(GripperRegisters(device, now, TCP), self.works.line(checked=False))
         tcp = TcpPort(slave, self._lock, self._time, lambda: stop_jaws(device, now))
+        urcap = UrcapPort(Urcap(device, now), self._lock)
         arm = ArmServer(self.works.arm, self._lock, self._time, self.works.arm_stands)
         logger = ArmLogger(self._look_at_arm, self._time)
         scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server | CameraServer] = [self._pty, rtu_tcp, tcp, arm, logger, scene]
+        self._servers: list[Server | CameraServer] = [self._pty, rtu_tcp, tcp, urcap, arm, logger, scene]
         # Where its devices are, as `drivers.connect` takes them.
         self.endpoints = {
             "gripper": self._pty.path,
@@ -66,6 +68,7 @@ class Cell:
             "arm_logger": logger.url,
             "gripper_tcp": tcp.url,
             "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
+            "gripper_urcap": urcap.url,
         }
         if rig is not None:
             camera = CameraServer(rig.watcher(self._look, seed))

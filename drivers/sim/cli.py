@@ -21,11 +21,11 @@ EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
   {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001?base=-300,0,0", "scene": ...}
 
-The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP and as
-Modbus TCP (unit 2, registers from 0): use one of the three. The arm is an open_abb server, the scene a line
-protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam
-looks up through the table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes
-its address.
+The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP, as
+Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap: use one of the four. The arm is
+an open_abb server, the scene a line protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do":
+"quit"}. With --camera a webcam looks up through the table at a tag under the part (needs the audit extra):
+`grasp-audit judge --camera` takes its address.
 
 exit codes:
   0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing

@@ -1,4 +1,4 @@
-"""A journal as an MCAP recording for viewers of robot logs (Foxglove, Rerun): JSON messages and their schemas.
+"""A journal as an MCAP recording for viewers of robot logs (Foxglove, Rerun): JSON messages, schemas.
 
 Topics: `/journal` has every record as a line of a log, `/squeeze` and `/outcome` their numbers for plots,
 `/hand` and `/part` where the hand squeezed and where the part was found, in the frame `table`. `foxglove.Log`

@@ -7,7 +7,7 @@ import contextlib
 import threading
 
 import pytest
-from gripper_rigs import RIGS, Robotiq
+from gripper_rigs import BUSES, RIGS, Robotiq
 
 from drivers import connect, ports
 from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, ReadOnlyError
@@ -126,7 +126,7 @@ def test_a_dead_device_is_a_timeout(rig):
             assert isinstance(raised.value, TimeoutError)
 
 
-@pytest.mark.parametrize("bus", ["pty", "rtu+tcp", "tcp", "can"])
+@pytest.mark.parametrize("bus", BUSES)
 def test_an_activation_that_is_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
     class Interrupted(BaseException):
         pass
@@ -153,7 +153,7 @@ def test_an_activation_that_is_cut_short_and_stopped_stands_still_and_may_begin_
 
 
 def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
-    for bus in ("pty", "rtu+tcp", "tcp", "can"):
+    for bus in BUSES:
         rig = Robotiq(bus)
         with rig.open() as gripper:
             gripper.activate()

@@ -104,7 +104,7 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
 def test_endpoints(cell):
     assert set(cell.endpoints) == {
         *("gripper", "arm", "scene", "world"),
-        *("gripper_tcp", "gripper_rtu_tcp", "arm_logger"),
+        *("gripper_tcp", "gripper_rtu_tcp", "gripper_urcap", "arm_logger"),
     }
     assert cell.endpoints["world"] == "fake_world:make"
     assert Path(cell.endpoints["gripper"]).is_char_device()

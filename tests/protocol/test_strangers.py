@@ -1,6 +1,7 @@
 """Clients written by others for the real devices, against the simulated cell: they must notice no difference.
 
-pymodbus and minimalmodbus as masters, and open_abb's own message formats (`abb.py`) over a plain socket.
+pymodbus and minimalmodbus as masters, pyrobotiqur as client of the URCap, and open_abb's own message formats
+(`abb.py`) over a plain socket.
 """
 
 import random
@@ -8,6 +9,7 @@ import socket
 import time
 
 import minimalmodbus
+import pyrobotiqur
 import pytest
 from fake_scene import setting
 from pymodbus import FramerType, ModbusException
@@ -184,3 +186,33 @@ def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
         assert until(lambda: answer(client, inputs, unit), bool)[0] == 0
     assert client.read_holding_registers(output, count=3, device_id=unit).registers == [0, 0, 0]
     client.close()
+
+
+def test_a_client_of_the_urcap_activates_closes_and_opens(cell):
+    """pyrobotiqur, written for the URCap on a UR controller."""
+    host, port = address(cell.endpoints["gripper_urcap"])
+    with pyrobotiqur.RobotiqGripper(host, port) as client:
+        client.activate(poll_interval=0.01)
+        assert client.get_status() == 3
+        # Its `move` takes the object flag of the move before for this one's, so it is asked again.
+        client.close()
+        until(client.get_position, lambda count: count == 230)
+        client.open()
+        until(client.get_position, lambda count: count == 3)
+        until(client.get_object_status, lambda flag: flag == 3)
+        client.move(100, wait=False)
+        assert client.get_requested_position() == 100
+        with pytest.raises(ValueError, match="Unexpected"):
+            client.get_var("XYZ")
+
+
+def test_the_urcap_serves_several_clients_at_once(cell):
+    host, port = address(cell.endpoints["gripper_urcap"])
+    clients = [socket.create_connection((host, port), timeout=5.0) for _ in range(3)]
+    for client in clients:
+        client.sendall(b"GET STA\nGET")
+        assert client.recv(100) == b"STA 0\n"
+    for client in clients:
+        client.sendall(b" ACT\n")
+        assert client.recv(100) == b"ACT 0\n"
+        client.close()

@@ -16,6 +16,7 @@ from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.frames import TCP
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
+from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
@@ -47,6 +48,10 @@ class Robotiq:
         if bus == "can":
             node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
             return node, f"can:{channel}?interface=virtual"
+        if bus.startswith("urcap"):
+            ends = b"" if bus.endswith("bare") else b"\n"
+            port = UrcapPort(Urcap(self.model, self.now, ends), self.lock)
+            return port, port.url
         if bus == "rtu+tcp":
             self.slave = RtuSlave(GripperRegisters(self.model, self.now))
             port = TcpPort(self.slave, self.lock, self.time)
@@ -83,6 +88,8 @@ class Robotiq:
         """From now on nothing is answered."""
         if hasattr(self, "slave"):
             self.slave.feed = lambda data: []
+        elif hasattr(self.port, "urcap"):
+            self.port.urcap.answer = lambda line: None
         else:
             self.port.close()
 
@@ -119,7 +126,8 @@ class Other:
         self.port.close()
 
 
+BUSES = ("pty", "rtu+tcp", "tcp", "urcap", "urcap bare", "can")
 RIGS = {
-    **{bus: lambda bus=bus: Robotiq(bus) for bus in ("pty", "rtu+tcp", "tcp", "can")},
+    **{bus: lambda bus=bus: Robotiq(bus) for bus in BUSES},
     "other": Other,
 }

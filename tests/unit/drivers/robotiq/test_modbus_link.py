@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from lines import Line
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ExceptionResponse
 
@@ -10,7 +11,6 @@ from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
 from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request
 from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link
-from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
@@ -24,38 +24,6 @@ def frame(text):
 def answer(count=3, status=STATUS):
     block = (status + bytes(10))[: 2 * count]
     return frame(f"09 03 {2 * count:02X} {block.hex()}")
-
-
-class Line:
-    """A stream that answers as a script says: (delay, bytes) a request, or an error."""
-
-    endpoint = "a line"
-
-    def __init__(self, *script):
-        self.clock = VirtualClock()
-        self.script = list(script)
-        self.coming = []
-        self.sent = []
-        self.closed = False
-
-    def send(self, data):
-        self.sent.append((self.clock.now(), data))
-        for step in self.script.pop(0) if self.script else ():
-            if isinstance(step, Exception):
-                raise step
-            self.coming.append((self.clock.now() + step[0], step[1]))
-        self.coming.sort()
-
-    def receive(self, seconds):
-        if self.coming and self.coming[0][0] <= self.clock.now() + seconds:
-            moment, data = self.coming.pop(0)
-            self.clock.advance(max(moment, self.clock.now()))
-            return data
-        self.clock.sleep(seconds)
-        return b""
-
-    def close(self):
-        self.closed = True
 
 
 def link(*script, report=None):

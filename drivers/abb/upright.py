@@ -1,0 +1,164 @@
+"""An arm whose hand points straight down: what every make checks and counts before it is told to move.
+
+Targets are quaternions or the like, which say nothing of whole turns, and controllers turn the shortest way.
+So the hand's angle is counted on from motion to motion and compared with the last axis's.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+from drivers.abb import codec
+from drivers.abb.codec import Pose, ProtocolError
+from drivers.abb.reach import Setup, Wrist, obstacle, within_irb_120
+from drivers.errors import ArmError
+from drivers.ports import TURN_RADIUS_MM, PoseOfHand
+
+MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
+MOST_TURN_RAD = 3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
+Read = TypeVar("Read")
+
+
+class ArmPose(NamedTuple):
+    """Where the hand is, work object frame: mm, and its turn about the vertical, whole turns counted."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    angle_rad: float
+
+    @property
+    def frame(self) -> Pose:
+        """The pose of a hand that points down there."""
+        return Pose(self.x_mm, self.y_mm, self.z_mm, codec.hand_rotation(self.angle_rad))
+
+
+class UprightArm(ABC):
+    """What the makes share; a make reads, sets its speed and drives.
+
+    Args:
+        endpoint: its address as the user named it.
+        setup: frames and limits.
+        reaches: whether the flange can be at a pose in the base frame.
+    """
+
+    def __init__(self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120) -> None:
+        self.endpoint = endpoint
+        self._setup = setup
+        self._reaches = reaches
+        self._at: ArmPose | None = None  # None: not known since the last motion
+        self._angle_rad: float | None = None  # the last angle known, the next is counted on from it
+        self._wrist: Wrist | None = None
+        self._wrist_is_fresh = False
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the link up; the arm does not move."""
+
+    @abstractmethod
+    def _read_hand(self) -> Pose:
+        """The hand's pose in the work object frame, fresh.
+
+        Raises:
+            ArmError: the arm is silent, or its state unknown.
+            ProtocolError: its answer is not understood.
+        """
+
+    @abstractmethod
+    def _read_last_axis(self) -> float:
+        """The last joint in rad, as far round as it has turned; errors as above."""
+
+    @abstractmethod
+    def _set_speed(self, speed_mm_s: float) -> None:
+        """Take the speed of the next motion; a point `TURN_RADIUS_MM` off the hand's axis keeps to it.
+
+        Raises:
+            ArmError: it cannot be told to the arm.
+        """
+
+    @abstractmethod
+    def _drive(self, target: ArmPose, budget_s: float) -> None:
+        """Move straight, and return when it stands there.
+
+        Raises:
+            ArmError: it did not arrive within so many device seconds; its state is unknown.
+        """
+
+    def pose(self) -> ArmPose:
+        """Read where the hand is."""
+        x_mm, y_mm, z_mm, rotation = self._understood(self._read_hand)
+        angle_rad = self._understood(lambda: codec.hand_angle(rotation))
+        if self._angle_rad is None:
+            # Counted so that axis 6 near its middle gives angles near zero; the joints tell the whole turns.
+            whole_rad = angle_rad + self._understood(self._read_last_axis)
+            turns = math.tau * math.floor((1.5 * math.pi - whole_rad) / math.tau)
+            self._wrist = Wrist(whole_rad + turns, x_mm, y_mm)
+            self._angle_rad, self._wrist_is_fresh = angle_rad + turns, True
+        else:
+            self._angle_rad += math.remainder(angle_rad - self._angle_rad, math.tau)
+        self._at = ArmPose(x_mm, y_mm, z_mm, self._angle_rad)
+        return self._at
+
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Least and greatest angle that the hand can be turned to at a place, whole turns counted, rad.
+
+        Reads the joints if the arm has moved since they were read.
+        """
+        here, counted = self._at or self.pose(), self._wrist
+        assert counted is not None  # since the first pose
+        if not self._wrist_is_fresh:
+            last_rad = self._understood(self._read_last_axis)
+            seen = Wrist(here.angle_rad + last_rad, here.x_mm, here.y_mm)
+            if abs(counted.moved(here.x_mm, here.y_mm, self._setup) - seen.whole_rad) > math.pi:
+                raise ArmError(
+                    f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out "
+                    "who else moves the arm, then connect again"
+                )
+            self._wrist, self._wrist_is_fresh, counted = seen, True, seen
+        return counted.turn_range(x_mm, y_mm, self._setup)
+
+    def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
+        """Why a straight way cannot be gone; empty where nothing is known against it."""
+        return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
+
+    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        """Move the hand, pointing down, in a straight line and return when it stands (`ports.Arm`).
+
+        Nothing is sent where the target cannot be sent or reached; of an arm that does not arrive in time the
+        state is unknown, and every further call is refused.
+        """
+        target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
+        try:
+            codec.pose_numbers(target.frame)
+        except (ProtocolError, ValueError) as error:
+            raise ArmError(f"arm not moved: {error}") from error
+        start = self._at or self.pose()
+        if reason := self.obstacle(start, target) or self._overturn(start, target):
+            told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
+            raise ArmError(f"arm not moved: the way to {told} is {reason}")
+        if not speed_mm_s > 0.0:
+            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one")
+        self._set_speed(speed_mm_s)
+        self._at, self._wrist_is_fresh = None, False
+        path_mm, turn_rad = math.dist(start[:3], target[:3]), abs(target.angle_rad - start.angle_rad)
+        travel_s = max(path_mm, TURN_RADIUS_MM * turn_rad) / speed_mm_s
+        self._drive(target, travel_s * 1.5 + MOVE_MARGIN_S)
+        self._at, self._angle_rad = target, target.angle_rad
+
+    def _overturn(self, start: ArmPose, target: ArmPose) -> str:
+        """Why a hand cannot be turned so far; one that stands beyond the range already may be turned back."""
+        if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
+            return "half a turn or more, which the controller may go either way; go it in several motions"
+        assert self._wrist is not None  # since the first pose
+        low, high = self._wrist.turn_range(target.x_mm, target.y_mm, self._setup)
+        if min(low, start.angle_rad) <= target.angle_rad <= max(high, start.angle_rad):
+            return ""
+        least, most = self._setup.wrist
+        return f"farther round than the wrist turns ({least:g} to {most:g} deg)"
+
+    def _understood(self, read: Callable[[], Read]) -> Read:
+        try:
+            return read()
+        except ProtocolError as error:
+            raise ArmError(f"arm at {self.endpoint}: {error}") from error

@@ -1,0 +1,161 @@
+"""The gripper's register blocks through Robotiq's URCap: lines of text on TCP port 63352 of a UR controller.
+
+`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the registers:
+ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read; there is no
+motor current. Whether a line end follows an answer is not documented, so both are understood. Answers carry
+no number: after one that did not come, a question that nothing else asks finds the step again.
+"""
+
+import re
+from functools import partial
+
+from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.errors import LinkError, LinkTimeout
+from drivers.ports import Report
+from drivers.robotiq.link import ReportingLink, no_report
+from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
+from drivers.stream import Stream
+
+PORT = 63352
+# Position last: a flag read before it is never newer than the count.
+READ = {"ACT": "gACT", "GTO": "gGTO", "STA": "gSTA", "FLT": "gFLT", "PRE": "gPR", "OBJ": "gOBJ", "POS": "gPO"}
+DIGITS = {
+    "ACT": 1,
+    "GTO": 1,
+    "STA": 1,
+    "OBJ": 1,
+}  # answers that are whole after so many; others after a pause
+MOST_DIGITS = 3
+FENCES = ("SPE", "FOR")  # asked only to find the step again
+QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
+ANSWER = re.compile(rb"\s*([A-Z]{3}) +(\d+)(\s?)")
+HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
+
+
+class UrcapLink(ReportingLink):
+    """A gripper's two register blocks behind the URCap. The connection is owned from now on."""
+
+    def __init__(self, stream: Stream, pace: Pace, report: Report = no_report) -> None:
+        super().__init__(stream.endpoint, report)
+        self._stream = stream
+        self._pace = pace
+        self._text = b""
+        self._late_s = 0.0  # by how much the last answer was read too late
+        self._active = 0  # ACT as last read
+        self._fences: list[str] = []  # names that no answer still under way has; empty: in step
+
+    def read(self) -> bytes:
+        """The input block, 6 bytes; each variable tried up to 3 times, since reading changes nothing."""
+        seen = {field: self._repeated(partial(self._get, name)) for name, field in READ.items()}
+        self._active = seen["gACT"]
+        # The URCap tells the whole fault byte; its low nibble is the gripper's.
+        return pack(INPUT_FIELDS, {**seen, "gFLT": seen["gFLT"] & 0x0F})
+
+    def write(self, block: bytes) -> None:
+        """Write the output block, once, in one line, what starts a motion last.
+
+        ACT goes out only to change what was read: written to a gripper that lost power meanwhile it would
+        start the activation sweep.
+        """
+        image = unpack(OUTPUT_FIELDS, block)
+        if image["rGTO"]:
+            words = f"SPE {image['rSP']} FOR {image['rFR']} POS {image['rPR']} GTO 1"
+        elif image["rACT"] == self._active:
+            words = "GTO 0"
+        else:
+            words = f"GTO 0 ACT {image['rACT']}"
+        self._transact(f"SET {words}", "ack")
+
+    def close(self) -> None:
+        """Hang up; the URCap leaves the gripper as it is."""
+        self._stream.close()
+        self._lost = self._lost or "it was closed"
+
+    def _get(self, name: str) -> int:
+        value = self._transact(f"GET {name}", name)
+        if self._late_s > 0.0:  # it tells of a moment that is too long ago; an acknowledgement stays true
+            raise LinkTimeout(
+                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
+                f"{self._late_s:.1f} s too late; take load off this machine"
+            )
+        if value > 255:
+            raise LinkError(f"gripper at {self.endpoint} answered {name} {value}, which is no register value")
+        return value
+
+    def _transact(self, line: str, wanted: str) -> int:
+        """Send a line and return the number of its answer, 0 of an acknowledgement."""
+        self._begin()
+        try:
+            self._find_step()
+            self._fences = [*FENCES]  # until this one is answered, or after an interrupt
+            value = self._exchange(line, wanted)
+        except OSError as error:
+            if isinstance(error, LinkError):
+                raise
+            # Never reopened by itself: another device may be there now.
+            self._lost = "the connection broke"
+            self._stream.close()
+            self._tell("connection broke", error=str(error))
+            raise LinkError(
+                f"gripper link {self.endpoint} broke; check the controller and its cable"
+            ) from error
+        self._fences = []
+        return value
+
+    def _find_step(self) -> None:
+        """Ask what nobody asked, and throw away all that comes before its answer."""
+        if not self._fences:
+            return
+        if self._fences == ["lost"]:
+            self._lost = "the URCap fell silent, and its answers can no longer be told apart"
+            self._begin()
+        fence, self._fences = self._fences[0], self._fences[1:] or ["lost"]
+        self._exchange(f"GET {fence}", fence, stale=True)
+
+    def _exchange(self, line: str, wanted: str, *, stale: bool = False) -> int:
+        # Whatever lies there answers nothing that is still to be asked.
+        self._text = b""
+        while self._stream.receive(0.0):
+            pass
+        self._stream.send(line.encode("ascii") + b"\n")
+        deadline = self._pace.now() + LINK_TIMEOUT_S
+        left = LINK_TIMEOUT_S
+        while left > 0.0:
+            left = deadline - self._pace.now()
+            # Past the deadline what is there already counts as well: we may have been stopped meanwhile.
+            self._text += self._stream.receive(max(left, 0.0))
+            value = self._answer(line, wanted, stale=stale)
+            if value is not None:
+                self._late_s = max(self._pace.now() - deadline, 0.0)
+                return value
+        self._tell("no answer", line=line)
+        raise LinkTimeout(
+            f"gripper at {self.endpoint} did not answer {line!r} within {LINK_TIMEOUT_S} s; {HINT}"
+        )
+
+    def _answer(self, line: str, wanted: str, *, stale: bool) -> int | None:
+        """The answer's number if it is whole; with `stale`, what answers something else is dropped."""
+        while self._text.strip():
+            text = self._text.lstrip()
+            if text.startswith(b"ack"):
+                name, value, size = "ack", 0, 3
+            elif found := ANSWER.match(text):
+                name, value, size = found[1].decode(), int(found[2]), found.end()
+                if not (found[3] or len(found[2]) >= DIGITS.get(name, MOST_DIGITS) or len(text) > size):
+                    more = self._stream.receive(QUIET_S)
+                    self._text += more
+                    if more:
+                        continue
+            elif b"ack".startswith(text) or re.fullmatch(rb"[A-Z]{1,3} *", text):
+                return None
+            else:
+                name, value, size = "", 0, len(text)
+            self._text = text[size:]
+            if name == wanted:
+                return value
+            if not stale:
+                raise LinkError(
+                    f"gripper at {self.endpoint} answered {line!r} by {text[:40].decode('latin-1')!r}; "
+                    "check that it is Robotiq's URCap, and the only one for this gripper"
+                )
+        return None

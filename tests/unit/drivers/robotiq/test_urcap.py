@@ -1,0 +1,173 @@
+"""The URCap's text socket on a virtual clock: answers in pieces, late, foreign, doubled or missing."""
+
+import random
+
+import pytest
+from lines import Line
+
+from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.errors import LinkError, LinkTimeout
+from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack
+from drivers.robotiq.urcap import READ, UrcapLink
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper_urcap import Urcap
+
+VALUES = {"ACT": 1, "GTO": 1, "STA": 3, "FLT": 0, "PRE": 255, "OBJ": 2, "POS": 147}
+GO = pack(OUTPUT_FIELDS, {"rACT": 1, "rGTO": 1, "rPR": 255, "rSP": 9, "rFR": 7})
+
+
+def told(end=b"", **changed):
+    """A script that answers one reading."""
+    values = VALUES | changed
+    return [[(0.004, b"%s %d%s" % (name.encode(), values[name], end))] for name in READ]
+
+
+def made(script, reports=None):
+    line = Line(*script)
+    report = (lambda kind, fields: reports.append(fields["incident"])) if reports is not None else None
+    pace = Pace(line.clock)
+    return line, UrcapLink(line, pace, report) if report else UrcapLink(line, pace)
+
+
+def asked(line):
+    return [data.decode().strip() for _, data in line.sent]
+
+
+@pytest.mark.parametrize("end", [b"", b"\n", b"\r\n", b" "])
+def test_a_reading_asks_for_each_variable_once(end):
+    line, link = made(told(end))
+    seen = decode(link.read())
+    assert asked(line) == [f"GET {name}" for name in READ]
+    assert (seen.activated, seen.going, seen.object_flag) == (True, True, 2)
+    assert (seen.echo_counts, seen.position_counts, seen.fault) == (255, 147, 0)
+
+
+def test_an_answer_in_pieces_is_not_taken_for_a_smaller_number():
+    script = told()
+    script[-1] = [(0.004, b"PO"), (0.005, b"S 1"), (0.006, b"4"), (0.007, b"7")]
+    _, link = made(script)
+    assert decode(link.read()).position_counts == 147
+
+
+def test_the_fault_is_the_low_nibble():
+    _, link = made(told(FLT=0x95))
+    assert decode(link.read()).fault == 0x05
+
+
+@pytest.mark.parametrize(
+    ("before", "block", "sent"),
+    [
+        ({}, GO, "SET SPE 9 FOR 7 POS 255 GTO 1"),
+        ({}, pack(OUTPUT_FIELDS, {"rACT": 1, "rPR": 20}), "SET GTO 0"),
+        ({"ACT": 0}, pack(OUTPUT_FIELDS, {"rACT": 1}), "SET GTO 0 ACT 1"),
+        ({}, bytes(6), "SET GTO 0 ACT 0"),
+    ],
+)
+def test_act_is_written_only_to_change_what_was_read(before, block, sent):
+    line, link = made([*told(**before), [(0.004, b"ack")]])
+    link.read()
+    link.write(block)
+    assert asked(line)[-1] == sent
+
+
+def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
+    """The acknowledgement comes after the deadline, and stale counts with it."""
+    late = LINK_TIMEOUT_S + 0.01
+    script = [[(late, b"ack"), (late + 0.005, b"POS 3")], [(0.02, b"SPE 255")], *told()]
+    reports = []
+    line, link = made(script, reports)
+    with pytest.raises(LinkTimeout, match="did not answer 'SET"):
+        link.write(GO)
+    assert decode(link.read()).position_counts == 147
+    assert asked(line)[1:] == ["GET SPE", *(f"GET {name}" for name in READ)]
+    assert reports == ["no answer"]
+
+
+def test_an_answer_that_comes_twice_is_read_once():
+    script = told()
+    script[0] = [(0.004, b"ACT 1"), (0.004, b"ACT 1")]
+    _, link = made(script)
+    assert decode(link.read()).position_counts == 147
+
+
+def test_silence_is_a_timeout_and_then_the_end_of_the_link():
+    line, link = made([])
+    with pytest.raises(LinkTimeout):
+        link.read()
+    assert asked(line) == ["GET ACT", "GET SPE", "GET FOR"]
+    with pytest.raises(LinkError, match="closed: the URCap fell silent"):
+        link.read()
+    assert len(line.sent) == 3
+
+
+@pytest.mark.parametrize(
+    "answer", [b"?", b"nack", b"POS 147", b"ACT one", b"HTTP/1.1 400 Bad Request", b"\xff"]
+)
+def test_other_answers_are_refused(answer):
+    _, link = made([[(0.004, answer)]])
+    with pytest.raises(LinkError, match="check that it is Robotiq's URCap"):
+        link.read()
+
+
+@pytest.mark.parametrize("answer", [b"POS 256", b"POS 999"])
+def test_what_is_no_register_value_is_refused(answer):
+    _, link = made([*told()[:-1], [(0.004, answer)]])
+    with pytest.raises(LinkError, match="no register value"):
+        link.read()
+
+
+def test_an_answer_read_too_late_is_no_reading():
+    line, link = made([[(0.004, b"ACT 1")]] * 6)
+    receive = line.receive
+
+    def suspended(seconds):
+        line.clock.advance(line.clock.now() + 3.0)
+        return receive(seconds)
+
+    line.receive = suspended
+    with pytest.raises(LinkTimeout):
+        link.read()
+
+
+def test_a_broken_connection_is_not_reopened():
+    line, link = made([[ConnectionResetError()]])
+    with pytest.raises(LinkError, match="broke"):
+        link.read()
+    assert line.closed
+    with pytest.raises(LinkError, match="closed"):
+        link.read()
+
+
+def test_noise_never_becomes_a_reading_that_nobody_sent():
+    rng = random.Random(5)
+    for _ in range(200):
+        script = told()
+        script[rng.randrange(len(script))] = [(0.004, rng.randbytes(rng.randrange(1, 12)))]
+        _, link = made(script)
+        with pytest.raises(LinkError):
+            link.read()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"",
+        b"GET",
+        b"GET XYZ",
+        b"GET POS 1",
+        b"SET",
+        b"SET POS",
+        b"SET POS -1",
+        b"SET POS 256",
+        b"SET GTO 2",
+        b"set POS 1",
+        b"SET POS 1 XYZ 2",
+        b"SET STA 3",
+        b"\xff\xfe",
+        b"SET POS \xb2",
+    ],
+)
+def test_the_simulated_urcap_obeys_no_line_that_it_does_not_understand(line):
+    device = GripperModel(random.Random(1))
+    assert Urcap(device, lambda: 1.0).answer(line) == b"?"
+    assert device.read_output() == bytes(16)
