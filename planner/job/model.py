@@ -41,6 +41,16 @@ class Job:
     cell: schema.Cell
     delivery: schema.Delivery | None = None
 
+    @classmethod
+    def load(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
+        """Reads a job file (TOML, UTF-8), with changes as `Job.replaced` takes them.
+
+        Raises:
+            InputFileError: the file is missing, unreadable, a directory or not UTF-8.
+            JobError: as `parse`.
+        """
+        return parse(documents.read(path), str(path), changes)
+
     def canonical(self) -> str:
         """The job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
         return json.dumps(_plain(asdict(self)), sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -69,14 +79,7 @@ class Job:
         return hash(self.canonical())
 
 
-def load(path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
-    """Reads a job file (TOML, UTF-8), with changes as `Job.replaced` takes them.
-
-    Raises:
-        InputFileError: the file is missing, unreadable, a directory or not UTF-8.
-        JobError: as `parse`.
-    """
-    return parse(documents.read(path), str(path), changes)
+load = Job.load
 
 
 def files(path: str | Path) -> list[Path]:

@@ -162,7 +162,7 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         "twin_width_error_mm": float(np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()),
     }
     try:
-        from bench import mujoco_squeeze
+        import mujoco_squeeze
     except ImportError:
         print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
         return row

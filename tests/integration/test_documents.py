@@ -18,6 +18,7 @@ RUN = {DOCS / "tutorial.md", DOCS / "commissioning.md"}
 PARSED = {
     ROOT / "README.md": "tools/demo runs its commands, for a minute; tools/check is what runs this test",
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
+    DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

@@ -51,3 +51,11 @@ def test_cell_without_opencv_names_the_audit_extra_if_asked_for_a_camera():
     assert done.returncode == 31
     assert done.stderr.count("\n") == 1
     assert "squeezetree[audit]" in done.stderr
+
+
+def test_without_gymnasium_the_environment_names_its_extra():
+    code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "pip install 'squeezetree[gym]'" in done.stderr.splitlines()[-1]

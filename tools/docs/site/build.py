@@ -1,6 +1,7 @@
-"""Builds the documentation with warnings as errors, and follows every link in it. See tools/site."""
+"""Builds the documentation with warnings as errors, runs notebooks, follows every link. See tools/site."""
 
 import argparse
+import os
 import shutil
 import sys
 import tempfile
@@ -25,6 +26,15 @@ STRICT = [
 ]
 
 
+def quiet_kernels(folder: Path) -> None:
+    """Notebooks run without the user's settings, and without a word about their sockets on this machine."""
+    os.environ["IPYTHONDIR"] = str(folder)
+    (folder / "profile_default").mkdir()
+    (folder / "profile_default" / "ipython_kernel_config.py").write_text(
+        "c.IPKernelApp.log_level = 'ERROR'\n"
+    )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tools/site", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site")
@@ -37,6 +47,7 @@ def main() -> int:
         parser.error(f"{output} holds something else than a site; name another folder")
     shutil.rmtree(output, ignore_errors=True)
     with tempfile.TemporaryDirectory() as cache:
+        quiet_kernels(Path(cache))
         status = sphinx([*STRICT, "--builder", "html", "--doctree-dir", cache, str(ROOT), str(output)])
         if status == 0 and arguments.links:
             status = sphinx(

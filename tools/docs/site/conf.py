@@ -14,13 +14,14 @@ author = "the squeezetree maintainers"
 copyright = "the squeezetree maintainers, Apache-2.0"  # noqa: A001
 language = "en"
 
-extensions = ["myst_parser", "sphinx_argparse_cli", "formulas", "kept"]
+extensions = ["myst_nb", "sphinx_argparse_cli", "formulas", "kept"]
 root_doc = "README"
 include_patterns = [
     "README.md",
     "CHANGELOG.md",
     "tools/docs/*.md",
     "tools/docs/*.rst",
+    "tools/docs/notebooks/*.ipynb",
     "tools/decisions/[0-9]*.md",
     "runtime/*.md",
     "runtime/*/*.md",
@@ -31,6 +32,9 @@ exclude_patterns = ["out", ".*", "**/__pycache__", "build", "dist", "tests", "tr
 myst_enable_extensions = ["dollarmath", "tasklist"]
 myst_heading_anchors = 4
 myst_enable_checkboxes = True
+nb_execution_mode = "force"  # notebooks are stored without output
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
 nitpicky = True
 linkcheck_ignore = [r"tcp://.*", "http://$"]  # addresses of devices in what commands say of themselves
 linkcheck_anchors = False
@@ -80,6 +84,10 @@ drivers/sim/FAULTS
 :caption: Reference
 
 tools/docs/commands
+tools/docs/python
+tools/docs/notebooks/squeeze
+tools/docs/notebooks/belief
+tools/docs/notebooks/world
 runtime/table/TABLE
 tools/docs/decisions
 CHANGELOG

@@ -24,7 +24,7 @@ MACROS = MACROS.get_template("kept.jinja").module
 TABLES = (
     *("table1", "zoo", "worlds", "squeeze-speed", "squeeze-convergence", "squeeze-goldberg", "kcde"),
     *("push_forward", "rollouts", "runtime", "mutation", "robustness", "camera"),
-    *("audit-loop", "audit-drift", "bound", "pushes", "pushes-runs"),
+    *("audit-loop", "audit-drift", "bound", "pushes", "pushes-runs", "gym-speed", "gym-policies"),
 )
 
 

@@ -1,0 +1,134 @@
+"""The planner from Python: few names that stay, arrays in, arrays out. tools/docs/python.md shows how.
+
+Everything is imported from here; what lies behind may move. The package's root itself stays empty: commands
+import it where numpy is not installed, and there `planner.compile` is a module.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.observation import encoder_of
+from planner.belief.particles import Belief
+from planner.belief.transition import Outcomes, Simulation
+from planner.compile import EVALUATION_TRIALS, Plan
+from planner.compile import compile_job as compile  # noqa: A004 - what it is called everywhere else
+from planner.errors import PlannerError
+from planner.evaluation import evaluate as trials_of
+from planner.evaluation.judge import claimed
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import DISMISSED, Program
+from planner.job.model import Job, from_canonical
+from planner.mechanics.simulator import Simulator
+from planner.pomdp import Pomdp
+from planner.work.limit import Limit
+from planner.work.progress import Report, silent
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds, World, Worlds
+from runtime import table as tables
+
+__all__ = ["Belief", "Job", "Limit", "Plan", "Pomdp", "Simulator", "Table", "World"]
+__all__ += ["compile", "evaluate", "squeeze"]
+
+
+class Next(NamedTuple):
+    """What n readings lead to; where both are -1 the width fits no branch: REJECT."""
+
+    nodes: IntArray  # (n,) the next squeeze, or -1
+    leaves: IntArray  # (n,) the answer, or -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A decision table of N nodes and L leaves as arrays; node 0 is the first squeeze."""
+
+    record: tables.Table  # as the runtime has it
+    program: Program  # its nodes as arrays
+
+    @classmethod
+    def of(cls, record: tables.Table) -> Self:
+        """The arrays of a record, such as `Plan.table`."""
+        return cls(record, Program.of(record))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Reads and proves a table's file.
+
+        Raises:
+            TableFileError: it is missing or unreadable.
+            TableError: it must not be executed.
+        """
+        return cls.of(tables.load(path).table)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the table's file, whole or not at all; an `OutputError` tells why it cannot."""
+        tables.dump(self.record, path)
+
+    @property
+    def job(self) -> Job:
+        """The job that it was compiled from; a `PlannerError` tells that the table was stripped of it."""
+        if self.record.job is None:
+            raise PlannerError("the table carries no job; pass the one it was compiled from")
+        return from_canonical(self.record.job, "the table's job")
+
+    @property
+    def placements(self) -> Array:
+        """Where the hand squeezes at each node (N, 3): x, y [mm] and theta [rad] in the world."""
+        return self.program.placement
+
+    @property
+    def poses(self) -> Array:
+        """Where the part lies at each leaf (L, 3): x, y [mm] and theta [rad] in the world."""
+        return np.array([tables.predicted_pose(leaf) for leaf in self.record.leaves])
+
+    @property
+    def resolved(self) -> BoolArray:
+        """Whether each leaf (L,) claims to know the pose."""
+        return claimed(self.record, np.arange(len(self.record.leaves)))
+
+    def lookup(self, nodes: IntArray, counts: IntArray) -> Next:
+        """What encoder counts (n,) at nodes (n,) lead to, with the object flag that goes with each width."""
+        target = self.program.target[nodes].reshape(-1, 2, tables.COUNTS).max(axis=1)
+        found = target[np.arange(len(target)), counts]
+        leaves = np.where((found < 0) & (found != DISMISSED), ~found, -1)
+        return Next(np.maximum(found, -1), leaves)
+
+
+def evaluate(
+    table: Table, job: Job | None = None, world: World | Worlds | None = None,
+    trials: int = EVALUATION_TRIALS, seed: int = 0, workers: int | None = None, report: Report = silent,
+) -> Evaluation:  # fmt: skip
+    """Runs a table on many parts, as `plan-evaluate` does.
+
+    Args:
+        table: the table.
+        job: what parts and gripper are like in truth; what the table was compiled from if None.
+        world: squeezes the parts; contact mechanics drawn afresh for each squeeze if None.
+        trials: number of parts.
+        seed: of all that is random, but for a world of your own.
+        workers: threads; all cores if None. The result does not depend on it.
+        report: told about progress; what it raises ends the evaluation.
+
+    Returns:
+        One row a part; `summary()` has the figures for all.
+    """
+    job = job or table.job
+    worlds = ContactWorlds.of_job(job, seed) if world is None else world
+    threads = Threads() if workers is None else Threads(workers)
+    return trials_of.evaluate(table.record, job, worlds, trials, seed, threads, report=report)
+
+
+def squeeze(
+    job: Job, belief: Belief, placement: Array, rng: np.random.Generator, workers: int | None = None
+) -> Outcomes:
+    """Squeezes a belief at a placement (3,) of the hand, and cuts it where the widths part.
+
+    Returns:
+        Its `beliefs`, one for each cluster of widths, with their `probability` (k,), in the order of rising
+        width.
+    """
+    model = Simulation(Simulator.of_job(job, workers), encoder_of(job))
+    return model.squeeze([(belief, np.asarray(placement, np.float64))], rng)[0]

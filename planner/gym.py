@@ -1,0 +1,182 @@
+"""Localising a part by squeezing as a Gymnasium environment; `import planner.gym` registers it.
+
+    env = gymnasium.make("SqueezeLocalize-v0")                        # the rectangle of the paper's Table I
+    env = gymnasium.make("SqueezeLocalize-v0", job="job.toml", actions="box")
+    many = gymnasium.make_vec("SqueezeLocalize-v0", num_envs=4096)    # a batch in one call of the kernels
+
+An action squeezes, for a reward of -1, or declares where the part lies: that ends the episode, with
+`Pomdp.success` if the pose is within the job's goal and 0 if not. With actions "set" the first of them are
+the job's placements of the hand and the others declare one candidate pose each (`Pomdp.actions`). With "box"
+they are x, y, theta of a pose and a fourth number that declares it from 0 on, each from -1 to 1: x and y span
+where the part may reach before the first squeeze, theta a full turn (`Episodes.chosen`). An episode also ends
+where an open finger comes down on the part, and it is truncated by the squeeze after the last of
+`search.max_depth`. The observation is the encoder's count; before the first squeeze that of open jaws.
+"""
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.job.model import Job, load, parse
+from planner.part.outline import reach
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ImportError as missing:
+    hint = "install it with: pip install 'squeezetree[gym]'"
+    raise ImportError(f"planner.gym needs the gym extra ({missing.name} is missing); {hint}") from missing
+
+NAME = "SqueezeLocalize-v0"
+COUNTS = 256
+RECTANGLE = """
+seed = 1
+part = {name = "rectangle", outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]], height_mm = 16.0}
+friction = {finger_part_min = 0.4, finger_part_max = 0.6}
+gripper = {finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 85.0}
+uncertainty = {radius_mm = 12.75, orientation = "unknown"}
+actions = {angles_deg = [0, 45, 90, 135], centers_mm = [[0, 0]], proposals = "none"}
+goal = {distance_mm = 3.0, confidence = 0.99, stress_trials = 2000}
+"""  # trees/rectangle/job.toml, which an installation does not have
+
+Kind = Literal["set", "box"]
+Actions = NDArray[Any]
+
+
+def problem_of(job: Job | str | None, workers: int = 1) -> Pomdp:
+    """The problem of a job, of a job file, or of the rectangle."""
+    if job is None:
+        job = parse(RECTANGLE, "the rectangle")
+    return Pomdp.of_job(job if isinstance(job, Job) else load(job), workers)
+
+
+class Episodes:
+    """Some episodes of a problem side by side."""
+
+    def __init__(self, model: Pomdp, number: int, kind: Kind) -> None:
+        self.model = model
+        self.states = np.zeros((number, 4))
+        self.squeezes = np.zeros(number, np.int64)
+        self.box = _box(model.job) if kind == "box" else None  # (2, 4) bounds of an action; None for a set
+
+    @property
+    def action_space(self) -> spaces.Discrete | spaces.Box:
+        """Of one of them."""
+        return spaces.Discrete(len(self.model.actions)) if self.box is None else spaces.Box(-1.0, 1.0, (4,))
+
+    def chosen(self, actions: Actions) -> Array:
+        """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for."""
+        if self.box is None:
+            return np.asarray(self.model.actions[actions])
+        return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
+
+    def begin(self, rows: IntArray | BoolArray, rng: np.random.Generator) -> None:
+        """Lays a new part down for these episodes."""
+        self.squeezes[rows] = 0
+        self.states[rows] = self.model.initial(len(self.squeezes[rows]), rng)
+
+    def step(
+        self, rows: BoolArray, actions: Actions, rng: np.random.Generator
+    ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray]:
+        """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws' count.
+
+        Returns:
+            Observations, rewards, which have ended, which are cut off, each (n,).
+        """
+        n = len(rows)
+        counts, rewards = np.full(n, self.model.encoder.count_open, np.int64), np.zeros(n)
+        ended, cut = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+        made = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
+        self.states[rows], counts[rows], rewards[rows] = made.states, made.observations, made.rewards
+        self.squeezes[rows] += made.rewards < 0.0
+        ended[rows] = made.ended
+        cut[rows] = ~made.ended & (self.squeezes[rows] > self.model.job.search.max_depth)
+        return counts, rewards, ended, cut
+
+
+def _box(job: Job) -> Array:
+    """Where hands are placed and poses declared: the part's reach before the first squeeze, any angle."""
+    span = job.uncertainty.radius_mm + reach(job.part.outline_mm)
+    low, high = np.clip(job.cell.work_area_mm, -span, span)
+    return np.array([[*low, -np.pi, SQUEEZE], [*high, np.pi, DECLARE]])
+
+
+class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
+    """One part at a time; `info` tells the pose that the agent does not know."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(self, job: Job | str | None = None, actions: Kind = "set") -> None:
+        self._episodes = Episodes(problem_of(job), 1, actions)
+        self.model = self._episodes.model
+        self.observation_space = spaces.Discrete(COUNTS)
+        self.action_space = self._episodes.action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.int64, dict[str, Any]]:
+        """Lays a part down; `options` are not used."""
+        super().reset(seed=seed, options=options)
+        self._episodes.begin(np.ones(1, np.bool_), self.np_random)
+        return np.int64(self.model.encoder.count_open), self._info()
+
+    def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
+        """Squeezes, or declares."""
+        counts, rewards, ended, cut = self._episodes.step(
+            np.ones(1, np.bool_), np.asarray(action)[None], self.np_random
+        )
+        return counts[0], float(rewards[0]), bool(ended[0]), bool(cut[0]), self._info()
+
+    def _info(self) -> dict[str, Any]:
+        return {"pose": self._episodes.states[0, :3].copy()}
+
+
+class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
+    """Many parts in one batch; an episode that has ended begins anew at the next step (`NEXT_STEP`)."""
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self, num_envs: int = 1, job: Job | str | None = None, actions: Kind = "set", workers: int = 1
+    ) -> None:
+        self.num_envs = num_envs
+        self._episodes = Episodes(problem_of(job, workers), num_envs, actions)
+        self.model = self._episodes.model
+        self._over = np.zeros(num_envs, np.bool_)
+        self.single_observation_space = spaces.Discrete(COUNTS)
+        self.single_action_space = self._episodes.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[IntArray, dict[str, Any]]:
+        """Lays all parts down; `options` are not used."""
+        super().reset(seed=seed, options=options)
+        self._over[:] = False
+        self._episodes.begin(~self._over, self.np_random)
+        return np.full(self.num_envs, self.model.encoder.count_open, np.int64), self._info()
+
+    def step(
+        self, actions: Actions
+    ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray, dict[str, Any]]:
+        """Squeezes or declares in the episodes under way, and begins those anew that were over."""
+        begun = self._over
+        if begun.any():
+            self._episodes.begin(begun, self.np_random)
+        counts, rewards, ended, cut = self._episodes.step(~begun, np.asarray(actions), self.np_random)
+        self._over = ended | cut
+        return counts, rewards, ended, cut, self._info()
+
+    def _info(self) -> dict[str, Any]:
+        return {"pose": self._episodes.states[:, :3].copy(), "_pose": np.ones(self.num_envs, np.bool_)}
+
+
+gymnasium.register(
+    NAME, "planner.gym:SqueezeLocalize", vector_entry_point="planner.gym:SqueezeLocalizeVector"
+)

@@ -1,0 +1,133 @@
+"""The planner's problem as a generative POMDP on arrays, for solvers from elsewhere.
+
+A state is where the part lies and how far the jaws are apart, (4,): x, y [mm] and theta [rad] in the world,
+width [mm]. An action is a pose and what is done with it, (4,): x, y, theta, and 0 to squeeze with the hand
+placed there or 1 to declare that the part lies there. An observation is the encoder's count. A belief is an
+array of n equally likely states (n, 4).
+
+    model = Pomdp.of_job(job)
+    belief = model.initial(2000, rng)
+    belief = model.updated(belief, model.actions[0], count, rng)
+    declared = [*model.metric.mode(belief[:, :3]).pose, DECLARE]
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.special import ndtr
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.metric import Metric, metric_of
+from planner.belief.observation import Encoder, encoder_of
+from planner.belief.particles import initial
+from planner.belief.transition import costs_of
+from planner.frames import to_hand, to_world
+from planner.job.model import Job
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.squeeze import JAMMED
+from planner.part.outline import radius_of_gyration
+from planner.search.actions import actions_of
+
+SQUEEZE, DECLARE = 0.0, 1.0  # what an action does with its pose; from midway on it declares
+MOST_CANDIDATES = 64
+TRIED, SQUEEZED = 4000, 3  # so many parts, each squeezed so often at random, show what the candidates are
+SEED_CANDIDATES = 0x43414E44
+
+
+class Sampled(NamedTuple):
+    """What n actions came to."""
+
+    states: Array  # (n, 4) afterwards
+    observations: IntArray  # (n,) counts
+    rewards: Array  # (n,) -1 a squeeze; `Pomdp.success` for a declared pose within the goal, 0 for another
+    ended: BoolArray  # (n,) a pose was declared, or an open finger came down on the part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pomdp:
+    """The problem that a job states; every squeeze draws its mechanics afresh (paper IV)."""
+
+    job: Job
+    simulator: Simulator
+    encoder: Encoder
+    metric: Metric  # of the goal
+    success: float  # reward of a right answer, in squeezes: what `search.squeeze_cost` says it is worth
+    placements: int  # how many of `actions` squeeze; they come first
+    actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
+
+    @classmethod
+    def of_job(cls, job: Job, workers: int = 1) -> Self:
+        """The problem of a job; its candidate poses take some tenths of a second."""
+        simulator = Simulator.of_job(job, workers)
+        metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+        squeezes = np.column_stack([actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)])
+        model = cls(
+            job, simulator, encoder_of(job), metric, 1.0 / costs_of(job).least, len(squeezes), squeezes
+        )
+        declarations = [[*pose, DECLARE] for pose in model._candidates()]
+        return cls(
+            job, simulator, model.encoder, metric, model.success, len(squeezes),
+            np.concatenate([squeezes, declarations]),
+        )  # fmt: skip
+
+    def _candidates(self) -> list[Array]:
+        """The commonest poses of parts after some squeezes, the commonest first."""
+        rng = np.random.default_rng([self.job.seed, SEED_CANDIDATES])
+        states = self.initial(TRIED, rng)
+        for _ in range(SQUEEZED):
+            placed = self.actions[rng.integers(len(self.actions), size=TRIED)]
+            states = self.sample(states, placed, rng).states
+        return [mode.pose for mode in self.metric.main_modes(states[:, :3], MOST_CANDIDATES)]
+
+    def initial(self, n: int, rng: np.random.Generator) -> Array:
+        """Draws n states (n, 4) from the job's uncertainty, jaws open."""
+        return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
+
+    def sample(self, s: Array, a: Array, rng: np.random.Generator) -> Sampled:
+        """Draws what becomes of states (n, 4) under one action (4,), or under one of (n, 4) each.
+
+        Raises:
+            ValueError: the shapes do not fit, or a number is not finite.
+        """
+        states, actions = np.array(s, dtype=np.float64), np.broadcast_to(a, np.shape(s))
+        if states.ndim != 2 or states.shape[1] != 4:
+            raise ValueError(f"states have shape {states.shape}; pass x, y, theta, width in rows, (n, 4)")
+        if not (np.isfinite(states).all() and np.isfinite(actions).all()):
+            raise ValueError("a state or an action is not finite; pass mm and rad")
+        ended = actions[:, 3] >= 0.5 * (SQUEEZE + DECLARE)
+        right = self.metric.reached(states[:, :3], actions[:, :3])
+        rewards = np.where(ended, self.success * right, -1.0)
+        rows = np.flatnonzero(~ended)
+        hand = actions[rows, :3].T
+        parameters = self.simulator.sample(len(rows), rng)
+        rolled = self.simulator.roll_out(to_hand(states[rows, :3], hand), parameters)
+        states[rows, :3], states[rows, 3] = to_world(rolled.poses, hand), rolled.width_mm
+        # Fingers that stand on the part do not close at all.
+        ended[rows] = (rolled.status == JAMMED) & (rolled.width_mm >= self.encoder.opening_mm)
+        return Sampled(states, self.encoder.read(states[:, 3], rng), rewards, ended)
+
+    def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:  # noqa: ARG002
+        """Probability (n,) of reading the count o after action a has led to states s (n, 4).
+
+        The action acts through the width in the state alone.
+        """
+        encoder = self.encoder
+        noise = max(encoder.noise_mm, 1e-9)
+        narrow = np.where(o >= encoder.count_closed, -np.inf, encoder.width_mm(np.asarray(o) + 0.5))
+        wide = np.where(o <= encoder.count_open, np.inf, encoder.width_mm(np.asarray(o) - 0.5))
+        below = ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise)
+        reachable = (o >= encoder.count_open) & (o <= encoder.count_closed)
+        return np.asarray(np.where(reachable, below, 0.0))
+
+    def updated(self, belief: Array, a: Array, o: int, rng: np.random.Generator) -> Array:
+        """The belief (n, 4) after action a (4,) and count o: drawn on, weighed, drawn again (n, 4).
+
+        Raises:
+            ValueError: none of the states explains the count.
+        """
+        states = self.sample(belief, a, rng).states
+        weight = self.likelihood(o, states, a)
+        if not weight.any():
+            raise ValueError(f"none of {len(belief)} states explains the count {o}; begin with more of them")
+        return np.asarray(states[rng.choice(len(states), len(states), p=weight / weight.sum())])

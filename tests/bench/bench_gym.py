@@ -1,0 +1,188 @@
+"""The Gymnasium environment: squeezes a second on one core beside MuJoCo's, and baselines; not in the gate.
+
+    python tests/bench/bench_gym.py [--parts 300] [--only speed policies]
+
+The policies localise the rectangle in the generative model: compiled tables, and two that carry a particle
+filter and declare its main mode once the goal's confidence is reached: one squeezes where the next belief's
+mode is largest on average (greedy), one anywhere (random). Prints figures and writes `results/gym.json`
+beside this file. The speed of MuJoCo is measured where `pip install mujoco` has been done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+
+import gymnasium  # noqa: E402
+
+import planner.gym  # noqa: E402
+from planner.belief.observation import partition, resolution_of  # noqa: E402
+from planner.compile import compile_job  # noqa: E402
+from planner.evaluation.trials import Program  # noqa: E402
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp  # noqa: E402
+from runtime import table as tables  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "gym.json"
+TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+BATCH = 4096
+STEPS = 40
+PARTICLES, JUDGES = 1000, 300
+Row = dict[str, Any]
+Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
+
+
+def speed() -> list[Row]:
+    """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
+    rng = np.random.default_rng(0)
+    rows = [_stepped("vector, 4096 parts", gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH), rng, STEPS)]
+    rows.append(_stepped("one part", gymnasium.make(planner.gym.NAME), rng, 4000))
+    try:
+        import mujoco_squeeze
+    except ImportError:
+        print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
+        return rows
+    model = planner.gym.problem_of(None)
+    poses = model.initial(20, rng)[:, :3]
+    clock = time.process_time()
+    mujoco_squeeze.squeeze(model.simulator.outline, 0.5, poses)
+    return [*rows, {"what": "MuJoCo", "per_second": len(poses) / (time.process_time() - clock)}]
+
+
+def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
+    placements, size = env.unwrapped.model.placements, getattr(env, "num_envs", None)
+    env.reset(seed=1)
+    env.step(np.zeros(size, np.int64) if size else 0)  # compiled before the clock starts
+    env.reset()
+    squeezes, clock = 0, time.process_time()
+    for step in range(steps):
+        declares = step % 4 == 3
+        action = (
+            rng.integers(placements, placements + 1, size)
+            if declares
+            else rng.integers(placements, size=size)
+        )
+        _, reward, ended, _, _ = env.step(action)
+        squeezes += int(np.sum(np.less(reward, 0.0)))
+        if not size and ended:
+            env.reset()
+        elif declares:
+            env.step(action)  # the step that lays new parts down
+    row = {"what": what, "per_second": squeezes / (time.process_time() - clock)}
+    print(json.dumps(row), flush=True)
+    return row
+
+
+def policies(parts: int) -> list[Row]:
+    """Success, squeezes and reward of each."""
+    model = planner.gym.problem_of(None)
+    kept = tables.load(TABLE).table
+    trusting = model.job.replaced(goal={"stress_trials": 0}, friction={"doubt": 0.0})
+    rows = [
+        _figures("the plan in trees/rectangle", *planned(model, kept, 20_000), model),
+        _figures("a plan for this world alone", *planned(model, compile_job(trusting).table, 20_000), model),
+    ]
+    for name, choice in (("greedy, one squeeze ahead", greedy), ("random", at_random)):
+        rng = np.random.default_rng(1)
+        ends = np.array([filtered(model, choice, rng) for _ in range(parts)])
+        rows.append(_figures(name, ends[:, 0] > 0.0, ends[:, 1], model))
+    return rows
+
+
+def _figures(policy: str, success: np.ndarray, squeezes: np.ndarray, model: Pomdp) -> Row:
+    row = {
+        "policy": policy,
+        "parts": len(success),
+        "success": float(success.mean()),
+        "success_ci95": list(tables.wilson_interval(int(success.sum()), len(success))),
+        "squeezes": float(squeezes.mean()),
+        "reward": float((model.success * success - squeezes).mean()),
+    }
+    print(json.dumps(row), flush=True)
+    return row
+
+
+def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which of so many parts a table declares rightly, and how many squeezes each takes."""
+    program, rng = Program.of(table), np.random.default_rng(1)
+    states, node = model.initial(parts, rng), np.zeros(parts, np.int64)
+    success, squeezes = np.zeros(parts, np.bool_), np.zeros(parts)
+    said = np.array([tables.predicted_pose(leaf) for leaf in table.leaves])
+    while (rows := np.flatnonzero(node >= 0)).size:
+        placed = np.column_stack([program.placement[node[rows]], np.full(len(rows), SQUEEZE)])
+        made = model.sample(states[rows], placed, rng)
+        squeezes[rows] += 1
+        states[rows] = made.states
+        node[rows] = program.target[node[rows], made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)]
+        known = rows[(node[rows] < 0) & (~node[rows] < len(said)) & (~node[rows] >= 0)]
+        declared = np.column_stack([said[~node[known]], np.full(len(known), DECLARE)])
+        success[known] = model.sample(states[known], declared, rng).rewards > 0.0
+    return success, squeezes
+
+
+def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bool, int]:
+    """Whether one part is declared rightly by a particle filter's main mode, and after how many squeezes."""
+    state, belief = model.initial(1, rng), model.initial(PARTICLES, rng)
+    squeezes = 0
+    while True:
+        mode = model.metric.mode(belief[:, :3])
+        if mode.ratio >= model.job.goal.confidence or squeezes == model.job.search.max_depth:
+            declared = np.array([*mode.pose, DECLARE])
+            return bool(model.sample(state, declared, rng).rewards[0] > 0.0), squeezes
+        action = model.actions[choice(model, belief, rng)]
+        made = model.sample(state, action, rng)
+        state, squeezes = made.states, squeezes + 1
+        if made.ended[0]:
+            return False, squeezes
+        try:
+            belief = model.updated(belief, action, int(made.observations[0]), rng)
+        except ValueError:
+            return False, squeezes  # no particle is like this part
+
+
+def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
+    """The placement after which the main mode holds most of the belief, on average over what is read."""
+    few = belief[:: max(1, len(belief) // JUDGES)]
+    values = []
+    for placement in model.actions[: model.placements]:
+        made = model.sample(few, placement, rng)
+        label = partition(made.observations, resolution_of(model.encoder)).label[made.observations]
+        after = [made.states[label == k, :3] for k in np.unique(label)]
+        values.append(sum(len(poses) * model.metric.mode(poses).ratio for poses in after))
+    return int(np.argmax(values))
+
+
+def at_random(model: Pomdp, _belief: np.ndarray, rng: np.random.Generator) -> int:
+    """Any placement."""
+    return int(rng.integers(model.placements))
+
+
+def main() -> None:
+    """Run the chosen benches and record them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--parts", type=int, default=300, help="of each policy that carries a filter")
+    parser.add_argument("--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"])
+    options = parser.parse_args()
+    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    if "speed" in options.only:
+        results["speed"] = speed()
+    if "policies" in options.only:
+        results["policies"] = policies(options.parts)
+    results["setting"] = {"python": platform.python_version(), "machine": platform.machine()}
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

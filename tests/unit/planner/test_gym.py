@@ -1,0 +1,93 @@
+"""The environment keeps Gymnasium's rules, alone and in a batch, and is the same again with the same seed."""
+
+import warnings
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import planner.gym
+from planner.job.model import load
+
+JOB = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
+OPEN = 3  # count of open jaws
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return gymnasium.make(planner.gym.NAME)
+
+
+@pytest.fixture(scope="module")
+def many():
+    return gymnasium.make_vec(planner.gym.NAME, num_envs=300)
+
+
+def episode(env, seed, steps=5):
+    """What the first steps of a seed come to."""
+    rng = np.random.default_rng(seed)
+    seen = [env.reset(seed=seed)[0]]
+    for _ in range(steps):
+        seen.append(env.step(rng.integers(4, size=getattr(env, "num_envs", None)))[:4])
+    return seen
+
+
+def test_without_arguments_it_is_the_rectangle(alone):
+    assert alone.unwrapped.model.job == load(JOB)
+
+
+@pytest.mark.parametrize("arguments", [{}, {"actions": "box", "job": str(JOB)}], ids=str)
+def test_it_passes_the_checks_of_gymnasium(arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(planner.gym.NAME, **arguments).unwrapped)
+
+
+def test_the_same_seed_is_the_same_episode(alone, many):
+    assert episode(alone, 4) == episode(alone, 4)
+    assert episode(alone, 4) != episode(alone, 5)
+    for first, second in zip(episode(many, 4), episode(many, 4), strict=True):
+        assert np.array_equal(first, second)
+
+
+def test_a_batch_of_one_is_the_environment(alone):
+    batch = gymnasium.make_vec(planner.gym.NAME, num_envs=1)
+    alone.reset(seed=8)
+    batch.reset(seed=8)
+    for action in (1, 0, 3, 40):
+        one, several = alone.step(action), batch.step(np.array([action]))
+        assert [one[k] for k in range(4)] == [several[k][0] for k in range(4)]
+        assert np.array_equal(one[4]["pose"], several[4]["pose"][0])
+    assert one[2]
+
+
+def test_the_true_pose_declared_in_the_box_is_a_success():
+    env = gymnasium.make(planner.gym.NAME, actions="box").unwrapped
+    low, high = env._episodes.box
+    for shift_mm, reward in ((0.0, env.model.success), (3.1, 0.0)):
+        pose = env.reset(seed=1)[1]["pose"] + [shift_mm, 0.0, 0.0]
+        action = 2.0 * (np.array([*pose, 1.0]) - low) / (high - low) - 1.0
+        assert env.step(action.astype(np.float32))[1:4] == (reward, True, False)
+
+
+def test_a_squeeze_after_the_last_cuts_the_episode_off(alone):
+    most = alone.unwrapped.model.job.search.max_depth
+    alone.reset(seed=2)
+    ends = [alone.step(0)[2:4] for _ in range(most + 1)]
+    assert ends == [(False, False)] * most + [(False, True)]
+
+
+def test_an_episode_of_a_batch_begins_anew_at_the_step_after_its_end(many):
+    many.reset(seed=3)
+    actions = np.zeros(300, np.int64)
+    actions[:100] = many.unwrapped.model.placements  # declares the first candidate
+    ended = many.step(actions)[2]
+    assert np.array_equal(ended, actions > 0)
+    before = many.step(actions)
+    assert (before[0][:100] == OPEN).all()
+    assert not before[1][:100].any()
+    assert not before[2][:100].any()
+    assert (np.hypot(*before[4]["pose"][:100, :2].T) <= 12.75).all()
+    assert (many.step(actions)[2] == (actions > 0)).all()

@@ -1,0 +1,114 @@
+"""The generative model: its readings, its ends and its filter against what the rest of the planner says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.evaluation.trials import Program
+from planner.frames import to_hand
+from planner.job.model import load
+from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.pomdp import DECLARE, Pomdp
+from runtime import table as tables
+
+RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle"
+EVERY_COUNT = np.arange(256)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Pomdp.of_job(load(RECTANGLE / "job.toml"))
+
+
+def declaring(poses):
+    return np.column_stack([poses, np.full(len(poses), DECLARE)])
+
+
+def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
+    encoder, n = model.encoder, 200_000
+    for width in (0.0, 0.2, 21.0, 33.3, encoder.opening_mm):
+        said = model.likelihood(EVERY_COUNT, np.tile([0.0, 0.0, 0.0, width], (256, 1)), np.zeros(4))
+        read = np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=256) / n
+        assert said.sum() == pytest.approx(1.0, abs=1e-12)
+        assert np.abs(read - said).max() < 5.0 * 0.5 / np.sqrt(n)
+
+
+def test_an_episode_ends_where_a_finger_comes_down_on_the_part(model):
+    rng = np.random.default_rng(2)
+    states = model.initial(3000, rng) * [2.5, 2.5, 1.0, 1.0]
+    placements = model.actions[rng.integers(model.placements, size=len(states))]
+    made = model.sample(states, placements, rng)
+    hand = to_hand(states[:, :3], placements[:, :3].T)
+    below = classify_contact(model.simulator.outline, model.simulator.jaws, hand) == STANDS_ON
+    assert below.any()
+    assert np.array_equal(made.ended, below)
+    assert made.states[below, :3] == pytest.approx(states[below, :3])
+    assert (made.rewards == -1.0).all()
+
+
+def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
+    rng = np.random.default_rng(3)
+    states = model.initial(500, rng)
+    off = rng.normal(size=(500, 3)) * [2.0, 2.0, 0.2]
+    made = model.sample(states, declaring(states[:, :3] + off + [0.0, 0.0, np.pi]), rng)
+    length = np.hypot(off[:, 0], off[:, 1]) + model.metric.rho_mm * np.abs(off[:, 2])
+    assert np.array_equal(made.rewards, np.where(length < 3.0, 100.0, 0.0))
+    assert made.ended.all()
+    assert np.array_equal(made.states, states)
+
+
+def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
+    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+    program, rng, n = Program.of(table), np.random.default_rng(4), 3000
+    states, node = model.initial(n, rng), np.zeros(n, np.int64)
+    squeezes, right = 0, 0.0
+    while len(states):
+        made = model.sample(states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng)
+        squeezes += len(states)
+        node = program.target[node, made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)]
+        leaf = (node < 0) & (node > -len(table.leaves) - 1)
+        poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(-1, 3)
+        right += model.sample(made.states[leaf], declaring(poses), rng).rewards.sum() / model.success
+        states, node = made.states[node >= 0], node[node >= 0]
+    assert right / n > table.predicted.success_ppm / 1e6 - 0.005
+    assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
+
+
+def test_a_belief_is_right_as_often_as_it_says(model):
+    rng = np.random.default_rng(5)
+    said, right = [], []
+    for _ in range(40):
+        state, belief = model.initial(1, rng), model.initial(400, rng)
+        for placement in rng.permutation(model.placements)[:3]:
+            made = model.sample(state, model.actions[placement], rng)
+            belief = model.updated(belief, model.actions[placement], int(made.observations[0]), rng)
+            state = made.states
+        mode = model.metric.mode(belief[:, :3])
+        said.append(mode.ratio)
+        right.append(model.metric.reached(state[0, :3], mode.pose))
+    spread = np.sqrt(np.sum(np.multiply(said, 1.0 - np.array(said)))) + 1.0
+    assert abs(np.sum(right) - np.sum(said)) < 3.0 * spread
+
+
+def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
+    candidates = model.actions[model.placements :, :3]
+    apart = model.metric.between(candidates[:, None], candidates[None])
+    assert apart[~np.eye(len(candidates), dtype=bool)].min() > 0.0
+    rng = np.random.default_rng(6)
+    states = model.initial(2000, rng)
+    for _ in range(3):
+        placed = model.actions[rng.integers(model.placements, size=2000)]
+        states = model.sample(states, placed, rng).states
+    near = model.metric.between(states[:, None, :3], candidates[None]).min(axis=1) < model.metric.goal
+    assert near.mean() > 0.85
+
+
+def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
+    rng = np.random.default_rng(7)
+    with pytest.raises(ValueError, match="none of 50 states explains the count 17"):
+        model.updated(model.initial(50, rng), model.actions[0], 17, rng)
+    with pytest.raises(ValueError, match="rows"):
+        model.sample(np.zeros((2, 3)), model.actions[0][:3], rng)
+    with pytest.raises(ValueError, match="not finite"):
+        model.sample(np.full((2, 4), np.nan), model.actions[0], rng)
