@@ -211,7 +211,9 @@ class _Session:
             return _packed(kind, struct.pack(">4I", *CONTROLLER_VERSION))
         if kind == "O":
             rate = min(max(struct.unpack(">d", payload[:8])[0], LEAST_HZ), MOST_HZ)
-            self._names, self._period_s = payload[8:].decode("latin-1").split(","), 1.0 / rate
+            # Some clients end the list with a comma.
+            self._names = payload[8:].decode("latin-1").rstrip(",").split(",")
+            self._period_s = 1.0 / rate
             offered = self._look()
             kinds = [offered[name][0] if name in offered else "NOT_FOUND" for name in self._names]
             self._names = self._names if "NOT_FOUND" not in kinds else []
