@@ -2,9 +2,9 @@
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
 port), `tcp://host:port` (Modbus TCP), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
-`can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms:
-`tcp://host:port`, with frames and limits after a `?`:
-`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`. Simulated scenes: `tcp://host:port`.
+`can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms: `tcp://host:port` (open_abb), `ur://host` (UR
+controller), with frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`.
+Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
 """
@@ -25,8 +25,8 @@ TTY = "tty"  # the scheme of a port without one
 # A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
 GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper")
 GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
-ARMS = {"tcp": "drivers.abb.arm:connect"}
-PORTS = {"urcap": 63352}  # where a scheme is served unless its address says otherwise
+ARMS = {"tcp": "drivers.abb.arm:connect", "ur": "drivers.ur.arm:connect"}
+PORTS = {"urcap": 63352, "ur": 30004}  # where a scheme is served unless its address says otherwise
 
 
 def gripper(
@@ -145,9 +145,12 @@ def _settings(url: str, query: str) -> dict[str, Any]:
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
         elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
             settings[name] = tuple(numbers)
+        elif (name, len(numbers)) == ("reach", 1):
+            settings["reach_mm"] = numbers[0]
         else:
             raise PortError(
                 f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees"
+                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees, "
+                "reach mm from the base"
             )
     return settings

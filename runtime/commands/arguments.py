@@ -51,7 +51,7 @@ def parser() -> Parser:
         "--port",
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
     )
-    add("--arm", help="the arm: tcp://host:port; with --port sim its own")
+    add("--arm", help="the arm: tcp://host:port or ur://host; with --port sim its own")
     add("--count", type=positive_int, default=1, metavar="N", help="number of parts (default: 1)")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(

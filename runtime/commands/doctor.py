@@ -9,6 +9,7 @@ from pathlib import Path
 from drivers.ports import Drivers
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
+from runtime.commands.ur_checks import Accepts, accepts, check_controllers
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import CellCheckError, CellError
@@ -36,7 +37,7 @@ def parser() -> Parser:
     )
     add = built.add_argument
     add("--port", required=True, help="the gripper, as for grasp-runtime")
-    add("--arm", help="the arm: tcp://host:port")
+    add("--arm", help="the arm: tcp://host:port, ur://host")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
@@ -71,17 +72,19 @@ def findings(
     measured: Calibration | None,
     drivers: Drivers,
     system: System,
+    listens: Accepts = accepts,
 ) -> Iterator[Finding]:
     """All checks in the order in which one depends on the other."""
     if table is not None:
         yield from doctor.check_table(table, measured or Calibration.linear(table.gripper))
+    yield from check_controllers(filter(None, (port, arm_url)), listens)
     yield from _gripper_findings(port, drivers, system)
     if arm_url is not None:
         try:
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
                 yield from doctor.check_arm(arm, table)
         except OSError as error:
-            yield _failed("arm", error, "Start SERVER.mod on the controller; see drivers/abb/README.md.")
+            yield _failed("arm", error, "Look at the controller; see tools/docs/arms.md.")
 
 
 def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[Finding]:

@@ -8,18 +8,20 @@ import other_make
 
 from drivers import connect
 from drivers.abb.codec import Pose, hand_angle
+from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.devices.ur_controller import RtdePort, SecondaryPort, UrModel
 from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
-def opened(url, read_only, frames):
+def opened(url, read_only, frames, more=""):
     """An arm whose frames are told in its address."""
     told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
-    query = f"?{'&'.join(told)}" if frames else ""
+    query = f"?{'&'.join(told)}{more}" if frames else ""
     return contextlib.closing(connect.arm(url + query, time_scale=SCALE, read_only=read_only))
 
 
@@ -84,4 +86,45 @@ class Other:
         self.server.close()
 
 
-RIGS = {"abb": Abb, "other": Other}
+class Ur:
+    """The UR driver and a simulated controller."""
+
+    far_mm = 900.0
+    limits = "&reach=580"
+
+    def __init__(self):
+        self.arm = ArmModel(BASE)
+        self.model = UrModel(self.arm, BASE)
+        time = SimulatedTime(SCALE, threading.Event())
+        self.now, lock = time.now, threading.RLock()
+        # The secondary interface lies two below RTDE.
+        while True:
+            self.script = SecondaryPort(self.model, lock, time, ("127.0.0.1", 0))
+            try:
+                self.rtde = RtdePort(self.model, lock, time, ("127.0.0.1", self.script.port + 2))
+                break
+            except OSError:
+                self.script.close()
+        self.script.start()
+        self.rtde.start()
+
+    @property
+    def moves(self):
+        return self.arm.moves
+
+    def truth(self):
+        flange = compose(BASE, self.arm._leg(self.now()).at(self.now()))
+        return (*flange[:3], hand_angle(flange.rotation))
+
+    def silence(self):
+        self.rtde.mute = True
+
+    def open(self, *, read_only=False, **frames):
+        return opened(f"ur://127.0.0.1:{self.rtde.port}", read_only, {"base": BASE, **frames}, self.limits)
+
+    def close(self):
+        self.rtde.close()
+        self.script.close()
+
+
+RIGS = {"abb": Abb, "ur": Ur, "other": Other}

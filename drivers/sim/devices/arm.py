@@ -92,6 +92,21 @@ class ArmModel:
         """The joints in degrees, as far round as the arm has really turned them."""
         return self._leg(now_s).joints_at(now_s)
 
+    def frames(self, tool: Pose, work_object: Pose) -> None:
+        """Set the tool in the flange frame and the work object in the world."""
+        self._tool, self._work_object = _unit(tool), _unit(work_object)
+
+    def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
+        """Move straight to a fine point at mm/s and deg/s; returns when it stands, or HaltError."""
+        self._zone_mm = 0.0
+        return self._line(tip, speed, now_s)[1]
+
+    def stop(self, now_s: float) -> None:
+        """Stand still at once."""
+        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        begun = [leg for leg in self._legs if leg.start_s <= now_s]
+        self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
+
     def execute(self, text: str, now_s: float) -> Answer:
         """One received string, heard now; RapidError where the server hangs up and listens again."""
         self._message.parse(text)

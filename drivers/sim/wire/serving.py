@@ -64,9 +64,11 @@ class Server:
 class TcpServer(Server):
     """Serves one client after another on a TCP port; subclasses say how."""
 
-    def __init__(self, name: str, stopped: threading.Event) -> None:
+    def __init__(
+        self, name: str, stopped: threading.Event, address: tuple[str, int] = ("127.0.0.1", 0)
+    ) -> None:
         super().__init__(name, stopped)
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.create_server(address)
         self.port: int = self._listener.getsockname()[1]
         self.url = f"tcp://127.0.0.1:{self.port}"
 
@@ -92,5 +94,5 @@ class TcpServer(Server):
     def _left(self) -> None:
         """The client was served, and its connection is closed."""
 
-    def _readable(self, sockets: list[socket.socket]) -> list[socket.socket]:
-        return select.select(sockets, [], [], 0.1)[0]
+    def _readable(self, sockets: list[socket.socket], seconds: float = 0.1) -> list[socket.socket]:
+        return select.select(sockets, [], [], seconds)[0]

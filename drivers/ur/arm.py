@@ -1,0 +1,200 @@
+"""A UR arm: read by RTDE, moved by one short program of ours a motion, over the secondary interface.
+
+Connecting reads. A motion is refused while a program of somebody else runs, and stopped when it is
+interrupted or late; that it began and ended is told by two registers, which only our programs write.
+"""
+
+import contextlib
+import math
+import secrets
+from collections.abc import Callable
+
+from drivers.abb.codec import IDENTITY, Pose
+from drivers.abb.kinematics import compose, invert
+from drivers.abb.reach import Setup, within_sphere
+from drivers.abb.upright import ArmPose, UprightArm
+from drivers.clock import Pace
+from drivers.errors import ArmError, ReadOnlyError
+from drivers.ports import TURN_RADIUS_MM
+from drivers.stream import Stream, open_tcp
+from drivers.ur import script
+from drivers.ur.rtde import ANSWER_S, Reading, Rtde
+
+SCRIPT_PORT_BELOW = 2  # the secondary interface, 30002, beside RTDE's 30004
+READY = 7  # robot mode: powered, brakes released
+PROGRAM_RUNS = 0b10  # of the status bits
+MAY_MOVE = 0b11  # of the safety bits: normal or reduced, and nothing else
+SAFETY = (
+    "normal", "reduced mode", "protective stop", "recovery mode", "safeguard stop", "system emergency stop",
+    "robot emergency stop", "emergency stop", "violation", "fault", "stopped due to safety",
+)  # fmt: skip
+LEAST_FRACTION = 0.05  # of the speed slider; slower than this no deadline makes sense
+STILL_M_S = 0.002
+WHOLE_TURN_MARGIN = 2.0  # a motion given by its time may be so much faster in its middle
+HINT = "check the address and that RTDE is enabled (Settings, Security, Services)"
+
+
+class Arm(UprightArm):
+    """An arm on an open RTDE connection, which it owns; `connect` opens one.
+
+    Args:
+        stream: to RTDE.
+        open_script: connects to the secondary interface.
+        pace: device time.
+        setup: frames and limits.
+
+    Raises:
+        ArmError: it does not answer as a UR controller.
+    """
+
+    def __init__(self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup) -> None:
+        # Axis 1 turns the hand by more than its bearing alone: the arm is offset from the base's middle.
+        super().__init__(stream.endpoint, setup, within_sphere(setup))
+        self._open_script = open_script
+        self._pace = pace
+        self._unknown = ""  # why the state is unknown
+        self._speed_mm_s = math.nan
+        self._start: ArmPose | None = None
+        self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
+        # The table in the base frame.
+        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
+        try:
+            self._rtde = Rtde(stream, pace)
+        except OSError as error:
+            raise self._lose(str(error)) from error
+
+    def close(self) -> None:
+        """Hang up; the arm does not move."""
+        self._unknown = self._unknown or "it was closed"
+        self._rtde.close()
+
+    def _read_hand(self) -> Pose:
+        seen = self._read()
+        # In the controller's active tool, which need not be ours yet.
+        flange = compose(script.frame(seen.tcp), invert(script.frame(seen.tcp_offset)))
+        return compose(invert(self._table), compose(flange, self._setup.tool))
+
+    def _read_last_axis(self) -> float:
+        return self._read().joints[5]
+
+    def _set_speed(self, speed_mm_s: float) -> None:
+        if not math.isfinite(speed_mm_s):
+            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a finite one")
+        if self._setup.read_only:
+            raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
+        self._speed_mm_s, self._start = speed_mm_s, self._at
+
+    def _drive(self, target: ArmPose, budget_s: float) -> None:
+        seen = self._read()
+        if reason := _objection(seen):
+            raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
+        pacing, seconds = self._pacing(target)
+        # A program waits at the pendant's slider.
+        budget_s = max(budget_s, seconds + ANSWER_S) / seen.speed_fraction
+        self._moves = self._moves % (1 << 30) + 1
+        program = script.move(self._moves, self._setup.tool, compose(self._table, target.frame), pacing)
+        try:
+            with contextlib.closing(self._open_script()) as sent:
+                try:
+                    sent.send(program)
+                    self._await_start()
+                    self._await_end(budget_s)
+                except BaseException:  # Ctrl-C, too
+                    with contextlib.suppress(OSError):
+                        sent.send(script.stop())
+                    raise
+        except ArmError:
+            raise
+        except OSError as error:
+            raise self._lose(str(error)) from error
+        except BaseException:
+            self._unknown = self._unknown or "a motion was interrupted"
+            raise
+
+    def _pacing(self, target: ArmPose) -> tuple[str, float]:
+        """Arguments of `movel`, and the seconds that the motion takes at most, but for its ramps.
+
+        Its speed is that of the tool's point; a motion that mostly turns is given by its time instead.
+        """
+        assert self._start is not None  # `move_linear` knows where it stands
+        path_mm = math.dist(self._start[:3], target[:3])
+        arc_mm = TURN_RADIUS_MM * abs(target.angle_rad - self._start.angle_rad)
+        if path_mm >= arc_mm:
+            return f"v={self._speed_mm_s / 1000.0:.6f}", path_mm / self._speed_mm_s
+        seconds = WHOLE_TURN_MARGIN * arc_mm / self._speed_mm_s
+        return f"t={max(seconds, 0.1):.4f}", seconds
+
+    def _await_start(self) -> None:
+        until = self._pace.deadline(ANSWER_S)
+        while self._read().started != self._moves:
+            if self._pace.now() > until:
+                raise self._lose(
+                    "it did not take a program; set the pendant to Remote Control, and see that port 30002 "
+                    "is not blocked (Settings, Security)"
+                )
+            self._pace.idle(until)
+
+    def _await_end(self, budget_s: float) -> None:
+        until = self._pace.deadline(budget_s)
+        while True:
+            late = self._pace.now() > until
+            seen = self._read()
+            runs = seen.status_bits & PROGRAM_RUNS
+            if seen.started != self._moves:
+                raise self._lose("another program moves it")
+            if seen.done == self._moves and not runs and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S:
+                return
+            if seen.done != self._moves and not runs:
+                raise self._lose(
+                    f"its program ended on the way ({_objection(seen) or 'stopped by somebody'})"
+                )
+            if late:
+                raise self._lose(f"not there after {budget_s:.1f} s")
+            self._pace.idle(until)
+
+    def _read(self) -> Reading:
+        if self._unknown:
+            raise ArmError(
+                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
+                "look at the arm, then connect again"
+            )
+        try:
+            return self._rtde.read()
+        except OSError as error:
+            raise self._lose(str(error)) from error
+
+    def _lose(self, reason: str) -> ArmError:
+        self._unknown = reason
+        return ArmError(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the pendant")
+
+
+def _objection(seen: Reading) -> str:
+    """Why it may not be moved; empty: it may."""
+    if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
+        told = ", ".join(name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
+        return f"{told or 'safety state unknown'}; put it right on the pendant"
+    if seen.mode != READY:
+        return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
+    if seen.status_bits & PROGRAM_RUNS:
+        return "a program runs on the controller; stop it first"
+    if not LEAST_FRACTION <= seen.speed_fraction <= 1.0:
+        return f"the speed slider stands at {100.0 * seen.speed_fraction:.0f} %; raise it"
+    return ""
+
+
+def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+    """Connect to a controller; reads, and moves nothing.
+
+    Raises:
+        PortError: nobody accepts the connection.
+        ArmError: whoever answers is no UR controller.
+    """
+    endpoint = f"ur://{host}:{port}"
+    script_port = port - SCRIPT_PORT_BELOW
+    hint = "enable the secondary interface (Settings, Security, Services)"
+    stream = open_tcp(host, port, endpoint, HINT)
+    try:
+        return Arm(stream, lambda: open_tcp(host, script_port, f"{host}:{script_port}", hint), pace, setup)
+    except BaseException:  # Ctrl-C, too, must not leave the socket open
+        stream.close()
+        raise

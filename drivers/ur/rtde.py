@@ -1,0 +1,146 @@
+"""Reading a UR controller by Real-Time Data Exchange, protocol version 2, TCP port 30004.
+
+After Universal Robots' RTDE guide: packages of a size (uint16), a type (one letter) and a payload, big
+endian. The stream is started for each reading and paused after it, so that a reading is never older than its
+question, and nothing piles up between two.
+"""
+
+import struct
+from typing import NamedTuple
+
+from drivers.clock import Pace
+from drivers.stream import Stream
+
+PORT = 30004
+VERSION = 2
+FREQUENCY_HZ = 125.0
+ANSWER_S = 2.0  # wall
+LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
+HEADER = struct.Struct(">HB")
+FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
+STARTED, DONE = 25, 24  # output integer registers: number of the move that began, and of the one that ended
+FIELDS = {
+    "timestamp": "DOUBLE",
+    "actual_TCP_pose": "VECTOR6D",
+    "tcp_offset": "VECTOR6D",
+    "actual_TCP_speed": "VECTOR6D",
+    "actual_q": "VECTOR6D",
+    "robot_mode": "INT32",
+    "robot_status_bits": "UINT32",
+    "safety_status_bits": "UINT32",
+    "target_speed_fraction": "DOUBLE",
+    f"output_int_register_{STARTED}": "INT32",
+    f"output_int_register_{DONE}": "INT32",
+}
+LAYOUT = struct.Struct(">" + "".join(FORMATS[kind] for kind in FIELDS.values()))
+Vector = tuple[float, ...]
+
+
+class RtdeError(OSError):
+    """The controller does not answer, or not as the guide says."""
+
+
+class Reading(NamedTuple):
+    """The controller at one moment; lengths in m, angles in rad, turns as rotation vectors."""
+
+    timestamp_s: float  # since the controller started
+    tcp: Vector  # pose of the active tool in the base frame: x, y, z, rx, ry, rz
+    tcp_offset: Vector  # the active tool in the flange frame
+    tcp_speed: Vector  # m/s and rad/s
+    joints: Vector  # whole turns counted
+    mode: int  # 7: brakes released, ready
+    status_bits: int  # bit 0 powered, 1 a program runs
+    safety_bits: int  # bit 0 normal, 1 reduced, others: some stop
+    speed_fraction: float  # of the pendant's slider
+    started: int  # number of our move that began last
+    done: int  # number of our move that ended last
+
+
+class Rtde:
+    """An RTDE connection, which it owns; opening it reads nothing and writes nothing.
+
+    Raises:
+        RtdeError: no RTDE answers there, or it lacks a field.
+    """
+
+    def __init__(self, stream: Stream, pace: Pace) -> None:
+        self._stream = stream
+        self._pace = pace
+        self._buffer = b""
+        self._late_s = 0.0
+        self._out_of_step = False  # what was streamed before an interrupt may still be there
+        if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
+            raise RtdeError(f"the controller does not speak RTDE version {VERSION}; update PolyScope")
+        names = ",".join(FIELDS).encode("ascii")
+        reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
+        self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
+        if kinds != list(FIELDS.values()):
+            odd = [
+                f"{name} ({kind})" for name, kind in zip(FIELDS, kinds, strict=False) if kind != FIELDS[name]
+            ]
+            raise RtdeError(
+                f"the controller does not offer {', '.join(odd) or 'the fields needed'}; update PolyScope"
+            )
+
+    def read(self) -> Reading:
+        """The controller now.
+
+        Raises:
+            RtdeError: it does not answer in time.
+        """
+        if self._out_of_step:
+            raise RtdeError("a reading was interrupted")
+        self._out_of_step = True
+        for _ in range(2):
+            if self._ask("S") != b"\1":
+                raise RtdeError("the controller refuses to start the data exchange")
+            payload = self._await("U")
+            late_s = self._late_s
+            self._ask("P")
+            self._out_of_step = False
+            if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
+                return self._unpacked(payload)
+        raise RtdeError(f"this process was stopped or starved and read an answer {late_s:.1f} s too late")
+
+    def close(self) -> None:
+        """Hang up."""
+        self._stream.close()
+
+    def _unpacked(self, payload: bytes) -> Reading:
+        if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:
+            raise RtdeError(f"a data package of {len(payload)} bytes, expected are {1 + LAYOUT.size}")
+        values = iter(LAYOUT.unpack(payload[1:]))
+        fields = [
+            tuple(next(values) for _ in range(6)) if kind == "VECTOR6D" else next(values)
+            for kind in FIELDS.values()
+        ]
+        return Reading._make(fields)
+
+    def _ask(self, kind: str, payload: bytes = b"") -> bytes:
+        self._stream.send(HEADER.pack(HEADER.size + len(payload), ord(kind)) + payload)
+        return self._await(kind)
+
+    def _await(self, kind: str) -> bytes:
+        """The payload of the next package of a kind; others (data on their way, text) are dropped."""
+        deadline = self._pace.now() + ANSWER_S
+        late = 0
+        while late < LATE_LOOKS:
+            left = deadline - self._pace.now()
+            late += left <= 0.0
+            while (package := self._package()) is not None:
+                if package[0] == ord(kind):
+                    self._late_s = max(-left, 0.0)
+                    return package[1]
+            self._buffer += self._stream.receive(max(left, 0.0))
+        raise RtdeError(f"{ANSWER_S:g} s of silence on RTDE")
+
+    def _package(self) -> tuple[int, bytes] | None:
+        if len(self._buffer) < HEADER.size:
+            return None
+        size, kind = HEADER.unpack_from(self._buffer)
+        if size < HEADER.size:
+            raise RtdeError(f"a package of {size} bytes; this is no RTDE")
+        if len(self._buffer) < size:
+            return None
+        payload, self._buffer = self._buffer[HEADER.size : size], self._buffer[size:]
+        return kind, payload

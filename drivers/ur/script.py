@@ -1,0 +1,64 @@
+"""Programs in URScript (Universal Robots' script manual) that the driver sends, and rotation vectors."""
+
+import math
+
+from drivers.abb.codec import Pose, Quaternion
+from drivers.ur.rtde import DONE, STARTED, Vector
+
+ACCELERATION_M_S2 = 0.5
+STOP_M_S2 = 1.0
+
+
+def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
+    """A program that moves the tool straight to a pose and tells by registers how far it is.
+
+    Args:
+        number: of the move, told when it begins and when it has ended.
+        tool: the tool's frame in the flange frame.
+        target: in the base frame.
+        pacing: arguments of `movel` that say how fast.
+    """
+    return _program(
+        f"set_tcp({pose(tool)})",
+        f"write_output_integer_register({STARTED}, {number})",
+        f"movel({pose(target)}, a={ACCELERATION_M_S2}, {pacing})",
+        f"write_output_integer_register({DONE}, {number})",
+    )
+
+
+def stop() -> bytes:
+    """A program that brakes; it takes the place of the one that runs."""
+    return _program(f"stopl({STOP_M_S2})")
+
+
+def pose(frame: Pose) -> str:
+    """A pose as URScript has it: m, and a rotation vector in rad."""
+    numbers = (*(value / 1000.0 for value in frame[:3]), *rotation_vector(frame.rotation))
+    return "p[" + ", ".join(f"{number:.7f}" for number in numbers) + "]"
+
+
+def frame(vector: Vector) -> Pose:
+    """A pose of six numbers, m and a rotation vector, as ours."""
+    x, y, z = (1000.0 * value for value in vector[:3])
+    return Pose(x, y, z, rotation(vector[3:]))
+
+
+def rotation_vector(turn: Quaternion) -> tuple[float, float, float]:
+    """A unit quaternion as axis times angle, the angle at most half a turn."""
+    w, x, y, z = turn if turn[0] >= 0.0 else (-part for part in turn)
+    length = math.hypot(x, y, z)
+    scale = 2.0 if length == 0.0 else 2.0 * math.atan2(length, w) / length
+    return scale * x, scale * y, scale * z
+
+
+def rotation(vector: Vector) -> Quaternion:
+    """Axis times angle as a unit quaternion."""
+    x, y, z = vector
+    angle = math.hypot(x, y, z)
+    scale = 0.5 if angle == 0.0 else math.sin(0.5 * angle) / angle
+    return math.cos(0.5 * angle), scale * x, scale * y, scale * z
+
+
+def _program(*lines: str) -> bytes:
+    body = "".join(f"  {line}\n" for line in lines)
+    return f"def squeezetree():\n{body}end\n".encode("ascii")

@@ -1,0 +1,87 @@
+"""What `grasp-doctor` sees of a UR controller by who listens on it: usual traps of its gripper's URCap."""
+
+import socket
+from collections.abc import Callable, Iterator
+from urllib.parse import urlsplit
+
+from runtime.commands.checks import Finding, bad, good, warning
+
+RTDE, SCRIPTS, DASHBOARD = 30004, 30002, 29999
+GRIPPER, FORWARDER = 63352, 54321  # Robotiq's URCap; what forwards the tool connector's RS-485
+SCHEMES = ("urcap", "ur")
+LOOK_S = 1.0
+
+Accepts = Callable[[str, int], bool]
+
+
+def accepts(host: str, port: int) -> bool:
+    """Whether somebody accepts a connection there; nothing is sent."""
+    try:
+        with socket.create_connection((host, port), timeout=LOOK_S):
+            return True
+    except (OSError, UnicodeError):
+        return False
+
+
+def check_controllers(addresses: Iterator[str], listens: Accepts) -> Iterator[Finding]:
+    """The controllers that ports and arms name, each once."""
+    seen = set()
+    for address in addresses:
+        try:
+            parts = urlsplit(address)
+            on_ur = parts.scheme in SCHEMES or (parts.scheme == "rtu+tcp" and parts.port == FORWARDER)
+        except ValueError:  # what opens the device says so
+            continue
+        wanted = {"urcap": parts.port or GRIPPER, "ur": parts.port or RTDE}.get(parts.scheme, FORWARDER)
+        if on_ur and parts.hostname and (parts.hostname, wanted) not in seen:
+            seen.add((parts.hostname, wanted))
+            yield from _check(parts.hostname, wanted, listens)
+
+
+def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
+    here = {port for port in (wanted, RTDE, SCRIPTS, DASHBOARD, GRIPPER, FORWARDER) if listens(host, port)}
+    if not here:
+        yield bad(
+            f"Nothing listens on {host}: neither {wanted} nor RTDE ({RTDE}).",
+            "Check address, cable and power; enable the network, and the services under Settings, Security.",
+        )
+        return
+    polyscope_x = DASHBOARD not in here and RTDE in here
+    if wanted in here:
+        yield good(f"Port {wanted} of {host} accepts connections.")
+    elif wanted == GRIPPER:
+        yield _without_urcap(host, forwarded=FORWARDER in here, polyscope_x=polyscope_x)
+    elif wanted == FORWARDER:
+        yield bad(
+            f"{host} does not forward its tool connector (port {FORWARDER}).",
+            "Install the tool communication forwarder's URCap, switch it on, and allow the port under "
+            "Settings, Security.",
+        )
+    else:
+        yield bad(f"Port {wanted} of {host} is closed.", "Enable RTDE under Settings, Security, Services.")
+    if wanted == RTDE and SCRIPTS not in here:
+        yield bad(
+            f"Port {SCRIPTS} of {host} is closed, so the arm cannot be moved.",
+            "Enable the secondary interface under Settings, Security, Services, for this machine's network.",
+        )
+    if {GRIPPER, FORWARDER} <= here:
+        yield warning(
+            f"Ports {GRIPPER} and {FORWARDER} of {host} are open: two URCaps may hold the tool connector.",
+            "Keep one: Robotiq's (urcap://), or the forwarder (rtu+tcp://); together neither is reliable.",
+        )
+
+
+def _without_urcap(host: str, *, forwarded: bool, polyscope_x: bool) -> Finding:
+    told = f"Nobody listens on port {GRIPPER} of {host}, where Robotiq's URCap should."
+    if forwarded:
+        return bad(told, f"The tool connector is forwarded; use --port rtu+tcp://{host}:{FORWARDER} instead.")
+    if polyscope_x:
+        return bad(
+            f"{told} There is no dashboard either, as on PolyScope X, whose gripper URCap has no such port.",
+            f"Install the tool communication forwarder's URCap and use --port rtu+tcp://{host}:{FORWARDER}.",
+        )
+    return bad(
+        told,
+        "Install the URCap, enable its gripper in the installation, and allow the port under Settings, "
+        "Security (inbound access).",
+    )

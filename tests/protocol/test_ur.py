@@ -1,0 +1,222 @@
+"""The UR driver and its simulated controller: faults on the way, and ur_rtde's own clients."""
+
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from arm_rigs import BASE, Ur
+
+from drivers import connect
+from drivers.abb.codec import Pose, hand_rotation
+from drivers.errors import ArmError
+from drivers.sim.devices.arm import ArmModel
+from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, RtdePort, UrModel
+from drivers.sim.wire.serving import SimulatedTime
+from drivers.ur import arm as ur_arm
+from drivers.ur import rtde, script
+
+TARGET = (40.0, -30.0, 60.0, 0.5)
+
+
+@pytest.fixture
+def rig():
+    made = Ur()
+    yield made
+    made.close()
+
+
+def is_still(rig):
+    here = rig.truth()
+    time.sleep(0.05)
+    return rig.truth() == here
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda model: setattr(model, "safety_bits", PROTECTIVE_STOP), "protective stop"),
+        (lambda model: setattr(model, "safety_bits", 0), "safety state unknown"),
+        (lambda model: setattr(model, "mode", 5), "not ready .robot mode 5"),
+        (lambda model: setattr(model, "speed_fraction", 0.01), "speed slider stands at 1 %"),
+        (lambda model: setattr(model, "_ends_s", math.inf), "a program runs on the controller"),
+    ],
+)
+def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, told):
+    with rig.open() as arm:
+        here = arm.pose()
+        change(rig.model)
+        with pytest.raises(ArmError, match=f"not moved: .*{told}"):
+            arm.move_linear(*TARGET, 200.0)
+        assert arm.pose() == here
+    assert rig.moves == 0
+
+
+def test_a_pendant_that_is_not_in_remote_control_is_told(rig, monkeypatch):
+    monkeypatch.setattr(ur_arm, "ANSWER_S", 0.1)
+    rig.model.remote = False
+    with (
+        rig.open() as arm,
+        pytest.raises(ArmError, match="did not take a program; set the pendant to Remote"),
+    ):
+        arm.move_linear(*TARGET, 200.0)
+    assert rig.moves == 0
+
+
+def test_a_protective_stop_on_the_way_is_no_arrival(rig):
+    with rig.open() as arm:
+        wait = arm._await_end
+
+        def stopped(budget_s):
+            rig.model.protective_stop(rig.now())
+            wait(budget_s)
+
+        arm._await_end = stopped
+        with pytest.raises(ArmError, match=r"ended on the way \(protective stop"):
+            arm.move_linear(*TARGET, 5.0)
+        with pytest.raises(ArmError, match="state unknown since"):
+            arm.pose()
+    assert is_still(rig)
+
+
+def test_what_the_controller_cannot_reach_is_a_stop_and_no_arrival(rig):
+    rig.limits = ""
+    with rig.open() as arm, pytest.raises(ArmError, match="ended on the way"):
+        arm.move_linear(900.0, 0.0, 60.0, 0.0, 500.0)
+
+
+def test_another_program_on_the_way_is_told(rig):
+    with rig.open() as arm:
+        wait = arm._await_end
+
+        def intruded(budget_s):
+            rig.model.take(script.move(7, BASE, BASE, "v=1").decode(), rig.now())
+            wait(budget_s)
+
+        arm._await_end = intruded
+        with pytest.raises(ArmError, match="another program moves it"):
+            arm.move_linear(*TARGET, 5.0)
+
+
+def test_an_interrupted_motion_is_stopped(rig):
+    class Interrupted(BaseException):
+        pass
+
+    with rig.open() as arm:
+
+        def interrupt(budget_s):
+            raise Interrupted
+
+        arm._await_end = interrupt
+        with pytest.raises(Interrupted):
+            arm.move_linear(*TARGET, 2.0)
+        until = time.monotonic() + 5.0
+        while not is_still(rig) and time.monotonic() < until:
+            pass
+        assert math.dist(rig.truth()[:3], TARGET[:3]) > 1.0
+        with pytest.raises(ArmError, match="interrupted"):
+            arm.pose()
+
+
+def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypatch):
+    with rig.open() as arm:
+        monkeypatch.setattr(arm, "_pacing", lambda target: ("v=0.0001", 0.1))
+        with pytest.raises(ArmError, match="not there after"):
+            arm.move_linear(*TARGET, 500.0)
+    time.sleep(0.1)
+    assert is_still(rig)
+
+
+def test_a_slow_slider_stretches_the_deadline(rig):
+    rig.model.speed_fraction = 0.1
+    with rig.open() as arm:
+        arm.move_linear(*TARGET, 100.0)
+        assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
+
+
+def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
+    tool = Pose(3.0, -2.0, 150.0, (1.0, 0.0, 0.0, 0.0))
+    rig.model._tool = Pose(0.0, 0.0, 80.0, hand_rotation(0.3))
+    rig.arm.frames(rig.model._tool, BASE)
+    with rig.open(tool=tool) as arm:
+        x, y, z, _ = arm.pose()
+        flange = rig.truth()
+        assert z == pytest.approx(flange[2] - 150.0, abs=0.01)
+        assert math.hypot(x - flange[0], y - flange[1]) == pytest.approx(math.hypot(3.0, 2.0), abs=0.01)
+
+
+def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
+    with rig.open() as arm:
+        arm.pose()
+        arm._start, arm._speed_mm_s = arm._at, 160.0
+        assert arm._pacing(arm._at._replace(angle_rad=1.0)) == ("t=2.0000", 2.0)
+        assert arm._pacing(arm._at._replace(x_mm=320.0, angle_rad=1.0)) == ("v=0.160000", 2.0)
+
+
+@pytest.mark.parametrize("greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"])
+def test_who_is_no_ur_controller_is_told(greeting, monkeypatch):
+    monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            client, _ = server.accept()
+            with client:
+                client.sendall(greeting)
+                client.settimeout(1.0)
+                while client.recv(100):
+                    pass
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with pytest.raises(ArmError, match="RTDE"):
+            connect.arm(f"ur://127.0.0.1:{server.getsockname()[1]}")
+        thread.join()
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-9, 0.4, 3.0, -3.1, math.pi])
+def test_rotation_vectors_and_quaternions_are_the_same_turn(turn):
+    for rotation in (hand_rotation(turn), (math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2))):
+        back = script.rotation(script.rotation_vector(rotation))
+        same = sum(a * b for a, b in zip(back, rotation, strict=True))
+        assert abs(same) == pytest.approx(1.0, abs=1e-12)
+
+
+STRANGER = """
+import json, sys, time
+from rtde_receive import RTDEReceiveInterface
+fields = ["timestamp", "actual_TCP_pose", "actual_q", "robot_mode", "safety_status_bits", "runtime_state"]
+client = RTDEReceiveInterface(sys.argv[1], 50.0, fields)
+first = client.getTimestamp()
+while client.getTimestamp() == first:
+    time.sleep(0.01)
+print(json.dumps([client.getActualTCPPose(), client.getActualQ(), client.getRobotMode(),
+    client.getSafetyStatusBits(), client.getRuntimeState(), client.isConnected()]))
+client.disconnect()
+"""
+
+
+def test_ur_rtdes_receiver_reads_the_simulated_controller():
+    """It knows no other port than 30004, so the controller gets an address of its own.
+
+    It keeps Python's lock while it connects: it must be a process of its own.
+    """
+    host = f"127.{os.getpid() >> 8 & 255}.{os.getpid() & 255}.7"
+    arm = ArmModel(BASE)
+    model = UrModel(arm, BASE)
+    port = RtdePort(model, threading.RLock(), SimulatedTime(1.0, threading.Event()), (host, rtde.PORT))
+    port.start()
+    try:
+        ran = subprocess.run(
+            [sys.executable, "-c", STRANGER, host], capture_output=True, text=True, timeout=60, check=True
+        )
+    finally:
+        port.close()
+    pose, joints, *states = json.loads(ran.stdout.splitlines()[-1])
+    assert script.frame(pose)[:3] == pytest.approx((300.0, 0.0, 100.0), abs=1e-6)
+    assert joints == pytest.approx([math.radians(angle) for angle in arm.joints_at(0.0)], abs=1e-9)
+    assert states == [7, 1, 1, True]

@@ -1,0 +1,63 @@
+"""What `grasp-doctor` makes of who listens on a UR controller."""
+
+import re
+import socket
+
+import pytest
+
+from runtime.commands.checks import Verdict
+from runtime.commands.ur_checks import accepts, check_controllers
+
+E_SERIES = {29999, 30002, 30004, 63352}
+
+
+def looked(addresses, ports):
+    return list(check_controllers(iter(addresses), lambda host, port: host == "ur" and port in ports))
+
+
+@pytest.mark.parametrize("ports", [{30002, 30004, 63352}, E_SERIES])
+def test_a_cell_in_order_has_nothing_to_put_right(ports):
+    found = looked(["urcap://ur", "ur://ur?tool=0,0,150"], ports)
+    assert [finding.verdict for finding in found] == [Verdict.GOOD] * 2
+
+
+@pytest.mark.parametrize(
+    ("addresses", "ports", "sentence", "remedy"),
+    [
+        (["urcap://ur"], set(), "Nothing listens on ur", "address, cable and power"),
+        (["urcap://ur"], E_SERIES - {63352}, "port 63352 of ur, where Robotiq's URCap", "Install the URCap"),
+        (["urcap://ur"], {30002, 30004}, "as on PolyScope X", r"forwarder.*rtu\+tcp://ur:54321"),
+        (["urcap://ur"], {30004, 54321}, "port 63352", r"is forwarded; use --port rtu\+tcp://ur:54321"),
+        (["rtu+tcp://ur:54321"], {30004}, "does not forward", "forwarder's URCap"),
+        (["ur://ur"], {29999}, "Port 30004 of ur is closed", "Enable RTDE"),
+        (["ur://ur"], {30004}, "Port 30002 of ur is closed", "secondary interface"),
+    ],
+)
+def test_each_trap_is_named(addresses, ports, sentence, remedy):
+    found = [finding for finding in looked(addresses, ports) if finding.verdict is Verdict.BAD]
+    assert len(found) >= 1
+    assert sentence in found[0].sentence or sentence in found[-1].sentence
+    assert any(re.search(remedy, finding.remedy) for finding in found)
+
+
+def test_two_urcaps_for_one_gripper_are_a_warning():
+    *_, last = looked(["urcap://ur"], E_SERIES | {54321})
+    assert (last.verdict, "two URCaps" in last.sentence) == (Verdict.WARNING, True)
+
+
+@pytest.mark.parametrize(
+    "address", ["/dev/ttyUSB0", "can:can0", "tcp://ur:502", "rtu+tcp://ur:4001", "ur://[::1"]
+)
+def test_other_devices_are_not_looked_at(address):
+    assert looked([address], E_SERIES) == []
+
+
+def test_a_look_sends_nothing():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert accepts("127.0.0.1", port)
+        client, _ = server.accept()
+        assert client.recv(10) == b""
+        client.close()
+    assert not accepts("127.0.0.1", port)
+    assert not accepts("no such host.", port)
