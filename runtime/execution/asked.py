@@ -1,7 +1,7 @@
 """Parts of a robot that asks: one line each way, the robot's own program moves hand and jaws.
 
-`tools/docs/serve.md` is the protocol. A reading is checked, decided and journalled as in a driven run; what the
-robot does between two lines is its own affair.
+`tools/docs/serve.md` is the protocol. A reading is checked, decided and journalled as in a driven run; what
+the robot does between two lines is its own affair.
 """
 
 import re
@@ -36,7 +36,7 @@ NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": CLOSING_CONTACT, "NONE": ARRIVED}
 UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
 
-# What an answer may refuse; the part and what is due stay as they were, but where the connection is closed.
+# What is due stays due after 10 to 12 and 20 to 23; the others end the connection and a part under way.
 ERRORS = {
     10: "not understood; there are NEXT WIDTH COUNTS STATUS RESET TABLE VERSION",
     11: "no reading is due; send NEXT",
@@ -52,9 +52,6 @@ ERRORS = {
     40: "the run has ended",
     41: "the journal cannot be written",
 }
-CLOSING = frozenset(
-    {13, 14, 30, 31, 40, 41}
-)  # the connection is closed after these, a part under way given up
 
 
 def refused(number: int) -> str:
@@ -70,7 +67,7 @@ class RefusedError(Exception):
 
 
 class _Reading(NamedTuple):
-    count: int
+    position_counts: int
     object_flag: int
 
 
@@ -142,8 +139,7 @@ class AskedParts:
         """
         words = line.split(" ")
         try:
-            if words[0] not in self._requests:
-                raise RefusedError(10)
+            _check(words[0] in self._requests, 10)
             return self._requests[words[0]](words[1:])
         except RefusedError as refusal:
             return str(refusal)
@@ -235,7 +231,7 @@ class AskedParts:
         self._check_possible(node, self._maps[index], reading)
         self._watch(part.number, Phase.READ, index)
         decision = decision_of(node, self._maps[index], *reading)
-        step = step_of(decision, len(part.steps) + 1, index, reading.count, self._calibration)
+        step = step_of(decision, len(part.steps) + 1, index, reading.position_counts, self._calibration)
         fields = {**step.fields(), "object_flag": reading.object_flag, "told": told}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.steps.append(step)

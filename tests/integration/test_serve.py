@@ -7,7 +7,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from asking_robots import Served, SimulatedRobot, client, driven
+from asking_robots import WAIT_S, Line, Served, SimulatedRobot, client, driven
 from sample_tables import every_field_table, small_table
 from soaking import small_setting
 
@@ -17,7 +17,6 @@ from runtime.journal.replay import Replay
 from runtime.table import dump
 
 PARTS = 40
-WAIT_S = 30
 
 
 @pytest.fixture
@@ -62,35 +61,6 @@ def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(tree: Path, tmp_path
         assert answer[3] == pytest.approx(pose["theta_rad"] * 57.29577951308232, abs=6e-6)
         assert answer[4] == part["success_probability"]
     assert findings(tree.with_name("journal.jsonl")) == []
-
-
-class Line:
-    """A client that says whatever a test wants."""
-
-    def __init__(self, served: Served) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", served.port), timeout=WAIT_S)
-        self._file = self.socket.makefile("rb")
-
-    def send(self, data: bytes) -> None:
-        self.socket.sendall(data)
-
-    def read(self) -> str:
-        """The next line, "" at the end of the connection."""
-        return self._file.readline().decode("ascii").rstrip("\n")
-
-    def ask(self, line: str) -> str:
-        self.send(line.encode() + b"\n")
-        return self.read()
-
-    def close(self) -> None:
-        self._file.close()
-        self.socket.close()
-
-    def __enter__(self) -> "Line":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def half_line(line: Line, random: Random) -> None:

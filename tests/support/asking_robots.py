@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import socket
 import subprocess
 import sys
 from math import radians
@@ -99,20 +100,21 @@ class Served:
     def __init__(self, tree: Path, *more: str) -> None:
         command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--json", *more]
         command += ["--serve", "tcp://127.0.0.1:0", "--journal", str(tree.with_name("journal.jsonl"))]
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
+        self._said = tree.with_name("said.jsonl")  # a pipe that is not read would hold it up
+        with self._said.open("w") as said:
+            self.process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE)
         assert self.process.stderr is not None
-        said = ""
-        while "a robot may ask at" not in said:
-            said = self.process.stderr.readline()
-            assert said, self.process.wait(WAIT_S)
-        self.port = int(said.rpartition(":")[2])
+        line = ""
+        while "a robot may ask at" not in line:
+            line = self.process.stderr.readline()
+            assert line, self.process.wait(WAIT_S)
+        self.port = int(line.rpartition(":")[2])
 
     def ended(self) -> tuple[int, list[dict[str, object]], str]:
         """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
-        out, err = self.process.communicate(timeout=WAIT_S)
-        return self.process.returncode, [json.loads(line) for line in out.splitlines()], err
+        _, err = self.process.communicate(timeout=WAIT_S)
+        told = [json.loads(line) for line in self._said.read_text().splitlines()]
+        return self.process.returncode, told, err
 
     def __enter__(self) -> "Served":
         return self
@@ -123,3 +125,32 @@ class Served:
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()
+
+
+class Line:
+    """A client that says whatever a test wants."""
+
+    def __init__(self, served: Served) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", served.port), timeout=WAIT_S)
+        self._file = self.socket.makefile("rb")
+
+    def send(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def read(self) -> str:
+        """The next line, "" at the end of the connection."""
+        return self._file.readline().decode("ascii").rstrip("\n")
+
+    def ask(self, line: str) -> str:
+        self.send(line.encode() + b"\n")
+        return self.read()
+
+    def close(self) -> None:
+        self._file.close()
+        self.socket.close()
+
+    def __enter__(self) -> "Line":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -42,7 +42,9 @@ class Person:
         input(f"open to {opening:g} mm, put the hand at ({x:g}, {y:g}) mm, {angle:g} deg; Enter ")
 
     def squeeze(self, speed, force):
-        return int(input(f"close with {force:g} N; count? ")), input("anything held? y/n ") == "y"
+        return int(input(f"close at {speed:g} mm/s with {force:g} N; count? ")), input(
+            "anything held? y/n "
+        ) == "y"
 
     def drag(self, x, y):
         input(f"drag what is held to ({x:g}, {y:g}) mm; Enter ")
