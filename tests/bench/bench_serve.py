@@ -3,7 +3,7 @@
     python tests/bench/bench_serve.py [--parts 1000] [--seed 5]
 
 The same simulated parts twice, by the planner's contact world: once moved by the executor, once by the client
-of tools/docs/clients/robot.py, which asks a server in a process of its own. Ends with 1 where an answer differs.
+of tools/docs/clients/robot.py, which asks a server in another process. Ends with 1 where an answer differs.
 """
 
 import argparse
