@@ -9,6 +9,9 @@ from runtime.shell.command import Parser, positive, positive_int
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
+# What --serve goes with; the other options are about devices, which a robot that asks moves by itself.
+SERVED = {"serve", "network", "tree", "count", "journal", "json", "debug", "calibration", "on_reject"}
+SERVED |= {"on_unresolved", "watch", "http", "status"}
 
 EPILOG = f"""\
 examples:
@@ -16,6 +19,7 @@ examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
+  grasp-runtime --tree T.msgpack --serve tcp://127.0.0.1:5020
 
 exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
    0  every part reached a leaf        24  journal cannot be written
@@ -52,7 +56,7 @@ def parser() -> Parser:
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
     )
     add("--arm", help="the arm: tcp://host:port or ur://host; with --port sim its own")
-    add("--count", type=positive_int, default=1, metavar="N", help="number of parts (default: 1)")
+    add("--count", type=positive_int, metavar="N", help="number of parts (default: 1; with --serve no end)")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(
         "--journal",
@@ -87,6 +91,17 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
         "--put-down",
         action="store_true",
         help="put down what the fingers still hold: straight down where the arm stands, open, retreat, end",
+    )
+    group.add_argument(
+        "--serve",
+        metavar="tcp://HOST:PORT",
+        help="a robot asks: answer its lines there, one robot at a time (tools/docs/serve.md); port 0 takes "
+        "a free one and says which",
+    )
+    group.add_argument(
+        "--network",
+        action="store_true",
+        help="with --serve: HOST may be another address than this machine's own; there is no password",
     )
 
 

@@ -27,6 +27,13 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
+    if arguments.serve is not None:
+        from runtime.commands import serve
+
+        serve.check(arguments)
+        return
+    if arguments.network:
+        raise ArgumentsError("--network is for --serve; leave it out, or name an address with --serve")
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
         raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
     if arguments.put_down and arguments.after_crash != "abort":
@@ -92,7 +99,9 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
         current_ma=(measured and measured.current_ma) or CURRENT_MA,
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
-    return RunOptions(policy, handling, _delivery(arguments.deliver, table))
+    # A robot that asks carries the part wherever it likes.
+    asked = "no" if arguments.serve is not None else arguments.deliver
+    return RunOptions(policy, handling, _delivery(asked, table))
 
 
 def _delivery(named: str, table: Table) -> delivery.Delivery | None:

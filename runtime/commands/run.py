@@ -54,6 +54,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
         asked = _Asked(arguments, loaded, options, console, drivers, stack)
         if arguments.check:
             return asked.check()
+        if arguments.serve is not None:
+            return asked.serve()
         return asked.dry_run() if arguments.dry_run else asked.execute()
 
 
@@ -102,12 +104,39 @@ class _Asked:
             cell,
             devices.scene,
             monitor,
-            count=arguments.count,
+            count=arguments.count or 1,
             activate=activate,
             options=self.options,
             watch=monitor.phase,
             broken=begun,
         )
+        monitor.summary(tally, arguments.journal)
+        return tally.exit_code
+
+    def serve(self) -> int:
+        """Answer a robot that asks, part after part; the same journal, and nothing of ours moves."""
+        from runtime.commands import serve  # with a server, which no other run has to load
+        from runtime.execution.asked import AskedParts
+
+        arguments, table, clock = self.arguments, self.loaded.table, SystemClock()
+        header, policy = _header(arguments, self.options), arguments.after_crash
+        address = serve.check(arguments)
+        monitor = self.stack.enter_context(
+            Monitor(self.console, self.loaded, arguments.tree, views(arguments))
+        )
+        listener = self.stack.enter_context(serve.listening(address))
+        journal, _ = self._look_back(clock, header)
+        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
+        monitor.ready()
+        self.stack.enter_context(interrupts.whole())
+        crash.begin(journal, None, self.loaded.data, header, policy)
+        with session.ending(journal) as tally:
+            parts = AskedParts(
+                table, self.loaded.digest, journal, clock, monitor, tally, self.options, monitor.phase,
+                arguments.count,
+            )  # fmt: skip
+            serve.RobotServer(listener, parts, clock).serve()
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
 
@@ -224,7 +253,8 @@ def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, obj
         "table": str(arguments.tree),
         "port": arguments.port,
         "arm": arguments.arm,
-        "count": arguments.count,
+        "serve": arguments.serve,
+        "count": arguments.count if arguments.serve else arguments.count or 1,
         "time_scale": arguments.time_scale,
         "seed": arguments.seed if arguments.port == SIMULATED else None,
         "on_reject": on_reject,

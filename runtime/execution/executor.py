@@ -23,7 +23,14 @@ from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
 from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose, profile_of
-from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.decision import (
+    Policy,
+    TraversalState,
+    advance,
+    decide,
+    release_point,
+    step_of,
+)
 from runtime.traversal.geometry import placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -125,11 +132,11 @@ class Executor:
             steps.append(step)
             self._observe(part, step)
             traversal = advance(traversal, step.target, self._table, self._options.policy)
-        return PartResult.of(part, traversal.outcome, steps, _reason(traversal, steps))
+        return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
 
     def _squeeze_at(self, index: int, number: int, part: int) -> Step:
         node = self._table.nodes[index]
-        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * self._expected_s(node.squeeze))
+        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * expected_s(self._table, node.squeeze))
         self._place(part, index, node.squeeze)
         # Before the part is touched: who resumes this run has to know that it may have been.
         self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
@@ -137,15 +144,7 @@ class Executor:
         reading = self._hand.close(node)
         self._watch(part, Phase.READ, index)
         decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
-        step = Step(
-            number=number,
-            node=index,
-            squeeze=node.squeeze,
-            position_counts=reading.position_counts,
-            width_um=self._hand.calibration.width_um(reading.position_counts),
-            target=decision.target,
-            reason=decision.reason,
-        )
+        step = step_of(decision, number, index, reading.position_counts, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
         self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
         self._watch(part, Phase.RELEASE, index)
@@ -205,16 +204,6 @@ class Executor:
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
         return result
 
-    def _expected_s(self, squeeze: Squeeze) -> float:
-        """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
-        limits = self._table.limits
-        x_min, y_min, x_max, y_max = limits.work_area_um
-        path_um = hypot(x_max - x_min, y_max - y_min)
-        path_um += tau * 1000 * TURN_RADIUS_MM
-        path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        speed_um_s = min(squeeze.speed_um_s, profile_of(self._table.gripper.model).speed_um_s[0])
-        return path_um / limits.arm_speed_um_s + 3 * self._table.gripper.opening_um / speed_um_s
-
     def _end(
         self, part: int, steps: list[Step], outcome: Outcome, reason: str, exit_code: int | None = None
     ) -> PartResult:
@@ -234,7 +223,19 @@ class Executor:
         return result
 
 
-def _reason(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
+def expected_s(table: Table, squeeze: Squeeze) -> float:
+    """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
+    limits = table.limits
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    path_um = hypot(x_max - x_min, y_max - y_min)
+    path_um += tau * 1000 * TURN_RADIUS_MM
+    path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
+    speed_um_s = min(squeeze.speed_um_s, profile_of(table.gripper.model).speed_um_s[0])
+    return path_um / limits.arm_speed_um_s + 3 * table.gripper.opening_um / speed_um_s
+
+
+def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
+    """Why a part ended in no resolved leaf, None where it did."""
     if traversal.outcome is Outcome.REJECT:
         return steps[-1].reason
     if traversal.outcome is Outcome.UNRESOLVED:

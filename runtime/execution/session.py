@@ -63,7 +63,7 @@ def run_journalled(
         JournalError: the last record cannot be written.
         Exception: an error before the first part, or between two, once it is recorded.
     """
-    with _ending(cell.journal) as tally:
+    with ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             with interrupts.stoppable():
@@ -90,7 +90,7 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
         Exception: whatever went wrong, once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
-    with _ending(cell.journal):
+    with ending(cell.journal):
         try:
             with interrupts.stoppable():
                 return held.put_down(hand, table, options.delivery, cell.journal)
@@ -101,7 +101,12 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
 
 
 @contextmanager
-def _ending(journal: Journal) -> Iterator[Tally]:
+def ending(journal: Journal) -> Iterator[Tally]:
+    """A run, summed up within; its last record is written however it ends.
+
+    Raises:
+        JournalError: the last record cannot be written.
+    """
     tally = Tally()
     try:
         yield tally

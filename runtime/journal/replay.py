@@ -10,7 +10,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from runtime.table import Calibration, Table, decision_map, loads
-from runtime.traversal.decision import Policy, TraversalState, advance, decide
+from runtime.traversal.decision import Policy, TraversalState, advance, decide, step_of
 from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
@@ -65,6 +65,7 @@ class Replay:
         if kind == "header":
             self._open(entry)
         elif kind == "part":
+            self.over = False  # a robot that asks goes on after a part that was given up
             self._begin(_integer(entry, "part"))
         elif kind == "resume":
             self._resume(entry)
@@ -127,7 +128,7 @@ class Replay:
         if entry["width_um"] != width_um:
             yield f"says that count {count} is {entry['width_um']} um, the calibration says {width_um}"
         number = _integer(entry, "number")
-        self.steps.append(Step(number, index, node.squeeze, count, width_um, target, decision.reason))
+        self.steps.append(step_of(decision, number, index, count, self.calibration))
         self.traversal = advance(self.traversal._replace(node=index), target, self.table, self.policy)
         self.last, self.held_at = Last.SQUEEZED, (index, target)
         self.decisions += 1

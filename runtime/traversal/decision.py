@@ -8,9 +8,9 @@ from enum import Enum
 from typing import NamedTuple, Self
 
 from runtime.errors import ArgumentsError, GripperStateError
-from runtime.table import HELD_UM, REJECT, Node, Table
+from runtime.table import HELD_UM, REJECT, Calibration, Node, Table
 from runtime.table import decide as look_up
-from runtime.traversal.results import Outcome
+from runtime.traversal.results import Outcome, Step
 
 MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
@@ -54,6 +54,12 @@ def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -
             f"object flag {object_flag} after a closing motion; the reading is not believed"
         )
     return Decision(node, look_up(decided, count, object_flag == CLOSING_CONTACT), object_flag)
+
+
+def step_of(decision: Decision, number: int, index: int, count: int, calibration: Calibration) -> Step:
+    """A squeeze of a part, from 1, at the node of that index, whose encoder count was decided so."""
+    width_um = calibration.width_um(count)
+    return Step(number, index, decision.node.squeeze, count, width_um, decision.target, decision.reason)
 
 
 def release_point(node: Node, branch: int) -> tuple[int, int] | None:

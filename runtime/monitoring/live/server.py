@@ -33,8 +33,8 @@ class Address(NamedTuple):
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
-def parse(text: str) -> Address:
-    """Read an address as `--http` takes it.
+def parse(text: str, option: str = "--http") -> Address:
+    """Read an address as an option takes it, this one or that of `runtime.commands.serve`.
 
     Raises:
         ArgumentsError: it is none.
@@ -47,7 +47,7 @@ def parse(text: str) -> Address:
         host = port = None
     if not host or port is None or told.netloc != netloc or not set("@ ").isdisjoint(netloc):
         raise ArgumentsError(
-            f"--http {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
+            f"{option} {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
     return Address(host, port)
 
@@ -68,20 +68,25 @@ class PageServer(Server):
     """
 
     def __init__(self, address: Address, pages: Pages) -> None:
-        listener = _listening(address)
+        listener = listening(address, "--http")
         self.address = Address(address.host, int(listener.getsockname()[1]))
         self.local = is_loopback(address.host)
         super().__init__(listener, partial(answer, pages, local=self.local))
 
 
-def _listening(address: Address) -> socket.socket:
+def listening(address: Address, option: str) -> socket.socket:
+    """A socket that listens at an address.
+
+    Raises:
+        ArgumentsError: nothing can listen there.
+    """
     try:
         family, kind, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except (OSError, UnicodeError) as error:
         raise ArgumentsError(
-            f"--http {address}: {address.host} is no host of this network; {_WORD}"
+            f"{option} {address}: {address.host} is no host of this network; {_WORD}"
         ) from error
     listener = socket.socket(family, kind | socket.SOCK_CLOEXEC)
     try:
@@ -90,7 +95,7 @@ def _listening(address: Address) -> socket.socket:
         listener.listen(MOST_CLIENTS)
     except OSError as error:
         listener.close()
-        raise ArgumentsError(f"--http {address}: {_told(error, address)}") from error
+        raise ArgumentsError(f"{option} {address}: {_told(error, address)}") from error
     return listener
 
 

@@ -73,6 +73,7 @@ tools/docs/performance
 
 tools/docs/commissioning
 tools/docs/controllers
+tools/docs/serve
 runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README

@@ -1,0 +1,300 @@
+"""Parts of a robot that asks: one line each way, the robot's own program moves hand and jaws.
+
+`tools/docs/serve.md` is the protocol. A reading is checked, decided and journalled as in a driven run; what
+the robot does between two lines is its own affair.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import degrees
+from typing import NamedTuple
+
+from drivers.ports import Settled
+from runtime.devices.clock import SystemClock
+from runtime.errors import GripperStateError
+from runtime.execution.events import Console, Phase, Tally, Watcher
+from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
+from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
+from runtime.journal.chain import Journal
+from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
+from runtime.traversal.decision import (
+    ARRIVED,
+    CLOSING_CONTACT,
+    TraversalState,
+    advance,
+    release_point,
+    step_of,
+)
+from runtime.traversal.decision import decide as decision_of
+from runtime.traversal.geometry import placement
+from runtime.traversal.results import Outcome, PartResult, Step
+
+VERSION = 1
+MAX_LINE = 80  # with its end: what a string of RAPID holds (RAPID reference, data type string)
+NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
+FLAGS = {"OBJECT": CLOSING_CONTACT, "NONE": ARRIVED}
+UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
+
+# What is due stays due after 10 to 12 and 20 to 23; the others end the connection and a part under way.
+ERRORS = {
+    10: "not understood; there are NEXT WIDTH COUNTS STATUS RESET TABLE VERSION",
+    11: "no reading is due; send NEXT",
+    12: "a reading is due; send WIDTH or COUNTS",
+    13: "a line came before the one before it was answered",
+    14: "a line is too long, or its end is missing",
+    20: "impossible: these jaws have no such width or count",
+    21: "stale: the jaws stand as wide as they were opened",
+    22: "stale: the reading names another node than the one that is due",
+    23: "contradiction: closed on nothing, and yet open",
+    30: "another robot is connected; one at a time",
+    31: "too late: the part is given up",
+    40: "the run has ended",
+    41: "the journal cannot be written",
+}
+
+
+def refused(number: int) -> str:
+    """The line of an error."""
+    return f"ERROR {number} {ERRORS[number]}"
+
+
+class RefusedError(Exception):
+    """A line that is refused, by its number in `ERRORS`."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(refused(number))
+
+
+class _Reading(NamedTuple):
+    position_counts: int
+    object_flag: int
+
+
+@dataclass
+class _Part:
+    """The part under way."""
+
+    number: int
+    traversal: TraversalState
+    steps: list[Step]
+    deadline: float
+    dragging: bool = False  # whether the robot was told to drag it, and has not asked again
+
+
+class AskedParts:
+    """Answers one robot's lines by a table, part after part.
+
+    Args:
+        table: proved.
+        name: the table's digest, as `TABLE` tells it.
+        journal: with its header.
+        clock: for deadlines.
+        console: told of squeezes and parts.
+        tally: of the parts.
+        options: policy and calibration.
+        watch: told of phases.
+        count: number of parts; None: no end.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        name: str,
+        journal: Journal,
+        clock: SystemClock,
+        console: Console,
+        tally: Tally,
+        options: RunOptions,
+        watch: Watcher,
+        count: int | None = None,
+    ) -> None:
+        self._table, self._name = table, name
+        self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
+        self._policy, self._watch, self._count = options.policy, watch, count
+        self._calibration = options.handling.widths(table)
+        self._maps = [decision_map(node, self._calibration) for node in table.nodes]
+        self._part: _Part | None = None
+        self.over = False  # whether no further part follows
+        self._requests: dict[str, Callable[[list[str]], str]] = {
+            "NEXT": self._next,
+            "WIDTH": self._width,
+            "COUNTS": self._counts,
+            "STATUS": self._status,
+            "RESET": self._reset,
+            "TABLE": self._tell_table,
+            "VERSION": self._version,
+        }
+
+    @property
+    def deadline(self) -> float | None:
+        """The clock's time by which the next line is due; None between two parts."""
+        return None if self._part is None else self._part.deadline
+
+    def answer(self, line: str) -> str:
+        """The answer to a line, both without their ends.
+
+        Raises:
+            JournalError: it cannot be written; nothing follows from the line then.
+        """
+        words = line.split(" ")
+        try:
+            _check(words[0] in self._requests, 10)
+            return self._requests[words[0]](words[1:])
+        except RefusedError as refusal:
+            return str(refusal)
+
+    def give_up(self, outcome: Outcome, reason: str) -> bool:
+        """End the part under way, of which nobody knows where it lies; False: there is none."""
+        if self._part is None:
+            return False
+        self._end(self._part, outcome, reason)
+        return True
+
+    # -- requests -------------------------------------------------------------------------------------
+
+    def _next(self, words: list[str]) -> str:
+        _check(not words, 10)
+        part = self._part
+        if part is None:
+            part = _Part(self._tally.parts + 1, TraversalState(), [], 0.0)
+            self._journal.record("part", {"part": part.number})
+            self._part = part
+        else:
+            _check(part.dragging, 12)
+        return self._follow(part)
+
+    def _width(self, words: list[str]) -> str:
+        """`WIDTH mm [OBJECT|NONE] [node]`."""
+        part, flag = self._due(words, 1)
+        _check(NUMBER.fullmatch(words[0]) is not None, 10)
+        width_um = round(1000 * float(words[0]))
+        room_um = self._table.gripper.encoder_noise_um
+        _check(-room_um <= width_um <= self._calibration.widths_um[0] + room_um, 20)
+        count = self._calibration.count(width_um)
+        if flag is None:
+            flag = self._flag_of(count, self._maps[part.traversal.node])
+        return self._read(part, _Reading(count, flag), " ".join(["WIDTH", *words]))
+
+    def _counts(self, words: list[str]) -> str:
+        """`COUNTS n OBJECT|NONE [node]`."""
+        part, flag = self._due(words, 2)
+        _check(flag is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
+        assert flag is not None
+        _check(int(words[0]) < COUNTS, 20)
+        return self._read(part, _Reading(int(words[0]), flag), " ".join(["COUNTS", *words]))
+
+    def _status(self, words: list[str]) -> str:
+        _check(not words, 10)
+        if self._part is None:
+            return f"STATUS IDLE {self._tally.parts} 0 -1"
+        state = "DRAG" if self._part.dragging else "SQUEEZE"
+        return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.traversal.node}"
+
+    def _reset(self, words: list[str]) -> str:
+        _check(not words, 10)
+        self.give_up(Outcome.ABORTED, "the robot gave the part up")
+        return "OK"
+
+    def _tell_table(self, words: list[str]) -> str:
+        _check(not words, 10)
+        limits = self._table.limits
+        heights = f"{limits.squeeze_height_um / 1000:.3f} {limits.retreat_height_um / 1000:.3f}"
+        return f"TABLE {len(self._table.nodes)} {len(self._table.leaves)} {heights} {self._name[:16]}"
+
+    def _version(self, words: list[str]) -> str:
+        _check(not words, 10)
+        return f"VERSION {VERSION} squeezetree"
+
+    # -- readings -------------------------------------------------------------------------------------
+
+    def _due(self, words: list[str], least: int) -> tuple[_Part, int | None]:
+        """The part whose reading is due, and the flag that the words give."""
+        _check(self._part is not None and not self._part.dragging, 11)
+        assert self._part is not None
+        more = words[1:]
+        flag = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
+        node = more.pop(0) if more else None
+        _check(len(words) >= least and not more and (node is None or node.isdecimal()), 10)
+        _check(node is None or node == str(self._part.traversal.node), 22)
+        return self._part, flag
+
+    def _flag_of(self, count: int, decided: tuple[int, ...]) -> int:
+        """The flag that goes with a width: at most one of the two has a branch there (decision 0020)."""
+        if decide(decided, count, True) != decide(decided, count, False):
+            return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
+        return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
+
+    def _read(self, part: _Part, reading: _Reading, told: str) -> str:
+        index = part.traversal.node
+        node = self._table.nodes[index]
+        self._check_possible(node, self._maps[index], reading)
+        self._watch(part.number, Phase.READ, index)
+        decision = decision_of(node, self._maps[index], *reading)
+        step = step_of(decision, len(part.steps) + 1, index, reading.position_counts, self._calibration)
+        fields = {**step.fields(), "object_flag": reading.object_flag, "told": told}
+        self._journal.record("squeeze", {"part": part.number, **fields})
+        part.steps.append(step)
+        self._console.step(part.number, step)
+        part.traversal = advance(part.traversal, step.target, self._table, self._policy)
+        point = release_point(node, decision.branch)
+        if point is None:
+            return self._follow(part)
+        part.dragging = True
+        self._watch(part.number, Phase.RELEASE, index)
+        return f"DRAG {point[0] / 1000:.3f} {point[1] / 1000:.3f}"
+
+    def _check_possible(self, node: Node, decided: tuple[int, ...], reading: _Reading) -> None:
+        count, flag = reading
+        try:
+            check_closed(Settled(count, flag, 0, CLOSED_COUNTS, 0.0), self._calibration, (0, 0))
+        except GripperStateError:
+            raise RefusedError(23) from None
+        opened_um = min(node.squeeze.opening_um, self._calibration.widths_um[0])
+        closed = self._calibration.width_um(max(count - OPENED_COUNTS, 0)) < opened_um
+        _check(closed or decide(decided, count, flag == CLOSING_CONTACT) != REJECT, 21)
+
+    # -- what follows ---------------------------------------------------------------------------------
+
+    def _follow(self, part: _Part) -> str:
+        """Where to squeeze next, or how the part ended."""
+        part.dragging = False
+        if part.traversal.outcome is not None:
+            result = self._end(part, part.traversal.outcome, reason_of(part.traversal, part.steps))
+            return self._ended(result)
+        squeeze = self._table.nodes[part.traversal.node].squeeze
+        fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
+        self._journal.record("placed", fields)
+        self._watch(part.number, Phase.PLACE, part.traversal.node)
+        part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, squeeze))
+        x_mm, y_mm, angle_rad = placement(squeeze)
+        return (
+            f"SQUEEZE {part.traversal.node} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "
+            f"{squeeze.opening_um / 1000:.3f} {squeeze.speed_um_s / 1000:.1f} {squeeze.force_mn / 1000:.1f}"
+        )
+
+    def _ended(self, result: PartResult) -> str:
+        if result.outcome is Outcome.REJECT or result.leaf is None:
+            return f"REJECT {str(result.reason).partition(' (')[0]}"
+        if result.outcome is Outcome.UNRESOLVED:
+            return f"UNRESOLVED {result.leaf}"
+        leaf = self._table.leaves[result.leaf]
+        success = UNTRIED if leaf.success is None else leaf.success
+        pose = f"{leaf.x_um / 1000:.3f} {leaf.y_um / 1000:.3f} {degrees(leaf.theta_urad / 1e6):.5f}"
+        return f"LEAF {result.leaf} {pose} {success:.6f}"
+
+    def _end(self, part: _Part, outcome: Outcome, reason: str | None) -> PartResult:
+        result = PartResult.of(part.number, outcome, part.steps, reason)
+        self._journal.record("outcome", result.fields())
+        self._part = None
+        self._watch(part.number, Phase.DONE, None)
+        self._tally.add(result, None)
+        self._console.part(result, None)
+        ends = outcome is not Outcome.ABORTED and self._policy.ends_run(outcome)
+        self.over = ends or self._tally.parts == self._count
+        return result
+
+
+def _check(holds: bool, number: int) -> None:
+    if not holds:
+        raise RefusedError(number)

@@ -1,0 +1,73 @@
+"""A robot that asks, over many parts: the answers of a driven run, and how long one takes.
+
+    python tests/bench/bench_serve.py [--parts 1000] [--seed 5]
+
+The same simulated parts twice, by the planner's contact world: once moved by the executor, once by the client
+of tools/docs/clients/robot.py, which asks a server in another process. Ends with 1 where an answer differs.
+"""
+
+import argparse
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median, quantiles
+from time import perf_counter, process_time
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+
+from asking_robots import ROOT, Served, SimulatedRobot, client, driven
+
+from drivers.sim.physics import scene
+from runtime.journal.chain import Journal, records
+from runtime.journal.replay import Replay
+from runtime.table import load
+
+
+class Timed:
+    """A connection that times each answer."""
+
+    def __init__(self, connection: object) -> None:
+        self._connection, self.spent_ms = connection, []
+
+    def ask(self, line: str) -> list[str]:
+        began = perf_counter()
+        words = self._connection.ask(line)
+        self.spent_ms.append(1e3 * (perf_counter() - began))
+        return words
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--parts", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=5)
+    given = parser.parse_args()
+    shipped = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+    table, setting = load(shipped).table, scene.load(shipped, None, "planner.world:make")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copy(shipped, folder / "t.msgpack")
+        with Journal(folder / "driven.jsonl", lambda: "") as journal:
+            expected = driven(setting, given.seed, table, given.parts, journal)
+        module, robot = client(), SimulatedRobot(setting, given.seed, table)
+        with Served(folder / "t.msgpack", "--count", str(given.parts)) as served:
+            connection = module.Connection("127.0.0.1", served.port)
+            timed = Timed(connection)
+            with connection.lines:
+                for _ in range(given.parts):
+                    robot.cell.scene.next_part()
+                    module.locate(timed, robot)
+            _, parts, _ = served.ended()
+        findings = list(Replay().follow(records(folder / "journal.jsonl")))
+    same = sum(
+        {name: part[name] for name in wanted} == wanted for part, wanted in zip(parts, expected, strict=True)
+    )
+    late = quantiles(timed.spent_ms, n=100)[98]
+    print(f"{same} of {given.parts} parts as driven, {len(findings)} findings of the replay")
+    print(f"{len(timed.spent_ms)} answers: {median(timed.spent_ms):.2f} ms, 99 of 100 within {late:.2f} ms")
+    print(f"{process_time():.0f} s of CPU in this process")
+    return int(same != given.parts or bool(findings))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

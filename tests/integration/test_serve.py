@@ -1,0 +1,181 @@
+"""`grasp-runtime --serve`: a robot that asks is answered as a driven run is, and a bad one is not."""
+
+import signal
+import socket
+import time
+from pathlib import Path
+from random import Random
+
+import pytest
+from asking_robots import WAIT_S, Line, Served, SimulatedRobot, client, driven
+from sample_tables import every_field_table, small_table
+from soaking import small_setting
+
+from runtime.execution.asked import ERRORS, MAX_LINE
+from runtime.journal.chain import Journal, records, verify
+from runtime.journal.replay import Replay
+from runtime.table import dump
+
+PARTS = 40
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+def findings(journal: Path) -> list[object]:
+    assert verify(journal).closed
+    return list(Replay().follow(records(journal)))
+
+
+def asked(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
+    """What the documented client is told of so many parts."""
+    module = client()
+    connection = module.Connection("127.0.0.1", served.port)
+    told = []
+    with connection.lines:
+        for _ in range(parts):
+            robot.cell.scene.next_part()
+            told.append(module.locate(connection, robot))
+    return told
+
+
+def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(tree: Path, tmp_path: Path) -> None:
+    table = small_table()
+    with Journal(tmp_path / "driven.jsonl", lambda: "") as journal:
+        expected = driven(small_setting(), 5, table, PARTS, journal)
+    with Served(tree, "--count", str(PARTS)) as served:
+        told = asked(served, SimulatedRobot(small_setting(), 5, table), PARTS)
+        code, parts, _ = served.ended()
+    assert [{name: part[name] for name in expected[0]} for part in parts] == expected
+    assert {part["outcome"] for part in parts} >= {"leaf", "unresolved"}
+    assert code == max(part["exit_code"] for part in parts)
+    for part, answer in zip(parts, told, strict=True):
+        if part["outcome"] != "leaf":
+            assert answer is None
+            continue
+        pose = part["predicted_pose"]
+        assert answer[:3] == (part["leaf"], pose["x_mm"], pose["y_mm"])
+        assert answer[3] == pytest.approx(pose["theta_rad"] * 57.29577951308232, abs=6e-6)
+        assert answer[4] == part["success_probability"]
+    assert findings(tree.with_name("journal.jsonl")) == []
+
+
+def half_line(line: Line, random: Random) -> None:
+    line.send(random.choice((b"NE", b"COUNTS 17", b"\x00", b"WIDTH 3")))
+
+
+def wrong_order(line: Line, random: Random) -> None:
+    assert line.ask("WIDTH 21.0") == "ERROR 11 " + ERRORS[11]
+    assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+    assert line.ask("NEXT") == "ERROR 12 " + ERRORS[12]
+    assert line.ask("WIDTH 21.0 OBJECT 1") == "ERROR 22 " + ERRORS[22]
+
+
+def two_at_once(line: Line, random: Random) -> None:
+    line.send(b"NEXT\nCOUNTS 174 OBJECT\n")
+    assert line.read() == "ERROR 13 " + ERRORS[13]
+    assert line.read() == ""
+
+
+def silence(line: Line, random: Random) -> None:
+    assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+
+
+def noise(line: Line, random: Random) -> None:
+    line.send(random.randbytes(random.randrange(1, 60)).replace(b"\n", b"?") + b"\n")
+    assert line.read() == "ERROR 10 " + ERRORS[10]
+
+
+def endless(line: Line, random: Random) -> None:
+    line.send(b"COUNTS 1" + b"7" * random.randrange(MAX_LINE, 3 * MAX_LINE))
+    assert line.read() == "ERROR 14 " + ERRORS[14]
+
+
+def impossible(line: Line, random: Random) -> None:
+    assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+    for word, number in (
+        *(("COUNTS 256 OBJECT", 20), ("COUNTS -1 NONE", 10), ("WIDTH nan", 10), ("WIDTH 1e3", 20)),
+        *(("WIDTH 300", 20), ("WIDTH -3", 20), ("WIDTH 84.9", 21), ("COUNTS 3 OBJECT", 21)),
+        *(("COUNTS 150 NONE", 23), ("COUNTS 150", 10), ("WIDTH 2 1 OBJECT", 10), ("WIDTH", 10)),
+        *(("WIDTH 21,0", 10), ("NEXT NEXT", 10), ("next", 10), ("", 10), ("COUNTS 1e2 OBJECT", 10)),
+    ):
+        assert line.ask(word) == f"ERROR {number} {ERRORS[number]}", word
+
+
+def hung_up(line: Line, random: Random) -> None:
+    assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+    line.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+
+
+MISBEHAVIOURS = (half_line, wrong_order, two_at_once, silence, noise, endless, impossible, hung_up)
+
+
+def test_fifty_misbehaving_robots_get_no_wrong_answer_and_hold_nobody_up(tree: Path) -> None:
+    random = Random(1)
+    with Served(tree) as served:
+        for number in range(50):
+            with good(served) as line:
+                if number % 5 == 0:
+                    with Line(served) as second:  # told, and closed, whatever it says
+                        second.send(b"NEXT\n")
+                        assert second.read() == "ERROR 30 " + ERRORS[30]
+                        assert second.read() == ""
+                MISBEHAVIOURS[number % len(MISBEHAVIOURS)](line, random)
+            # Whoever comes next is not held up by what was left, and begins a part of its own.
+            with good(served) as line:
+                assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+                assert line.ask("WIDTH 30.0").startswith("SQUEEZE 1 1.000 -2.000 89.99998 ")
+                assert line.ask("WIDTH 21.0 OBJECT 1") == "LEAF 1 -1.200 -2.000 90.01167 0.995000"
+        served.process.send_signal(signal.SIGTERM)
+        code, parts, _ = served.ended()
+    assert code == 40
+    assert [part["leaf"] for part in parts if part["outcome"] == "leaf"] == [1] * 50
+    assert {part["outcome"] for part in parts} == {"leaf", "aborted"}
+    assert findings(tree.with_name("journal.jsonl")) == []
+
+
+def good(served: Served) -> Line:
+    """A connection, once the one before is noticed to be gone."""
+    until = time.monotonic() + WAIT_S
+    while time.monotonic() < until:
+        line = Line(served)
+        told = line.ask("VERSION")
+        if told == "VERSION 1 squeezetree":
+            return line
+        assert told == "ERROR 30 " + ERRORS[30]
+        line.close()
+    raise TimeoutError
+
+
+def test_what_is_held_is_dragged_and_let_go_before_the_answer(tmp_path: Path) -> None:
+    table = every_field_table()
+    dump(table, tmp_path / "t.msgpack")
+    with Served(tmp_path / "t.msgpack", "--count", "1", "--on-unresolved", "restart") as served:
+        with Line(served) as line:
+            assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+            assert line.ask("WIDTH 30.0") == "DRAG 2.000 -0.500"
+            assert line.ask("STATUS") == "STATUS DRAG 1 1 1"
+            assert line.ask("WIDTH 30.0") == "ERROR 11 " + ERRORS[11]
+            assert line.ask("NEXT").startswith("SQUEEZE 1 ")
+            assert line.ask("WIDTH 36.0").startswith("SQUEEZE 0 "), "the policy"
+            assert line.ask("WIDTH 21.0") == "DRAG 2.000 -0.500"
+            assert line.ask("NEXT").startswith("LEAF 0 ")
+            assert line.read() == "ERROR 40 " + ERRORS[40]
+            assert line.read() == ""
+        code, (part,), _ = served.ended()
+    assert (code, part["outcome"], part["path"]) == (0, "leaf", [0, 1, 0])
+    assert findings(tmp_path / "journal.jsonl") == []
+
+
+def test_a_stop_request_ends_the_part_and_tells_the_robot(tree: Path) -> None:
+    with Served(tree) as served:
+        with Line(served) as line:
+            assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+            served.process.send_signal(signal.SIGINT)
+            assert line.read() == "ERROR 40 " + ERRORS[40]
+        code, (part,), _ = served.ended()
+    assert (code, part["outcome"]) == (40, "stopped")
+    assert findings(tree.with_name("journal.jsonl")) == []

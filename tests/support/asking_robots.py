@@ -1,0 +1,156 @@
+"""Robots that ask `grasp-runtime --serve`, and the server as a process of its own."""
+
+import importlib.util
+import json
+import socket
+import subprocess
+import sys
+from math import radians
+from pathlib import Path
+from types import ModuleType, TracebackType
+
+from drivers.sim.physics.scene import Setting
+from drivers.sim.virtual.cell import VirtualCell
+from runtime.execution.executor import Cell
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.session import run_journalled
+from runtime.journal.chain import Journal
+from runtime.table import PPM, Branch, Node, Squeeze, Table
+from runtime.traversal.decision import CLOSING_CONTACT
+
+ROOT = Path(__file__).parents[2]
+CLIENT = ROOT / "tools" / "docs" / "clients" / "robot.py"
+WAIT_S = 60
+
+
+def client() -> ModuleType:
+    """The documented client, which imports nothing of ours."""
+    spec = importlib.util.spec_from_file_location("robot", CLIENT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class SimulatedRobot:
+    """Arm and gripper of a simulated cell on virtual time, moved as the protocol's words say."""
+
+    def __init__(self, setting: Setting, seed: int, table: Table) -> None:
+        self.cell = VirtualCell(setting, seed)
+        gripper, arm = self.cell.gripper(), self.cell.arm()
+        gripper.activate()
+        self._hand = Hand(gripper, arm, self.cell.clock, table, Handling())
+        self._plan: Squeeze | None = None
+
+    def place(self, x: float, y: float, angle: float, opening: float) -> None:
+        um = (round(1000 * value) for value in (x, y))
+        self._plan = Squeeze(*um, round(1e6 * radians(angle)), round(1000 * opening), 0, 0, 0)
+        self._at = (self._plan.x_um / 1000, self._plan.y_um / 1000, self._plan.angle_urad / 1e6)
+
+    def squeeze(self, speed: float, force: float) -> tuple[int, bool]:
+        assert self._plan is not None
+        self._plan = self._plan._replace(speed_um_s=round(1000 * speed), force_mn=round(1000 * force))
+        self._hand.retreat()
+        self._hand.open(self._plan)
+        self._hand.travel(*self._at)
+        self._hand.descend(*self._at)
+        reading = self._hand.close(Node(self._plan, (Branch(0, 0, self._plan.opening_um, PPM, ~0),)))
+        return reading.position_counts, reading.object_flag == CLOSING_CONTACT
+
+    def drag(self, x: float, y: float) -> None:
+        self._hand.drag(x, y)
+
+    def release(self) -> None:
+        assert self._plan is not None
+        self._hand.release(self._plan)
+        self._hand.retreat()
+
+
+class Results:
+    """What a driven run told of its parts."""
+
+    def __init__(self) -> None:
+        self.parts: list[dict[str, object]] = []
+
+    def note(self, sentence: str) -> None: ...
+
+    def step(self, part: int, step: object) -> None: ...
+
+    def part(self, result: object, seen: object) -> None:
+        counts = [step.position_counts for step in result.steps]
+        self.parts.append({"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts})
+
+    def summary(self, tally: object, journal: Path) -> None: ...
+
+
+def driven(
+    setting: Setting, seed: int, table: Table, count: int, journal: Journal
+) -> list[dict[str, object]]:
+    """The parts of a run whose arm and gripper the executor moves."""
+    cell, told = VirtualCell(setting, seed), Results()
+    devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal)
+    run_journalled(table, devices, cell.scene, told, count=count, activate=True)
+    return told.parts
+
+
+class Served:
+    """`grasp-runtime --serve` as a process; `port` is where it answers."""
+
+    def __init__(self, tree: Path, *more: str) -> None:
+        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--json", *more]
+        command += ["--serve", "tcp://127.0.0.1:0", "--journal", str(tree.with_name("journal.jsonl"))]
+        self._said = tree.with_name("said.jsonl")  # a pipe that is not read would hold it up
+        with self._said.open("w") as said:
+            self.process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE)
+        assert self.process.stderr is not None
+        line = ""
+        while "a robot may ask at" not in line:
+            line = self.process.stderr.readline()
+            assert line, self.process.wait(WAIT_S)
+        self.port = int(line.rpartition(":")[2])
+
+    def ended(self) -> tuple[int, list[dict[str, object]], str]:
+        """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
+        _, err = self.process.communicate(timeout=WAIT_S)
+        told = [json.loads(line) for line in self._said.read_text().splitlines()]
+        return self.process.returncode, told, err
+
+    def __enter__(self) -> "Served":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.communicate()
+
+
+class Line:
+    """A client that says whatever a test wants."""
+
+    def __init__(self, served: Served) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", served.port), timeout=WAIT_S)
+        self._file = self.socket.makefile("rb")
+
+    def send(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def read(self) -> str:
+        """The next line, "" at the end of the connection."""
+        return self._file.readline().decode("ascii").rstrip("\n")
+
+    def ask(self, line: str) -> str:
+        self.send(line.encode() + b"\n")
+        return self.read()
+
+    def close(self) -> None:
+        self._file.close()
+        self.socket.close()
+
+    def __enter__(self) -> "Line":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

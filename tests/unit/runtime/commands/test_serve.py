@@ -1,0 +1,121 @@
+"""The server of one robot: what happens when time passes, and which options go with it."""
+
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+from fake_cell import FakeJournal
+from sample_tables import small_table
+
+from runtime.commands import options, serve
+from runtime.commands.arguments import SERVED, parser
+from runtime.devices.clock import SystemClock
+from runtime.errors import ArgumentsError, JournalError
+from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts, refused
+from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.executor import RunOptions
+from runtime.monitoring.console import Objects
+from runtime.monitoring.live.server import Address
+
+SERVE = ["--tree", "t", "--serve", "tcp://127.0.0.1:5020"]
+
+
+class Hasty(SystemClock):
+    """Gives a squeeze a tenth of a second."""
+
+    def deadline(self, seconds: float) -> float:
+        return self.now() + 0.1
+
+
+class Serving:
+    """A server in a thread; it ends once `parts` are over."""
+
+    def __init__(self, journal: FakeJournal, clock: SystemClock, parts: int = 1) -> None:
+        table, self.journal, self.raised = small_table(), journal, None
+        listener = serve.listening(Address("127.0.0.1", 0))
+        self.address = listener.getsockname()
+        asked = AskedParts(
+            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(), ignore_phase,
+            parts,
+        )  # fmt: skip
+        self._server = serve.RobotServer(listener, asked, clock)
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        try:
+            self._server.serve()
+        except JournalError as error:
+            self.raised = error
+
+    def told(self, data: bytes) -> list[str]:
+        """All lines that a robot hears which says this and waits for the end."""
+        with socket.create_connection(self.address, timeout=30) as robot, robot.makefile("r") as lines:
+            robot.sendall(data)
+            return [line.rstrip("\n") for line in lines]
+
+    def ended(self) -> list[tuple[str, dict[str, object]]]:
+        self._thread.join(30)
+        return self.journal.kept
+
+
+def test_a_squeeze_that_takes_too_long_is_given_up() -> None:
+    serving = Serving(FakeJournal(), Hasty())
+    squeeze, late = serving.told(b"NEXT\n")
+    assert (squeeze.split()[0], late) == ("SQUEEZE", refused(31))
+    kind, outcome = serving.ended()[-1]
+    assert (kind, outcome["outcome"], outcome["reason"]) == (
+        "outcome",
+        "aborted",
+        "the robot did not answer in time",
+    )
+
+
+def test_half_a_line_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serve, "PATIENCE_S", 0.2)
+    serving = Serving(FakeJournal(), Hasty())
+    assert serving.told(b"NEX") == [refused(14)]
+    serving.told(b"NEXT\n")
+    serving.ended()
+
+
+def test_a_journal_that_cannot_be_written_is_told_and_ends_the_run() -> None:
+    serving = Serving(FakeJournal(1, JournalError(Path("j"), "cannot be written")), SystemClock())
+    assert serving.told(b"NEXT\n") == [refused(41)]
+    assert serving.ended() == [("part", {"part": 1})]
+    assert serving.raised is not None
+
+
+def test_every_error_fits_a_controllers_string() -> None:
+    assert max(len(refused(number)) for number in ERRORS) < MAX_LINE
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--port", "sim"], "leave out --port"),
+        (["--arm", "tcp://x:1"], "leave out --arm"),
+        (["--after-crash", "resume"], "leave out --after-crash"),
+        (["--deliver", "1,2,3"], "leave out --deliver"),
+        (["--put-down"], "leave out --put-down"),
+        (["--serve", "5020"], "write tcp://127.0.0.1:PORT"),
+        (["--serve", "udp://127.0.0.1:5020"], "write tcp://127.0.0.1:PORT"),
+        (["--serve", "tcp://127.0.0.1"], "write"),
+        (["--serve", "tcp://127.0.0.1:99999"], "write"),
+        (["--serve", "tcp://0.0.0.0:5020"], "add --network"),
+        (["--serve", "tcp://192.168.1.2:5020"], "add --network"),
+    ],
+)
+def test_options_that_do_not_go_with_it(words: list[str], told: str) -> None:
+    with pytest.raises(ArgumentsError, match=told):
+        options.check_usage(parser().parse_args([*SERVE, *words]))
+
+
+def test_options_that_do() -> None:
+    options.check_usage(parser().parse_args([*SERVE, "--count", "3", "--on-reject", "stop", "--json"]))
+    options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://0.0.0.0:5020", "--network"]))
+    options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://localhost:0"]))
+    assert {action.dest for action in parser()._actions} > SERVED
+    with pytest.raises(ArgumentsError, match="--network is for --serve"):
+        options.check_usage(parser().parse_args(["--tree", "t", "--network"]))
