@@ -10,7 +10,6 @@ import contextlib
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -59,14 +58,14 @@ TOPICS: dict[str, tuple[str, Schema]] = {
 }
 
 
-def write(entries: Iterable[Entry], path: Path, journal: Path, date: Callable[[str], datetime]) -> int:
+def write(entries: Iterable[Entry], path: Path, journal: Path, timestamp: Callable[[str], float]) -> int:
     """Write the records of a journal as an MCAP file; returns the number of its squeezes.
 
     Args:
         entries: the records.
         path: the file, or standard output.
         journal: where the records come from, for errors.
-        date: reads a record's time.
+        timestamp: reads a record's time as seconds since 1970; ValueError where it is none.
 
     Raises:
         ArgumentsError: the extra `mcap` is missing.
@@ -74,7 +73,7 @@ def write(entries: Iterable[Entry], path: Path, journal: Path, date: Callable[[s
         OutputError: the file cannot be written.
     """
     with writing(path) as draft, draft.open("wb") as file:
-        recording = _Recording(file, journal, date)
+        recording = _Recording(file, journal, timestamp)
         with contextlib.closing(recording):
             for entry in entries:
                 recording.add(entry)
@@ -84,9 +83,9 @@ def write(entries: Iterable[Entry], path: Path, journal: Path, date: Callable[[s
 class _Recording:
     """An MCAP file being written."""
 
-    def __init__(self, file: BinaryIO, journal: Path, date: Callable[[str], datetime]) -> None:
+    def __init__(self, file: BinaryIO, journal: Path, timestamp: Callable[[str], float]) -> None:
         self.squeezes = 0
-        self._journal, self._date = journal, date
+        self._journal, self._timestamp = journal, timestamp
         self._table: Table | None = None
         self._writer = _writer(file)
         self._channels = {topic: self._channel(topic, *schema) for topic, schema in TOPICS.items()}
@@ -147,7 +146,7 @@ class _Recording:
 
     def _moment_ns(self, entry: Entry) -> int:
         try:
-            moment_ns = round(self._date(str(entry["time"])).timestamp() * 1e6) * 1000
+            moment_ns = round(self._timestamp(str(entry["time"])) * 1e6) * 1000
         except ValueError:
             moment_ns = -1
         if moment_ns < 0:

@@ -22,6 +22,7 @@ from drivers.abb.rws import ACCEPT, FACTORY, FORM
 from drivers.sim.devices.arm import ArmModel, HaltError
 from drivers.sim.wire.serving import Lock, Server
 
+MAIN = ("Module1", "main")  # whoever programmed the cell before
 REALM = "validusers@robapi.abb"
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 IDENTITY_TEXT = "[[0,0,0],[1,0,0,0]]"
@@ -47,7 +48,7 @@ class OmniCore:
     def __init__(self, arm: ArmModel, executed: Callable[[], None] = lambda: None) -> None:
         self.mode, self.motors = "AUTO", "motoron"
         self.running = False
-        self.pointer = ("Module1", "main")
+        self.pointer = MAIN
         self.master = False  # whether a client holds mastership over edits
         self.symbols: dict[str, str] = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
         self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
@@ -109,12 +110,15 @@ class OmniCore:
         """A change; RefusedError where it is not allowed."""
         self.advance(now_s)
         match path:
-            case "/rw/mastership/edit/request":
+            case "/rw/mastership/edit/request" | "/rw/mastership/request":
                 self.master = True
-            case "/rw/mastership/edit/release":
+            case "/rw/mastership/edit/release" | "/rw/mastership/release":
                 self.master = False
             case "/rw/rapid/execution/stop":
                 self.stop(now_s)
+            case "/rw/rapid/execution/resetpp":
+                self._need(self.master and not self.running, "mastership, or a program runs")
+                self.pointer = MAIN
             case "/rw/rapid/execution/start":
                 self._need(not self.master and implicit, "mastership")
                 self._need(self.mode == "AUTO" and self.motors == "motoron", "mode or motors")
