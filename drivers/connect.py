@@ -3,7 +3,7 @@
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
 port), `tcp://host:port` (Modbus TCP), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms: `tcp://host:port` (open_abb), `ur://host` (UR
-controller), with frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`.
+controller), `omnicore://host` (Robot Web Services 2), with frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`.
 Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
@@ -26,7 +26,12 @@ TTY = "tty"  # the scheme of a port without one
 GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper")
 GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
 ARMS = {"tcp": "drivers.abb.arm:connect", "ur": "drivers.ur.arm:connect"}
-PORTS = {"urcap": 63352, "ur": 30004}  # where a scheme is served unless its address says otherwise
+ARMS["omnicore"] = "drivers.abb.omnicore:connect"
+PORTS = {
+    "urcap": 63352,
+    "ur": 30004,
+    "omnicore": 443,
+}  # where a scheme is served unless its address says otherwise
 
 
 def gripper(

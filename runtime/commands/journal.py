@@ -139,7 +139,7 @@ def _export(arguments: argparse.Namespace) -> int:
     if arguments.to and (output.suffix != f".{form}" if output not in STDOUT else form == "parquet"):
         raise ArgumentsError(f"--output {output}: --to {form} writes to a file that ends in .{form}")
     if form == "mcap":
-        rows = recording.write(entries, output, arguments.journal, lambda stamp: date(stamp).timestamp())
+        rows = recording.write(entries, output, arguments.journal, lambda text: date(text).timestamp())
     else:
         rows = export.write_rows(export.rows(entries), output, "--output")
     told = json.dumps({"rows": rows, "output": str(output)})

@@ -58,14 +58,14 @@ TOPICS: dict[str, tuple[str, Schema]] = {
 }
 
 
-def write(entries: Iterable[Entry], path: Path, journal: Path, seconds: Callable[[str], float]) -> int:
+def write(entries: Iterable[Entry], path: Path, journal: Path, timestamp: Callable[[str], float]) -> int:
     """Write the records of a journal as an MCAP file; returns the number of its squeezes.
 
     Args:
         entries: the records.
         path: the file, or standard output.
         journal: where the records come from, for errors.
-        seconds: makes of a record's time seconds since 1970; ValueError where it is no date.
+        timestamp: reads a record's time as seconds since 1970; ValueError where it is none.
 
     Raises:
         ArgumentsError: the extra `mcap` is missing.
@@ -73,7 +73,7 @@ def write(entries: Iterable[Entry], path: Path, journal: Path, seconds: Callable
         OutputError: the file cannot be written.
     """
     with writing(path) as draft, draft.open("wb") as file:
-        recording = _Recording(file, journal, seconds)
+        recording = _Recording(file, journal, timestamp)
         with contextlib.closing(recording):
             for entry in entries:
                 recording.add(entry)
@@ -83,9 +83,9 @@ def write(entries: Iterable[Entry], path: Path, journal: Path, seconds: Callable
 class _Recording:
     """An MCAP file being written."""
 
-    def __init__(self, file: BinaryIO, journal: Path, seconds: Callable[[str], float]) -> None:
+    def __init__(self, file: BinaryIO, journal: Path, timestamp: Callable[[str], float]) -> None:
         self.squeezes = 0
-        self._journal, self._seconds = journal, seconds
+        self._journal, self._timestamp = journal, timestamp
         self._table: Table | None = None
         self._writer = _writer(file)
         self._channels = {topic: self._channel(topic, *schema) for topic, schema in TOPICS.items()}
@@ -146,7 +146,7 @@ class _Recording:
 
     def _moment_ns(self, entry: Entry) -> int:
         try:
-            moment_ns = round(self._seconds(str(entry["time"])) * 1e6) * 1000
+            moment_ns = round(self._timestamp(str(entry["time"])) * 1e6) * 1000
         except ValueError:
             moment_ns = -1
         if moment_ns < 0:

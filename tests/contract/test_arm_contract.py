@@ -91,7 +91,8 @@ def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(any_arm):
         arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
 
 
-def test_after_a_silence_everything_is_refused(any_arm):
+def test_after_a_silence_everything_is_refused(any_arm, monkeypatch):
+    monkeypatch.setattr("drivers.abb.rws.ANSWER_S", 0.3)
     with any_arm.open() as arm:
         any_arm.silence()
         with pytest.raises(ArmError) as raised:

@@ -1,8 +1,14 @@
 """Arms of every make, simulated. A new make is one more class here, and one more name in `RIGS`."""
 
+import atexit
 import contextlib
 import math
+import pathlib
+import shutil
+import subprocess
+import tempfile
 import threading
+from functools import cache
 
 import other_make
 
@@ -11,6 +17,7 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.devices.omnicore import OmniCore, RwsServer
 from drivers.sim.devices.ur_controller import RtdePort, SecondaryPort, UrModel
 from drivers.sim.wire.serving import SimulatedTime
 
@@ -113,7 +120,7 @@ class Ur:
         return self.arm.moves
 
     def truth(self):
-        flange = compose(BASE, self.arm._leg(self.now()).at(self.now()))
+        flange = compose(BASE, self.arm.flange_at(self.now()))
         return (*flange[:3], hand_angle(flange.rotation))
 
     def silence(self):
@@ -127,4 +134,47 @@ class Ur:
         self.script.close()
 
 
-RIGS = {"abb": Abb, "ur": Ur, "other": Other}
+class OmniCoreRig:
+    """The OmniCore driver and a simulated controller."""
+
+    far_mm = 900.0
+
+    def __init__(self, *, digest=False):
+        self.arm = ArmModel(BASE)
+        self.model = OmniCore(self.arm)
+        self.now = SimulatedTime(SCALE, threading.Event()).now
+        self.server = RwsServer(self.model, threading.RLock(), self.now, certificate(), digest=digest)
+        self.server.start()
+
+    @property
+    def moves(self):
+        return self.arm.moves
+
+    def truth(self):
+        flange = compose(BASE, self.arm.flange_at(self.now()))
+        return (*flange[:3], hand_angle(flange.rotation))
+
+    def silence(self):
+        self.server.mute = True
+
+    def open(self, *, read_only=False, **frames):
+        return opened(self.server.url, read_only, {"base": BASE, **frames}, "&reach=580")
+
+    def close(self):
+        self.server.close()
+
+
+@cache
+def certificate():
+    """A PEM file with a self-made certificate and its key."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    path = f"{folder}/controller.pem"
+    made = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=omnicore"]
+    subprocess.run([*made, "-keyout", path, "-out", f"{path}.crt"], check=True, capture_output=True)
+    with pathlib.Path(path).open("ab") as file:
+        file.write(pathlib.Path(f"{path}.crt").read_bytes())
+    return path
+
+
+RIGS = {"abb": Abb, "ur": Ur, "omnicore": OmniCoreRig, "other": Other}

@@ -107,6 +107,10 @@ class ArmModel:
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
+    def flange_at(self, now_s: float) -> Pose:
+        """Where the flange is, in the base frame."""
+        return self._leg(now_s).at(now_s)
+
     def execute(self, text: str, now_s: float) -> Answer:
         """One received string, heard now; RapidError where the server hangs up and listens again."""
         self._message.parse(text)

@@ -1,0 +1,231 @@
+"""An ABB arm on an OmniCore controller: our RAPID program `SqueezeTree.modx`, fed over Robot Web Services 2.
+
+Never tried on a controller. Connecting reads; the program is started with the first motion, and only after
+its pointer was set and read back to be in our module. An interrupted or late motion is stopped.
+"""
+
+import contextlib
+import math
+import secrets
+
+from drivers.abb import codec
+from drivers.abb.codec import IDENTITY, Pose, ProtocolError
+from drivers.abb.kinematics import compose, invert
+from drivers.abb.reach import Setup, within_sphere
+from drivers.abb.rws import Rws, RwsError, State
+from drivers.abb.upright import ArmPose, UprightArm
+from drivers.clock import Pace
+from drivers.errors import ArmError, ReadOnlyError
+from drivers.ports import TURN_RADIUS_MM
+from drivers.stream import open_tcp
+
+TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
+VERSION = "1"
+SYMBOL = f"/rw/rapid/symbol/RAPID/{TASK}/{MODULE}"
+POINTER = f"/rw/rapid/tasks/{TASK}/pcp"
+START = {
+    "regain": "continue", "execmode": "continue", "cycle": "once", "condition": "none",
+    "stopatbp": "disabled", "alltaskbytsp": "false",
+}  # fmt: skip
+START_S = 3.0  # from a request, or from the program's start, to its first sign of life
+LOOK_S = 0.1  # between two looks: the controller serves some twenty requests a second
+MOST_NUMBER = 8_000_000  # a RAPID num counts exactly so far
+HINT = "check the address, and that Robot Web Services are reachable from this network"
+
+
+class Arm(UprightArm):
+    """An arm on an open session, which it owns; `connect` opens one.
+
+    Raises:
+        ArmError: it does not answer as an OmniCore controller with our module.
+    """
+
+    def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
+        super().__init__(endpoint, setup, within_sphere(setup))
+        self._rws = rws
+        self._pace = pace
+        self._unknown = ""  # why the state is unknown
+        self._speed_mm_s = math.nan
+        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)  # in the base frame
+        self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
+        try:
+            version = self._symbol("sq_version")
+        except ArmError as error:
+            raise ArmError(f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)") from error
+        if version != VERSION:
+            raise ArmError(
+                f"arm at {endpoint} has {MODULE}.modx of version {version}; load version {VERSION}"
+            )
+
+    def close(self) -> None:
+        """Hang up; the arm does not move, and the program waits for the next request."""
+        self._unknown = self._unknown or "it was closed"
+        self._rws.close()
+
+    def _read_hand(self) -> Pose:
+        seen = self._look(
+            f"/rw/motionsystem/mechunits/{UNIT}/cartesian", tool="tool0", wobj="wobj0", coordinate="Base"
+        )
+        x, y, z, *turn = _numbers(seen, "x", "y", "z", "q1", "q2", "q3", "q4")
+        length = math.hypot(*turn)
+        if abs(length - 1.0) > 0.01:
+            raise ProtocolError(f"a quaternion of length {length:.3f}")
+        q1, q2, q3, q4 = (part / length for part in turn)
+        flange = Pose(x, y, z, (q1, q2, q3, q4))
+        return compose(invert(self._table), compose(flange, self._setup.tool))
+
+    def _read_last_axis(self) -> float:
+        seen = self._look(f"/rw/motionsystem/mechunits/{UNIT}/jointtarget")
+        return math.radians(_numbers(seen, "rax_6")[0])
+
+    def _set_speed(self, speed_mm_s: float) -> None:
+        try:
+            codec.number(speed_mm_s, 3)
+        except ProtocolError as error:
+            raise ArmError(f"arm speed: {error}") from error
+        if self._setup.read_only:
+            raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
+        self._speed_mm_s = speed_mm_s
+
+    def _drive(self, target: ArmPose, budget_s: float) -> None:
+        if reason := self._objection():
+            raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
+        try:
+            if not self._runs():
+                self._start()
+            turn_deg_s = math.degrees(self._speed_mm_s / TURN_RADIUS_MM)
+            self._write("sq_tframe", _rapid(self._setup.tool))
+            self._write("sq_oframe", _rapid(self._setup.work_object))
+            self._write("sq_target", _rapid(target.frame))
+            self._write("sq_speed", codec.number(self._speed_mm_s, 3))
+            self._write("sq_turn", codec.number(turn_deg_s, 3))
+            self._next()
+            self._await("sq_started", START_S, "it did not begin a motion; see which program runs")
+            self._await("sq_done", budget_s, f"not there after {budget_s:.1f} s")
+        except BaseException as error:  # Ctrl-C, too
+            with contextlib.suppress(OSError):
+                self._rws.post("/rw/rapid/execution/stop", {"stopmode": "stop", "usetsp": "normal"})
+            if isinstance(error, RwsError):
+                raise self._lose(str(error)) from error
+            self._unknown = self._unknown or "a motion was interrupted"
+            raise
+
+    def _objection(self) -> str:
+        """Why it may not be moved; empty: it may."""
+        mode = str(self._look("/rw/panel/opmode").get("opmode", "unknown"))
+        motors = str(self._look("/rw/panel/ctrl-state").get("ctrlstate", "unknown"))
+        if mode.upper() != "AUTO":
+            return f"the controller is in mode {mode}; switch it to automatic"
+        if motors != "motoron":
+            return f"the controller is in state {motors}; put it right and switch the motors on"
+        if self._runs() and (module := self._pointer()[0]) not in (None, MODULE):
+            return f"module {module} runs on the controller; stop it first"
+        return ""
+
+    def _pointer(self) -> tuple[str | None, str | None]:
+        """Module and routine that the program pointer is in; None: not told."""
+        told = next((state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {})
+        return told.get("modulemame") or told.get("modulename"), told.get("routinename")  # RWS spells it so
+
+    def _runs(self) -> bool:
+        return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"
+
+    def _start(self) -> None:
+        """Start our program; it moves nothing before a request."""
+        self._rws.post("/rw/mastership/edit/request", {})
+        try:
+            where = {"module": MODULE, "routine": ROUTINE, "userlevel": "FALSE"}
+            self._rws.post(f"{POINTER}/routine", where)
+        finally:
+            self._rws.post("/rw/mastership/edit/release", {})
+        if self._pointer() != (MODULE, ROUTINE):
+            raise self._lose("the program pointer could not be set to our module; start it on the pendant")
+        # What was asked for before it starts it takes for done, and so tells that it has begun.
+        self._next()
+        self._rws.post("/rw/rapid/execution/start", START, mastership="implicit")
+        until = self._pace.deadline(START_S)
+        while not _is(self._symbol("sq_done"), self._moves):
+            if self._pace.now() > until:
+                raise self._lose("the program did not start")
+            self._pace.pause(LOOK_S)
+
+    def _next(self) -> None:
+        self._moves = self._moves % MOST_NUMBER + 1
+        self._write("sq_request", str(self._moves))
+
+    def _await(self, name: str, budget_s: float, otherwise: str) -> None:
+        until = self._pace.deadline(budget_s)
+        while True:
+            late = self._pace.now() > until
+            runs = self._runs()  # before the number: a program that ended after it is no loss
+            if _is(self._symbol(name), self._moves):
+                return
+            if not runs:
+                raise self._lose("its program stopped on the way; see the event log")
+            if late:
+                raise self._lose(otherwise)
+            self._pace.pause(LOOK_S)
+
+    def _symbol(self, name: str) -> str:
+        return str(self._look(f"{SYMBOL}/{name}/data").get("value"))
+
+    def _write(self, name: str, value: str) -> None:
+        self._rws.post(f"{SYMBOL}/{name}/data", {"value": value}, mastership="implicit")
+
+    def _look(self, path: str, **query: str) -> State:
+        return self._states(path, **query)[0]
+
+    def _states(self, path: str, **query: str) -> list[State]:
+        if self._unknown:
+            raise ArmError(
+                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
+                "look at the arm, then connect again"
+            )
+        try:
+            return self._rws.state(path, **query)
+        except RwsError as error:
+            raise self._lose(str(error)) from error
+
+    def _lose(self, reason: str) -> ArmError:
+        self._unknown = reason
+        return ArmError(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the pendant")
+
+
+def _numbers(seen: State, *names: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(seen[name]) for name in names)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ProtocolError(f"no numbers {', '.join(names)} in the answer") from error
+    if not all(map(math.isfinite, values)):
+        raise ProtocolError(f"numbers that are not finite: {values}")
+    return values
+
+
+def _is(text: str, number: int) -> bool:
+    try:
+        return float(text) == number
+    except ValueError:
+        return False
+
+
+def _rapid(pose: Pose) -> str:
+    """A pose as RAPID writes it."""
+    x, y, z, *turn = codec.pose_numbers(pose)
+    return f"[[{x},{y},{z}],[{','.join(turn)}]]"
+
+
+def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+    """Connect to a controller; reads, and moves nothing.
+
+    Raises:
+        PortError: nobody accepts the connection.
+        ArmError: whoever answers is no OmniCore controller, or lacks our module.
+    """
+    endpoint = f"omnicore://{host}:{port}"
+    open_tcp(host, port, endpoint, HINT).close()
+    rws = Rws(host, port, pace, read_only=setup.read_only)
+    try:
+        return Arm(rws, endpoint, pace, setup)
+    except BaseException:  # Ctrl-C, too, must not leave the session open
+        rws.close()
+        raise

@@ -1,0 +1,169 @@
+"""Robot Web Services 2 of an ABB OmniCore controller (RobotWare 7): resources over HTTPS.
+
+One connection, one request after the other, each with a deadline. After one that failed the connection is
+made anew, so that no answer is ever taken for a later one's. Sign-in is Basic, or Digest where the controller
+asks for it; user and password come from the environment, since an address is printed and journalled.
+"""
+
+import base64
+import hashlib
+import http.client
+import json
+import os
+import secrets
+import ssl
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import quote, urlencode
+from urllib.request import parse_http_list, parse_keqv_list
+
+from drivers.clock import Pace
+from drivers.errors import ReadOnlyError
+
+ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
+USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
+CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # PEM file; without it any certificate is taken
+FACTORY = ("Default User", "robotics")  # as delivered; documented by ABB
+ACCEPT = "application/hal+json;v=2.0"
+FORM = "application/x-www-form-urlencoded;v=2.0"
+State = Mapping[str, Any]
+
+
+class RwsError(OSError):
+    """The controller does not answer, or refuses."""
+
+
+class Rws:
+    """A session with a controller; nothing is sent before the first question.
+
+    With `read_only` it refuses to send anything but questions.
+    """
+
+    def __init__(self, host: str, port: int, pace: Pace, *, read_only: bool = False) -> None:
+        self._host, self._port = host, port
+        self._pace = pace
+        self._read_only = read_only
+        self._user = os.environ.get(USER, FACTORY[0]), os.environ.get(PASSWORD, FACTORY[1])
+        self._connection: http.client.HTTPSConnection | None = None
+        self._cookies: dict[str, str] = {}
+        self._challenge: dict[str, str] = {}  # of a controller that asks for Digest
+        self._count = 0
+
+    def state(self, path: str, **query: str) -> list[State]:
+        """What a resource tells of itself.
+
+        Raises:
+            RwsError: no answer in time, a refusal, or no such resource.
+        """
+        target = path + ("?" + urlencode(query, quote_via=quote) if query else "")
+        for _ in range(2):
+            since = self._pace.now()
+            body = self._request("GET", target, "")
+            late_s = self._pace.now() - since - ANSWER_S
+            if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
+                return _states(path, body)
+        raise RwsError(f"this process was stopped or starved and read an answer {late_s:.1f} s too late")
+
+    def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
+        """Ask for a change, once.
+
+        Raises:
+            RwsError: no answer in time, or a refusal; after the former it is not known whether it was made.
+            ReadOnlyError: the session only reads.
+        """
+        body = urlencode(form, quote_via=quote)
+        if self._read_only:
+            raise ReadOnlyError(f"a dry run was about to send {path} {body!r} to the arm at {self._host}")
+        self._request("POST", path + ("?" + urlencode(query) if query else ""), body)
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _request(self, method: str, target: str, body: str) -> str:
+        status, headers, text = self._exchange(method, target, body)
+        if status == http.client.UNAUTHORIZED and not self._challenge and self._take(headers):
+            status, headers, text = self._exchange(method, target, body)
+        if status == http.client.UNAUTHORIZED:
+            raise RwsError(f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}")
+        if not 200 <= status < 300:
+            raise RwsError(f"the controller answered {method} {target} by {status}: {_message(text)}")
+        return text
+
+    def _exchange(self, method: str, target: str, body: str) -> tuple[int, http.client.HTTPMessage, str]:
+        headers = {"Accept": ACCEPT, "Authorization": self._authorization(method, target)}
+        if self._cookies:
+            headers["Cookie"] = "; ".join(f"{name}={value}" for name, value in self._cookies.items())
+        if method == "POST":
+            headers["Content-Type"] = FORM
+        try:
+            connection = self._connection = self._connection or self._connected()
+            connection.request(method, target, body if method == "POST" else None, headers)
+            answer = connection.getresponse()
+            text = answer.read().decode("utf-8", "replace")
+        except (
+            BaseException
+        ) as error:  # Ctrl-C, too: what comes now answers nothing that is still to be asked
+            self.close()
+            if isinstance(error, OSError | http.client.HTTPException):
+                raise RwsError(f"no answer to {method} {target} ({error or type(error).__name__})") from error
+            raise
+        for cookie in answer.headers.get_all("Set-Cookie") or ():
+            name, _, value = cookie.partition(";")[0].strip().partition("=")
+            self._cookies[name] = value
+        return answer.status, answer.headers, text
+
+    def _connected(self) -> http.client.HTTPSConnection:
+        context = ssl.create_default_context(cafile=os.environ.get(CERTIFICATE))
+        context.check_hostname = False  # controllers are reached by address, and certify themselves
+        if CERTIFICATE not in os.environ:
+            context.verify_mode = ssl.CERT_NONE
+        return http.client.HTTPSConnection(self._host, self._port, timeout=ANSWER_S, context=context)
+
+    def _authorization(self, method: str, target: str) -> str:
+        user, password = self._user
+        if not self._challenge:
+            return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode("ascii")
+        self._count += 1
+        given, cnonce, count = self._challenge, secrets.token_hex(8), f"{self._count:08x}"
+        realm, nonce = given["realm"], given["nonce"]
+        ours, asked = _md5(f"{user}:{realm}:{password}"), _md5(f"{method}:{target}")
+        response = _md5(f"{ours}:{nonce}:{count}:{cnonce}:auth:{asked}")
+        fields = {"username": user, "realm": realm, "nonce": nonce, "uri": target, "cnonce": cnonce}
+        fields |= {"response": response, **({"opaque": given["opaque"]} if "opaque" in given else {})}
+        quoted = ", ".join(f'{name}="{value}"' for name, value in fields.items())
+        return f"Digest {quoted}, qop=auth, nc={count}"
+
+    def _take(self, headers: http.client.HTTPMessage) -> bool:
+        """Whether the controller asks for Digest, as RFC 7616 has it with MD5."""
+        for told in headers.get_all("WWW-Authenticate") or ():
+            scheme, _, rest = told.partition(" ")
+            given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
+            if {"realm", "nonce"} <= given.keys() and given.get("algorithm", "MD5").upper() == "MD5":
+                self._challenge = given
+                return True
+        return False
+
+
+def _md5(text: str) -> str:
+    return hashlib.md5(text.encode(), usedforsecurity=False).hexdigest()
+
+
+def _states(path: str, body: str) -> list[State]:
+    try:
+        found = json.loads(body)["state"]
+        if isinstance(found, list) and found and all(isinstance(state, dict) for state in found):
+            return found
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise RwsError(f"the controller's answer for {path} is not understood: {body[:60]!r}")
+
+
+def _message(text: str) -> str:
+    """The reason in an error's document, or its beginning."""
+    try:
+        return str(json.loads(text)["status"]["msg"])
+    except (ValueError, KeyError, TypeError):
+        return text[:80] or "no reason given"

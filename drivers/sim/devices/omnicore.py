@@ -1,0 +1,277 @@
+"""A simulated OmniCore controller: those Robot Web Services 2 that the driver uses, and our RAPID program.
+
+The arm's mechanics are those of the simulated IRC5 arm. What `SqueezeTree.modx` does is done here in Python;
+other RAPID is not run. TLS needs a certificate: the caller brings one.
+"""
+
+import base64
+import hashlib
+import json
+import re
+import ssl
+import threading
+from collections.abc import Callable
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from drivers.abb.codec import Pose
+from drivers.abb.omnicore import MODULE, POINTER, ROUTINE, SYMBOL, TASK, UNIT
+from drivers.abb.rws import ACCEPT, FACTORY, FORM
+from drivers.sim.devices.arm import ArmModel, HaltError
+from drivers.sim.wire.serving import Lock, Server
+
+MAIN = ("Module1", "main")  # whoever programmed the cell before
+REALM = "validusers@robapi.abb"
+NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
+IDENTITY_TEXT = "[[0,0,0],[1,0,0,0]]"
+NUMBERS = {"sq_speed": "20", "sq_turn": "10", "sq_request": "0", "sq_started": "0", "sq_done": "0"}
+
+
+class RefusedError(Exception):
+    """The controller answers by an error."""
+
+    def __init__(self, status: HTTPStatus, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+class OmniCore:
+    """The controller's state; it boots with the program stopped and its pointer in somebody's main.
+
+    Args:
+        arm: its mechanics.
+        executed: called after each motion.
+    """
+
+    def __init__(self, arm: ArmModel, executed: Callable[[], None] = lambda: None) -> None:
+        self.mode, self.motors = "AUTO", "motoron"
+        self.running = False
+        self.pointer = MAIN
+        self.master = False  # whether a client holds mastership over edits
+        self.symbols: dict[str, str] = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
+        self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
+        self._arm, self._executed = arm, executed
+        self._ends_s = -1.0  # of the motion under way; negative: none
+
+    def advance(self, now_s: float) -> None:
+        """Let the program go on."""
+        if not (self.running and self.pointer == (MODULE, ROUTINE)):
+            return
+        if 0.0 <= self._ends_s <= now_s:
+            self._ends_s = -1.0
+            self.symbols["sq_done"] = self.symbols["sq_started"]
+            self._executed()
+        if self._ends_s < 0.0 and self.symbols["sq_request"] != self.symbols["sq_done"]:
+            self.symbols["sq_started"] = self.symbols["sq_request"]
+            speed = min(float(self.symbols["sq_speed"]), float(self.symbols["sq_fastest"]))
+            self._arm.frames(self._pose("sq_tframe"), self._pose("sq_oframe"))
+            try:
+                pacing = (speed, float(self.symbols["sq_turn"]))
+                self._ends_s = self._arm.line(self._pose("sq_target"), pacing, now_s)
+            except HaltError:
+                self.running = False
+
+    def stop(self, now_s: float) -> None:
+        """Stop program and arm."""
+        self.advance(now_s)
+        self._arm.stop(now_s)
+        self.running, self._ends_s = False, -1.0
+
+    def read(self, path: str, now_s: float) -> list[dict[str, Any]]:
+        """A resource; RefusedError where there is none."""
+        self.advance(now_s)
+        flange = self._arm.flange_at(now_s)
+        axes = {f"rax_{n}": f"{angle:.6f}" for n, angle in enumerate(self._arm.joints_at(now_s), 1)}
+        place = {"x": flange.x_mm, "y": flange.y_mm, "z": flange.z_mm}
+        place |= dict(zip(("q1", "q2", "q3", "q4"), flange.rotation, strict=True))
+        module, routine = self.pointer
+        resources: dict[str, list[dict[str, Any]]] = {
+            "/rw/panel/opmode": [{"_type": "pnl-opmode", "opmode": self.mode}],
+            "/rw/panel/ctrl-state": [{"_type": "pnl-ctrlstate", "ctrlstate": self.motors}],
+            "/rw/rapid/execution": [
+                {"_type": "rap-execution", "ctrlexecstate": "running" if self.running else "stopped"}
+            ],
+            POINTER: [
+                {"_type": "pcp-info", "_title": "progpointer", "modulemame": module, "routinename": routine},
+                {"_type": "pcp-info", "_title": "motionpointer"},
+            ],
+            f"/rw/motionsystem/mechunits/{UNIT}/jointtarget": [{"_type": "ms-jointtarget", **axes}],
+            f"/rw/motionsystem/mechunits/{UNIT}/cartesian": [
+                {"_type": "ms-mechunit-cartesian", **{name: f"{value:.6f}" for name, value in place.items()}}
+            ],
+        }
+        if path in resources:
+            return resources[path]
+        return [{"_type": "rap-data", "value": self.symbols[self._name(path)]}]
+
+    def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
+        """A change; RefusedError where it is not allowed."""
+        self.advance(now_s)
+        match path:
+            case "/rw/mastership/edit/request" | "/rw/mastership/request":
+                self.master = True
+            case "/rw/mastership/edit/release" | "/rw/mastership/release":
+                self.master = False
+            case "/rw/rapid/execution/stop":
+                self.stop(now_s)
+            case "/rw/rapid/execution/resetpp":
+                self._need(self.master and not self.running, "mastership, or a program runs")
+                self.pointer = MAIN
+            case "/rw/rapid/execution/start":
+                self._need(not self.master and implicit, "mastership")
+                self._need(self.mode == "AUTO" and self.motors == "motoron", "mode or motors")
+                self.running = True
+                self.symbols |= dict.fromkeys(("sq_started", "sq_done"), self.symbols["sq_request"])
+            case _ if path == f"{POINTER}/routine":
+                self._need(self.master and not self.running, "mastership, or a program runs")
+                self.pointer = (form["module"], form["routine"])
+            case _:
+                name, value = self._name(path), form.get("value", "")
+                self._need(implicit or self.master, "mastership")
+                self._need(_fits(value, self.symbols[name]), "the value is none of its type")
+                self.symbols[name] = value
+                self.advance(now_s)
+
+    def _name(self, path: str) -> str:
+        name = path.removeprefix(f"{SYMBOL}/").removesuffix("/data")
+        if name not in self.symbols or path != f"{SYMBOL}/{name}/data":
+            raise RefusedError(HTTPStatus.NOT_FOUND, f"no such resource in {TASK}")
+        return name
+
+    def _need(self, given: bool, what: str) -> None:
+        if not given:
+            raise RefusedError(HTTPStatus.FORBIDDEN, f"not allowed: {what}")
+
+    def _pose(self, name: str) -> Pose:
+        x, y, z, *turn = (float(match[0]) for match in NUMBER.finditer(self.symbols[name]))
+        w, a, b, c = turn
+        return Pose(x, y, z, (w, a, b, c))
+
+
+def _fits(value: str, old: str) -> bool:
+    if old.startswith("["):
+        bare = NUMBER.sub("0", value)
+        return bare == NUMBER.sub("0", IDENTITY_TEXT)
+    return NUMBER.fullmatch(value) is not None
+
+
+class RwsServer(Server):
+    """The services on a port of this machine, with TLS.
+
+    Args:
+        model: the controller.
+        lock: held while a request is served.
+        now: simulated seconds.
+        certificate: PEM file of a certificate and its key.
+        digest: whether sign-in is by Digest instead of Basic.
+    """
+
+    def __init__(
+        self, model: OmniCore, lock: Lock, now: Callable[[], float], certificate: str, *, digest: bool = False
+    ) -> None:
+        super().__init__("rws", threading.Event())
+        self.mute = False
+        self.requests = 0
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(certificate)
+        self._http = ThreadingHTTPServer(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
+        self._http.daemon_threads = True
+        self._http.block_on_close = False
+        # The handshake is the handler's: a client that only connects must not keep others waiting.
+        self._http.socket = context.wrap_socket(
+            self._http.socket, server_side=True, do_handshake_on_connect=False
+        )
+        self.port: int = self._http.server_address[1]
+        self.url = f"omnicore://127.0.0.1:{self.port}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._stopped.set()
+        self._http.shutdown()
+        super().close()
+        self._http.server_close()
+
+    def _run(self) -> None:
+        self._http.serve_forever(0.05)
+
+    def silent(self) -> bool:
+        """Count a request; whether it meets silence until the server stops."""
+        self.requests += 1
+        return self.mute and self._stopped.wait()
+
+
+def _handler(
+    server: RwsServer, model: OmniCore, lock: Lock, now: Callable[[], float], *, digest: bool
+) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+        disable_nagle_algorithm = True
+
+        def do_GET(self) -> None:
+            self._answer(changes=False)
+
+        def do_POST(self) -> None:
+            self._answer(changes=True)
+
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class names it
+            del format, args
+
+        def _answer(self, *, changes: bool) -> None:
+            body = self.rfile.read(int(self.headers.get("Content-Length") or 0)).decode()
+            if server.silent():
+                return
+            if not self._signed_in():
+                challenge = f'Digest realm="{REALM}", nonce="0123abcd", qop="auth", opaque="x"'
+                self._send(
+                    HTTPStatus.UNAUTHORIZED,
+                    {"status": {"msg": "sign in"}},
+                    {"WWW-Authenticate": challenge if digest else f'Basic realm="{REALM}"'},
+                )
+                return
+            parts = urlsplit(self.path)
+            query = {name: words[-1] for name, words in parse_qs(parts.query).items()}
+            form = {name: words[-1] for name, words in parse_qs(body, keep_blank_values=True).items()}
+            try:
+                with lock:
+                    if not changes:
+                        self._expect("Accept", ACCEPT, HTTPStatus.NOT_ACCEPTABLE)
+                        self._send(HTTPStatus.OK, {"state": model.read(parts.path, now())})
+                        return
+                    self._expect("Content-Type", FORM, HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
+                    model.write(parts.path, form, now(), implicit=query.get("mastership") == "implicit")
+                self._send(HTTPStatus.NO_CONTENT, None)
+            except RefusedError as error:
+                self._send(error.status, {"status": {"code": -1, "msg": str(error)}})
+
+        def _expect(self, header: str, value: str, otherwise: HTTPStatus) -> None:
+            if self.headers.get(header) != value:
+                raise RefusedError(otherwise, f"{header} must be {value}")
+
+        def _signed_in(self) -> bool:
+            told = self.headers.get("Authorization") or ""
+            if not digest:
+                return told == "Basic " + base64.b64encode(":".join(FACTORY).encode()).decode()
+            given = dict(re.findall(r'(\w+)="?([^",]+)"?', told))
+            ours = _md5(f"{FACTORY[0]}:{REALM}:{FACTORY[1]}")
+            asked = _md5(f"{self.command}:{self.path}")
+            middle = ":".join(given.get(name, "") for name in ("nonce", "nc", "cnonce", "qop"))
+            return given.get("response") == _md5(f"{ours}:{middle}:{asked}")
+
+        def _send(self, status: HTTPStatus, document: object, headers: dict[str, str] | None = None) -> None:
+            data = b"" if document is None else json.dumps(document).encode()
+            self.send_response(status)
+            for name, value in {"Set-Cookie": "-http-session-=7; path=/", **(headers or {})}.items():
+                self.send_header(name, value)
+            self.send_header("Content-Type", ACCEPT)
+            if status != HTTPStatus.NO_CONTENT:
+                self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+            self.wfile.write(data)
+
+    return Handler
+
+
+def _md5(text: str) -> str:
+    return hashlib.md5(text.encode(), usedforsecurity=False).hexdigest()

@@ -1,0 +1,235 @@
+"""The OmniCore driver and its simulated controller: sign-in, refusals, stops, the RAPID module."""
+
+import math
+import re
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from arm_rigs import BASE, OmniCoreRig, certificate
+
+import drivers.abb
+from drivers import connect
+from drivers.abb import rws
+from drivers.abb.codec import Pose
+from drivers.clock import Clock, Pace
+from drivers.errors import ArmError, PortError
+
+TARGET = (40.0, -30.0, 60.0, 0.5)
+RAPID = Path(drivers.abb.__file__).with_name("SqueezeTree.modx").read_text(encoding="ascii")
+
+
+@pytest.fixture(params=[False, True], ids=["basic", "digest"])
+def rig(request):
+    made = OmniCoreRig(digest=request.param)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def basic():
+    made = OmniCoreRig()
+    yield made
+    made.close()
+
+
+def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
+    with rig.open() as arm:
+        arm.pose()
+        assert not rig.model.running
+        arm.move_linear(*TARGET, 200.0)
+        assert rig.model.pointer == ("SqueezeTree", "SqueezeTreeMain")
+        assert rig.truth() == pytest.approx(TARGET, abs=1e-3)
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 200.0)
+    assert rig.moves == 2
+    with rig.open() as arm:  # the program goes on waiting
+        arm.move_linear(*TARGET, 200.0)
+    assert (rig.moves, rig.model.running, rig.model.master) == (3, True, False)
+
+
+def test_a_request_that_was_left_over_is_not_executed_when_the_program_starts(basic):
+    basic.model.symbols |= {"sq_request": "17", "sq_target": "[[300,0,300],[0,1,0,0]]"}
+    with basic.open() as arm:
+        arm.move_linear(*TARGET, 200.0)
+    assert basic.moves == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"mode": "MANR"}, "in mode MANR; switch it to automatic"),
+        ({"motors": "emergencystop"}, "in state emergencystop"),
+        ({"running": True}, "module Module1 runs on the controller; stop it first"),
+    ],
+)
+def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, told):
+    with basic.open() as arm:
+        here = arm.pose()
+        for name, value in change.items():
+            setattr(basic.model, name, value)
+        with pytest.raises(ArmError, match=f"not moved: .*{told}"):
+            arm.move_linear(*TARGET, 200.0)
+        assert arm.pose() == here
+    assert basic.moves == 0
+
+
+def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
+    with basic.open() as arm:
+        wait = arm._await
+
+        def stopped(name, *rest):
+            if name == "sq_done":
+                basic.model.stop(basic.now())
+            wait(name, *rest)
+
+        arm._await = stopped
+        with pytest.raises(ArmError, match="stopped on the way; see the event log"):
+            arm.move_linear(*TARGET, 5.0)
+        with pytest.raises(ArmError, match="state unknown since"):
+            arm.pose()
+
+
+@pytest.mark.parametrize("when", ["sq_started", "sq_done"])
+def test_an_interrupted_motion_is_stopped(basic, when):
+    class Interrupted(BaseException):
+        pass
+
+    with basic.open() as arm:
+        wait = arm._await
+
+        def interrupted(name, *rest):
+            if name == when:
+                raise Interrupted
+            wait(name, *rest)
+
+        arm._await = interrupted
+        with pytest.raises(Interrupted):
+            arm.move_linear(*TARGET, 2.0)
+        assert not basic.model.running
+        here = basic.truth()
+        time.sleep(0.05)
+        assert basic.truth() == here
+        assert math.dist(here[:3], TARGET[:3]) > 1.0
+        with pytest.raises(ArmError, match="interrupted"):
+            arm.pose()
+
+
+def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches(basic):
+    basic.model.symbols["sq_fastest"] = "0.5"
+    with basic.open() as arm:
+        arm.pose()
+        with pytest.raises(ArmError, match="not there after"):
+            arm.move_linear(*TARGET, 1000.0)
+    assert not basic.model.running
+
+
+def test_frames_go_to_the_controller(basic):
+    tool, table = Pose(0.0, 0.0, 150.0, (1.0, 0.0, 0.0, 0.0)), Pose(10.0, 20.0, 5.0, (1.0, 0.0, 0.0, 0.0))
+    with basic.open(tool=tool, work_object=table) as arm:
+        arm.move_linear(0.0, 0.0, 100.0, 0.3, 400.0)
+        assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.3), abs=1e-4)
+    assert basic.truth()[:3] == pytest.approx((10.0, 20.0, 255.0), abs=1e-3)
+
+
+def test_a_wrong_password_is_told_and_not_printed(rig, monkeypatch):
+    monkeypatch.setenv(rws.PASSWORD, "hunter2")
+    with pytest.raises(ArmError, match="refuses the user 'Default User'; set SQUEEZETREE_RWS_USER") as raised:
+        rig.open()
+    assert "hunter2" not in str(raised.value)
+
+
+def test_a_certificate_that_is_named_is_checked(basic, monkeypatch, tmp_path):
+    monkeypatch.setenv(rws.CERTIFICATE, certificate())
+    with basic.open() as arm:
+        arm.pose()
+    other = OmniCoreRig.__init__.__globals__["certificate"].__wrapped__()
+    monkeypatch.setenv(rws.CERTIFICATE, other)
+    with pytest.raises(ArmError, match="certificate"):
+        basic.open()
+
+
+def test_a_controller_without_our_module_is_told(basic):
+    del basic.model.symbols["sq_version"]
+    with pytest.raises(ArmError, match=r"404: no such resource.*load SqueezeTree.modx into T_ROB1"):
+        basic.open()
+
+
+def test_another_version_of_the_module_is_refused(basic):
+    basic.model.symbols["sq_version"] = "2"
+    with pytest.raises(ArmError, match="of version 2; load version 1"):
+        basic.open()
+
+
+@pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
+def test_who_is_no_controller_is_told(bytes_sent, monkeypatch):
+    monkeypatch.setattr(rws, "ANSWER_S", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        held = []
+
+        def serve():
+            for _ in range(2):
+                client, _ = server.accept()
+                held.append(client)
+                client.sendall(bytes_sent)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with pytest.raises(ArmError, match="no answer to GET"):
+            connect.arm(f"omnicore://127.0.0.1:{server.getsockname()[1]}")
+        thread.join()
+        for client in held:
+            client.close()
+
+
+def test_nobody_there_is_a_port_error():
+    with pytest.raises(PortError, match="nobody accepts"):
+        connect.arm("omnicore://127.0.0.1:1")
+
+
+@pytest.mark.parametrize("body", ["", "[]", "{}", '{"state": []}', '{"state": [1]}', "<html>"])
+def test_answers_that_are_not_understood_are_errors(body):
+    with pytest.raises(rws.RwsError, match="not understood"):
+        rws._states("/x", body)
+
+
+def test_an_answer_after_a_timeout_is_not_taken_for_a_later_ones(basic, monkeypatch):
+    monkeypatch.setattr(rws, "ANSWER_S", 0.2)
+    session = rws.Rws("127.0.0.1", basic.server.port, Pace(Clock()))
+    assert session.state("/rw/panel/opmode")[0]["opmode"] == "AUTO"
+    first, basic.server.silent = basic.server.silent, lambda: time.sleep(0.5)
+    with pytest.raises(rws.RwsError, match="no answer to GET"):
+        session.state("/rw/panel/opmode")
+    basic.server.silent = first
+    assert session.state("/rw/panel/ctrl-state")[0]["ctrlstate"] == "motoron"
+    session.close()
+
+
+def test_the_rapid_module_has_what_driver_and_simulator_use(basic):
+    declared = dict(re.findall(r"^    (?:PERS|CONST) (\w+ sq_\w+):=(.*);$", RAPID, re.MULTILINE))
+    kinds = {name: kind for kind, name in (words.split() for words in declared)}
+    values = {words.split()[1]: value for words, value in declared.items()}
+    assert set(basic.model.symbols) <= set(kinds)
+    for name, value in basic.model.symbols.items():
+        assert kinds[name] == ("pose" if value.startswith("[") else "num")
+        assert values[name].replace(" ", "") == value
+    assert RAPID.count("PROC SqueezeTreeMain()") == RAPID.count("ENDPROC") == 1
+
+
+def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
+    body = RAPID.partition("PROC SqueezeTreeMain()")[2].partition("ENDPROC")[0]
+    before, loop = body.split("WHILE TRUE DO")
+    assert {"sq_started:=sq_request;", "sq_done:=sq_request;"} <= set(before.split())
+    assert "Move" not in before
+    order = [
+        loop.index(word)
+        for word in ("WaitUntil", "sq_target.trans", "sq_fastest", "sq_started:=", "MoveL", "sq_done:=")
+    ]
+    assert order == sorted(order)
+    assert ",fine," in loop
+
+
+def test_the_base_frame_is_taken_into_account(basic):
+    with basic.open(base=BASE) as arm:
+        assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=1e-4)
