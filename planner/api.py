@@ -27,10 +27,10 @@ from planner.pomdp import Pomdp
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds, World, Worlds
+from planner.world import ContactWorld, ContactWorlds, World, Worlds
 from runtime import table as tables
 
-__all__ = ["Belief", "Job", "Limit", "Plan", "Pomdp", "Simulator", "Table", "World"]
+__all__ = ["Belief", "ContactWorld", "Job", "Limit", "Plan", "Pomdp", "Simulator", "Table", "World"]
 __all__ += ["compile", "evaluate", "squeeze"]
 
 

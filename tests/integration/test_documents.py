@@ -10,13 +10,13 @@ import importlib
 import re
 import shlex
 import sys
+import tomllib
 
 import pytest
 from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
 
-RUN = {DOCS / "tutorial.md", DOCS / "commissioning.md"}
+RUN = {ROOT / "README.md", DOCS / "tutorial.md", DOCS / "commissioning.md"}
 PARSED = {
-    ROOT / "README.md": "tools/demo runs its commands, for a minute; tools/check is what runs this test",
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
@@ -25,6 +25,7 @@ SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
 MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
+EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
 CURLS = {"--unix-socket"}
 
 
@@ -102,6 +103,9 @@ def check_words(words, monkeypatch):
         for inner in (word.split(" ", 1) for word in words if " " in word):
             if inner[0] in COMMANDS:
                 check_words(shlex.split(" ".join(inner)), monkeypatch)
+    elif words[:2] == ["pip", "install"]:
+        asked = re.findall(r"\w+", " ".join(re.findall(r"squeezetree\[(.*?)\]", " ".join(words))))
+        assert set(asked) <= EXTRAS, words
     elif words[0].startswith("tools/") or words[0] == "python":
         script, *arguments = words[1:] if words[0] == "python" else words
         text = (ROOT / script).read_text()
@@ -215,6 +219,7 @@ def test_the_checks_see_mistakes(monkeypatch, capsys):
         ["plan-init", "a.dxf", "--gripper", "robotiq-2f-99", "-o", "a.toml"],
         ["grasp-journal", "burn", "a.jsonl"],
         ["tools/table1", "--rowz", "3"],
+        ["pip", "install", "squeezetree[gum]"],
         ["python", "tests/bench/bench_squeeze.py", "--only", "sped"],
     ):
         with pytest.raises(AssertionError):

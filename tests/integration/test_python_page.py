@@ -2,16 +2,25 @@
 
 import doctest
 import inspect
+import json
+import os
 import re
 import shutil
 
-from documents import DOCS, ROOT
+import pytest
+from documents import DOCS, ROOT, blocks, run, shims
 
 import planner.api
+from planner.api import Job, Limit
 
+NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
+QUICK = {"goal": {"stress_trials": 0}, "search": {"particles": 500, "search_particles": 50}}
 PAGE = (DOCS / "python.md").read_text()
 CALLS = {
     "Belief.of": "poses",
+    "ContactWorld": "job, seed, workers",
+    "ContactWorld.squeeze": "self, pose_hand",
+    "ContactWorld.squeeze_many": "self, poses_hand",
     "Job.load": "path, changes",
     "Job.replaced": "self, where, changes",
     "Limit": "budget_s, clock",
@@ -58,3 +67,41 @@ def test_the_names_and_their_arguments_stay():
 
 def test_every_name_is_on_the_page():
     assert [name for name in planner.api.__all__ if not re.search(rf"`{name}\b", PAGE)] == []
+
+
+def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
+    job = Job.load(ROOT / "trees" / "rectangle" / "job.toml", QUICK)
+    limit = Limit()
+
+    def grown(stage, *_):
+        if stage == "improve":
+            limit.ask()
+
+    plan = planner.api.compile(job, trials=500, report=grown, limit=limit)
+    assert plan.cut is not None
+    assert plan.cut.asked
+
+    def enough(*_):
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        planner.api.compile(job, trials=500, report=enough)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_stored_without_output(notebook):
+    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+
+
+def test_the_world_of_the_notebook_is_found_by_its_name(tmp_path):
+    cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOKS[-1].read_text())["cells"]]
+    (tmp_path / "worn.py").write_text(next(cell for cell in cells if "class Worn" in cell))
+    (tmp_path / "page.md").write_text(cells[-1])
+    (block,) = blocks(tmp_path / "page.md")
+    shutil.copytree(ROOT / "trees" / "rectangle", tmp_path / "trees" / "rectangle")
+    environment = {
+        **os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)
+    }  # fmt: skip
+    printed = run([block._replace(commands=[f"{block.commands[0]} --trials 500"])], tmp_path, environment)
+    assert any("success" in line for line in printed[0])

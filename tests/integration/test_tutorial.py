@@ -1,4 +1,4 @@
-"""The commands of tutorial and commissioning, run in order in an empty folder, print what the pages show."""
+"""The commands of README, tutorial and commissioning, run in an empty folder, print what the pages show."""
 
 import json
 import os
@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from documents import DOCS, ROOT, blocks, matches, run, shims
 
+from planner.kernel import CACHE_VARIABLE, cache_folder
 from runtime.execution import calibration
 from runtime.table import wilson_interval
 
@@ -37,6 +38,23 @@ def test_the_tutorial_runs_as_written(work, environment):
     for block, lines in zip(found, run(found, work, environment), strict=False):
         assert matches(block.printed, lines)
     assert (work / "lever.html").stat().st_size < 3_000_000
+
+
+@pytest.mark.slow
+def test_the_readme_runs_as_written(work, environment):
+    """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test."""
+    found = [
+        block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])
+        for block in blocks(ROOT / "README.md")
+    ]
+    found = [block for block in found if block.commands]
+    assert len(found) >= 2
+    (work / "out").mkdir()
+    shutil.copytree(RECTANGLE.parent, work / "trees" / "rectangle")
+    home = {"HOME": str(work), CACHE_VARIABLE: str(cache_folder())}  # completion writes into it
+    printed = run(found, work, environment | home)
+    for block, lines in zip(found, printed, strict=False):
+        assert matches(block.printed, lines)
 
 
 def calibrate(path: Path) -> None:
