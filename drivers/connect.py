@@ -5,13 +5,13 @@ port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robo
 `tcp://host:port`, with frames and limits after a `?`:
 `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`. Simulated scenes: `tcp://host:port`.
 
-A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
+A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
+scheme and the function that opens it as an entry point (tools/docs/drivers.md).
 """
 
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
@@ -20,11 +20,25 @@ from drivers.robotiq.link import no_report
 
 TTY = "tty"  # the scheme of a port without one
 
-# Scheme -> module:function. Imported when first used: a program that opens no gripper loads no pymodbus.
-# A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
-GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.connect:robotiq_gripper")
-GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
-ARMS = {"tcp": "drivers.abb.arm:connect"}
+
+class Makes(NamedTuple):
+    """The makes of one kind of device: where each scheme is opened."""
+
+    group: str  # of the entry points by which other packages add theirs
+    kind: type  # the Protocol that what is opened satisfies
+    known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
+
+
+# A gripper's function takes (port, pace, report, *, read_only), an arm's (url, pace, *, read_only).
+GRIPPERS = Makes(
+    "squeezetree.grippers",
+    Gripper,
+    {
+        **dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.connect:robotiq_gripper"),
+        "can": "drivers.robotiq.canopen:gripper",
+    },
+)
+ARMS = Makes("squeezetree.arms", Arm, {"tcp": "drivers.abb.arm:connect"})
 
 
 def gripper(
@@ -35,10 +49,10 @@ def gripper(
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
 
     Raises:
-        PortError: the port cannot be opened.
+        PortError: the port cannot be opened, or its driver cannot be loaded.
         LinkError: nothing answers there.
     """
-    opened: Gripper = _opener(GRIPPERS, port)(port, Pace(Clock(), time_scale), report, read_only=read_only)
+    opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only)
     return opened
 
 
@@ -46,14 +60,13 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
     """A Robotiq 2F on a tty, behind a serial device server, or with Modbus TCP."""
     from drivers.robotiq import modbus
     from drivers.robotiq.gripper import over
-    from drivers.stream import SerialStream, Stream, open_tcp
+    from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
     stream: Stream
     open_link = modbus.rtu_link
     if "://" in port:
-        scheme, host, number = _address(port)
-        stream = open_tcp(host, number, port, "check address, cable and power")
-        if scheme == "tcp":
+        stream = open_tcp(*tcp_address(port), port, "check address, cable and power")
+        if port.startswith("tcp:"):
             open_link = modbus.tcp_link
     else:
         stream = SerialStream(port, modbus.BAUD)
@@ -72,22 +85,17 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connect to an arm (open_abb server); sends its settings, moves nothing.
+    """Connect to an arm; may send its settings, moves nothing.
 
     Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
     every motion refused.
 
     Raises:
-        PortError: nobody accepts the connection, or the address is not understood.
-        ArmError: whoever answers is no open_abb server.
+        PortError: nobody accepts the connection, the address is not understood, or its driver cannot be
+            loaded.
+        ArmError: whoever answers is no such arm.
     """
-    from drivers.abb.reach import Setup
-
-    plain, _, query = url.partition("?")
-    setup = Setup(**_settings(url, query), read_only=read_only)
-    open_arm = _opener(ARMS, plain)
-    _, host, number = _address(plain)
-    opened: Arm = open_arm(host, number, Pace(Clock(), time_scale), setup)
+    opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
     return opened
 
 
@@ -98,53 +106,50 @@ def scene(url: str) -> Scene:
         PortError: nobody accepts the connection.
     """
     from drivers.sim.physics import scene_protocol
+    from drivers.stream import tcp_address
 
-    _, host, number = _address(url)
-    return scene_protocol.Scene(host, number)
+    return scene_protocol.Scene(*tcp_address(url))
 
 
-def _opener(makes: dict[str, str], port: str) -> Callable[..., Any]:
+def _opened(makes: Makes, port: str, *settings: object, read_only: bool) -> Any:
     scheme = "can" if port.startswith("can:") else port.partition("://")[0] if "://" in port else TTY
-    if scheme not in makes:
-        raise _not_understood(port, list(makes))
-    module, _, function = makes[scheme].partition(":")
-    opener: Callable[..., Any] = getattr(import_module(module), function)
-    return opener
+    if scheme in makes.known:
+        module, _, function = makes.known[scheme].partition(":")
+        return getattr(import_module(module), function)(port, *settings, read_only=read_only)
+    return _plugged_in(makes, scheme, port, *settings, read_only=read_only)
 
 
-def _address(url: str) -> tuple[str, str, int]:
+def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_only: bool) -> Any:
+    """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
+    name, open_device = _plug_in(makes, scheme, port)
     try:
-        parts = urlsplit(url)
-        number = parts.port or 0
-    except ValueError as error:
-        raise _not_understood(url, ["tcp"]) from error
-    if not (parts.hostname and number) or parts.path or parts.query:
-        raise _not_understood(url, [parts.scheme])
-    return parts.scheme, parts.hostname, number
+        device = open_device(port, *settings, read_only=read_only)
+    except Exception as error:
+        if hasattr(error, "exit_code"):
+            raise
+        raise PortError(f"{name} failed to open {port}: {type(error).__name__}: {error}") from error
+    if not isinstance(device, makes.kind):
+        raise PortError(f"{name} opened no {makes.kind.__name__} (drivers/ports.py): {type(device).__name__}")
+    return device
 
 
-def _not_understood(url: str, schemes: list[str]) -> PortError:
-    written = " or ".join(f"{scheme}://host:port" for scheme in schemes if scheme not in (TTY, "can"))
-    return PortError(f"port {url} is not understood; write it as {written}")
+def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., Any]]:
+    from importlib.metadata import entry_points  # only for a scheme that is none of ours
 
-
-def _settings(url: str, query: str) -> dict[str, Any]:
-    from drivers.abb.codec import IDENTITY, Pose
-
-    settings: dict[str, Any] = {}
-    for name, text in parse_qsl(query, keep_blank_values=True):
-        try:
-            numbers = [float(number) for number in text.split(",")]
-        except ValueError:
-            numbers = []
-        if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
-            rotation = tuple(numbers[3:]) or IDENTITY.rotation
-            settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
-        elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
-            settings[name] = tuple(numbers)
-        else:
-            raise PortError(
-                f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees"
-            )
-    return settings
+    found = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
+    named = [(package, point) for package, point in found if point.name == scheme]
+    if not named:
+        schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can"}
+        written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
+        raise PortError(f"port {port} is not understood; write it as {written}, or install its driver")
+    if len(named) > 1:
+        packages = " and ".join(sorted(str(package) for package, _ in named))
+        raise PortError(f"port {port}: {packages} both have a driver for {scheme}://; uninstall one of them")
+    package, point = named[0]
+    name = f"the driver of {scheme}:// ({package}, {point.value})"
+    try:
+        return name, point.load()
+    except Exception as error:
+        raise PortError(
+            f"{name} cannot be loaded: {type(error).__name__}: {error}; reinstall {package}"
+        ) from error

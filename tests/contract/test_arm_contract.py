@@ -13,7 +13,7 @@ from drivers.errors import ArmError, ReadOnlyError
 
 @pytest.fixture(autouse=True)
 def _other_make(monkeypatch):
-    monkeypatch.setitem(connect.ARMS, "other", "other_make:arm")
+    monkeypatch.setitem(connect.ARMS.known, "other", "other_make:arm")
 
 
 @pytest.fixture(params=RIGS)

@@ -16,7 +16,7 @@ from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, Read
 @pytest.fixture(autouse=True)
 def _other_make(monkeypatch):
     """The one line by which another make becomes known."""
-    monkeypatch.setitem(connect.GRIPPERS, "other", "other_make:gripper")
+    monkeypatch.setitem(connect.GRIPPERS.known, "other", "other_make:gripper")
 
 
 @pytest.fixture(params=RIGS)

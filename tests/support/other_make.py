@@ -12,7 +12,7 @@ import time
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
 from drivers.ports import GripperState, Settled
-from drivers.stream import Stream, open_tcp
+from drivers.stream import Stream, open_tcp, tcp_address
 
 ANSWER_S = 0.5
 STROKE_MM = 60.0
@@ -112,8 +112,7 @@ def _counts(millimetres: str) -> int:
 
 
 def gripper(port: str, pace: Pace, report: object, *, read_only: bool) -> OtherGripper:
-    host, _, number = port.removeprefix("other://").partition(":")
-    stream = open_tcp(host, int(number), port, "check its power")
+    stream = open_tcp(*tcp_address(port), port, "check its power")
     return OtherGripper(Lines(stream, pace, read_only=read_only), pace)
 
 
@@ -151,9 +150,9 @@ class OtherArm:
             raise ArmError(f"arm lost, state unknown since {error}") from error
 
 
-def arm(host: str, number: int, pace: Pace, setup) -> OtherArm:
-    stream = open_tcp(host, number, f"other://{host}:{number}", "check its power")
-    return OtherArm(Lines(stream, pace, read_only=setup.read_only))
+def arm(url: str, pace: Pace, *, read_only: bool) -> OtherArm:
+    stream = open_tcp(*tcp_address(url), url, "check its power")
+    return OtherArm(Lines(stream, pace, read_only=read_only))
 
 
 # -- the devices ----------------------------------------------------------------------------------
