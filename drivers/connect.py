@@ -1,9 +1,10 @@
 """Open a device by its port name: the one module a runtime needs from this package.
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
-port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms:
-`tcp://host:port`, with frames and limits after a `?`:
-`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`. Simulated scenes: `tcp://host:port`.
+port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robotiq.canopen`), `manual`
+(somebody types widths). Arms: `tcp://host:port`, with frames and limits after a `?`:
+`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves the hand), `manual+tcp://...`
+(and a simulated one follows). Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
 scheme and the function that opens it as an entry point (tools/docs/drivers.md).
@@ -19,6 +20,7 @@ from drivers.ports import Answered, Arm, Gripper, Report, Scene
 from drivers.robotiq.link import no_report
 
 TTY = "tty"  # the scheme of a port without one
+MANUAL = "manual"  # of a person, with no host
 
 
 class Makes(NamedTuple):
@@ -36,9 +38,12 @@ GRIPPERS = Makes(
     {
         **dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.connect:robotiq_gripper"),
         "can": "drivers.robotiq.canopen:gripper",
+        MANUAL: "drivers.manual:gripper",
     },
 )
-ARMS = Makes("squeezetree.arms", Arm, {"tcp": "drivers.abb.arm:connect"})
+ARMS = Makes(
+    "squeezetree.arms", Arm, {"tcp": "drivers.abb.arm:connect", MANUAL: "drivers.connect:manual_arm"}
+)
 
 
 def gripper(
@@ -99,6 +104,17 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
     return opened
 
 
+def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
+    """A hand in somebody's hand, and the simulated arm that follows it if there is one."""
+    from drivers.manual import ManualArm
+
+    behind = url.removeprefix(MANUAL).removeprefix("+")
+    if url not in (MANUAL, f"{MANUAL}+{behind}"):
+        raise PortError(f"arm {url} is not understood; write {MANUAL}")
+    followed = arm(behind, time_scale=pace.time_scale, read_only=read_only) if behind else None
+    return ManualArm(followed, read_only=read_only)
+
+
 def scene(url: str) -> Scene:
     """Connect to the scene of a simulated cell: its feeder and the ground truth.
 
@@ -112,7 +128,9 @@ def scene(url: str) -> Scene:
 
 
 def _opened(makes: Makes, port: str, *settings: object, read_only: bool) -> Any:
-    scheme = "can" if port.startswith("can:") else port.partition("://")[0] if "://" in port else TTY
+    scheme = port.partition(":")[0].partition("+")[0]
+    if scheme not in ("can", MANUAL):
+        scheme = port.partition("://")[0] if "://" in port else TTY
     if scheme in makes.known:
         module, _, function = makes.known[scheme].partition(":")
         return getattr(import_module(module), function)(port, *settings, read_only=read_only)
@@ -139,7 +157,7 @@ def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., A
     found = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
     named = [(package, point) for package, point in found if point.name == scheme]
     if not named:
-        schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can"}
+        schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can", MANUAL}
         written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
         raise PortError(f"port {port} is not understood; write it as {written}, or install its driver")
     if len(named) > 1:

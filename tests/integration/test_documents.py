@@ -18,6 +18,8 @@ RUN = {DOCS / "tutorial.md", DOCS / "commissioning.md"}
 PARSED = {
     ROOT / "README.md": "tools/demo runs its commands, for a minute; tools/check is what runs this test",
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
+    DOCS
+    / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
