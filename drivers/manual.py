@@ -1,8 +1,8 @@
 """A person in place of a device: told what to do on standard error, answering on standard input.
 
 `manual` as an arm: somebody holds the hand, or the gripper alone. `manual+ADDRESS`: the same, and a simulated
-arm follows the hand, so that its part is met. `manual` as a gripper: somebody closes calipers and types the width;
-`manual:85,3,230` states what opening in mm and which end counts the widths are told in.
+arm follows the hand, so that its part is met. `manual` as a gripper: somebody closes calipers and types the
+width; `manual:85,3,230` states what opening in mm and which end counts the widths are told in.
 """
 
 import math
