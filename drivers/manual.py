@@ -115,10 +115,10 @@ class ManualArm:
         straight = math.dist(before[:2], target[:2]) < SAME_MM and turn_rad < SAME_RAD
         risen_mm = z_mm - before[2]
         if straight and risen_mm > 0.0:
-            self._confirm(f"Lift the hand straight up, {z_mm:g} mm above the table; press Enter", LIFT_S)
+            self._confirm(f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S)
             self._down = False
         elif straight and risen_mm < 0.0:
-            self._confirm(f"Put the hand at {where}, the tips {z_mm:g} mm above the table; press Enter")
+            self._confirm(f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter")
             self._down = True
         elif self._down:
             self._confirm(f"Drag what the jaws hold along the table, to {where}; press Enter")

@@ -142,7 +142,9 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
                 f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
             ) from None
         return TipArc(link_mm, offset_mm, taught_mm)
-    if arguments.tips == "straight" or (arguments.tips is None and arguments.port in (SIMULATED, MANUAL)):
+    # A person keeps the tips above the table without being told so in steps.
+    level = arguments.port in (SIMULATED, MANUAL) or arguments.arm == MANUAL
+    if arguments.tips == "straight" or (arguments.tips is None and level):
         return None
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)

@@ -47,7 +47,7 @@ def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path)
         *("Open", "Put", "Close", "Open", "Lift"),
         *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
     ]
-    assert asked[1].startswith("Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10 mm above the table")
+    assert asked[1].startswith("Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table")
     assert asked[5].startswith("Put the hand at (1.00, -2.00) mm, 90.0 deg")
     assert verify(tmp_path / "j.jsonl").closed
     assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
