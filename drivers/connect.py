@@ -2,17 +2,18 @@
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
 port), `tcp://host:port` (Modbus TCP), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
-`can:channel` (CANopen, see `drivers.robotiq.canopen`). Arms: `tcp://host:port` (open_abb), `ur://host` (UR
-controller), `omnicore://host` (Robot Web Services 2), with frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`.
-Simulated scenes: `tcp://host:port`.
+`can:channel` (CANopen, see `drivers.robotiq.canopen`), `manual` (somebody types widths). Arms:
+`tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
+frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves
+the hand), `manual+tcp://...` (and a simulated one follows). Simulated scenes: `tcp://host:port`.
 
-A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
+A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
+scheme and the function that opens it as an entry point (tools/docs/drivers.md).
 """
 
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
@@ -20,18 +21,37 @@ from drivers.ports import Answered, Arm, Gripper, Report, Scene
 from drivers.robotiq.link import Link, no_report
 
 TTY = "tty"  # the scheme of a port without one
+MANUAL = "manual"  # of a person, with no host
 
-# Scheme -> module:function. Imported when first used: a program that opens no gripper loads no pymodbus.
-# A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
-GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper")
-GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
-ARMS = {"tcp": "drivers.abb.arm:connect", "ur": "drivers.ur.arm:connect"}
-ARMS["omnicore"] = "drivers.abb.omnicore:connect"
-PORTS = {
-    "urcap": 63352,
-    "ur": 30004,
-    "omnicore": 443,
-}  # where a scheme is served unless its address says otherwise
+
+class Makes(NamedTuple):
+    """The makes of one kind of device: where each scheme is opened."""
+
+    group: str  # of the entry points by which other packages add theirs
+    kind: type  # the Protocol that what is opened satisfies
+    known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
+
+
+# A gripper's function takes (port, pace, report, *, read_only), an arm's (url, pace, *, read_only).
+GRIPPERS = Makes(
+    "squeezetree.grippers",
+    Gripper,
+    {
+        **dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper"),
+        "can": "drivers.robotiq.canopen:gripper",
+        MANUAL: "drivers.manual:gripper",
+    },
+)
+ARMS = Makes(
+    "squeezetree.arms",
+    Arm,
+    {
+        "tcp": "drivers.abb.arm:connect",
+        "omnicore": "drivers.abb.omnicore:connect",
+        "ur": "drivers.ur.arm:connect",
+        MANUAL: "drivers.connect:manual_arm",
+    },
+)
 
 
 def gripper(
@@ -42,10 +62,10 @@ def gripper(
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
 
     Raises:
-        PortError: the port cannot be opened.
+        PortError: the port cannot be opened, or its driver cannot be loaded.
         LinkError: nothing answers there.
     """
-    opened: Gripper = _opener(GRIPPERS, port)(port, Pace(Clock(), time_scale), report, read_only=read_only)
+    opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only)
     return opened
 
 
@@ -53,16 +73,16 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
     """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
     from drivers.robotiq import modbus, urcap
     from drivers.robotiq.gripper import over
-    from drivers.stream import SerialStream, Stream, open_tcp
+    from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
     stream: Stream
     open_link: Callable[..., Link] = modbus.rtu_link
     if "://" in port:
-        scheme, host, number = _address(port)
-        hint = urcap.HINT if scheme == "urcap" else "check address, cable and power"
-        stream = open_tcp(host, number, port, hint)
-        if scheme != "rtu+tcp":
-            open_link = urcap.UrcapLink if scheme == "urcap" else modbus.tcp_link
+        behind_urcap = port.startswith("urcap:")
+        hint = urcap.HINT if behind_urcap else "check address, cable and power"
+        stream = open_tcp(*tcp_address(port, urcap.PORT if behind_urcap else 0), port, hint)
+        if not port.startswith("rtu+tcp:"):
+            open_link = urcap.UrcapLink if behind_urcap else modbus.tcp_link
     else:
         stream = SerialStream(port, modbus.BAUD)
     return over(open_link(stream, pace, report), pace, report, read_only=read_only)
@@ -80,23 +100,29 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connect to an arm (open_abb server); sends its settings, moves nothing.
+    """Connect to an arm; may send its settings, moves nothing.
 
     Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
     every motion refused.
 
     Raises:
-        PortError: nobody accepts the connection, or the address is not understood.
-        ArmError: whoever answers is no open_abb server.
+        PortError: nobody accepts the connection, the address is not understood, or its driver cannot be
+            loaded.
+        ArmError: whoever answers is no such arm.
     """
-    from drivers.abb.reach import Setup
-
-    plain, _, query = url.partition("?")
-    setup = Setup(**_settings(url, query), read_only=read_only)
-    open_arm = _opener(ARMS, plain)
-    _, host, number = _address(plain)
-    opened: Arm = open_arm(host, number, Pace(Clock(), time_scale), setup)
+    opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
     return opened
+
+
+def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
+    """A hand in somebody's hand, and the simulated arm that follows it if there is one."""
+    from drivers.manual import ManualArm
+
+    behind = url.removeprefix(MANUAL).removeprefix("+")
+    if url not in (MANUAL, f"{MANUAL}+{behind}"):
+        raise PortError(f"arm {url} is not understood; write {MANUAL}")
+    followed = arm(behind, time_scale=pace.time_scale, read_only=read_only) if behind else None
+    return ManualArm(followed, read_only=read_only)
 
 
 def scene(url: str) -> Scene:
@@ -106,56 +132,52 @@ def scene(url: str) -> Scene:
         PortError: nobody accepts the connection.
     """
     from drivers.sim.physics import scene_protocol
+    from drivers.stream import tcp_address
 
-    _, host, number = _address(url)
-    return scene_protocol.Scene(host, number)
-
-
-def _opener(makes: dict[str, str], port: str) -> Callable[..., Any]:
-    scheme = "can" if port.startswith("can:") else port.partition("://")[0] if "://" in port else TTY
-    if scheme not in makes:
-        raise _not_understood(port, list(makes))
-    module, _, function = makes[scheme].partition(":")
-    opener: Callable[..., Any] = getattr(import_module(module), function)
-    return opener
+    return scene_protocol.Scene(*tcp_address(url))
 
 
-def _address(url: str) -> tuple[str, str, int]:
+def _opened(makes: Makes, port: str, *settings: object, read_only: bool) -> Any:
+    scheme = port.partition(":")[0].partition("+")[0]
+    if scheme not in ("can", MANUAL):
+        scheme = port.partition("://")[0] if "://" in port else TTY
+    if scheme in makes.known:
+        module, _, function = makes.known[scheme].partition(":")
+        return getattr(import_module(module), function)(port, *settings, read_only=read_only)
+    return _plugged_in(makes, scheme, port, *settings, read_only=read_only)
+
+
+def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_only: bool) -> Any:
+    """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
+    name, open_device = _plug_in(makes, scheme, port)
     try:
-        parts = urlsplit(url)
-        number = parts.port or PORTS.get(parts.scheme, 0)
-    except ValueError as error:
-        raise _not_understood(url, ["tcp"]) from error
-    if not (parts.hostname and number) or parts.path or parts.query:
-        raise _not_understood(url, [parts.scheme])
-    return parts.scheme, parts.hostname, number
+        device = open_device(port, *settings, read_only=read_only)
+    except Exception as error:
+        if hasattr(error, "exit_code"):
+            raise
+        raise PortError(f"{name} failed to open {port}: {type(error).__name__}: {error}") from error
+    if not isinstance(device, makes.kind):
+        raise PortError(f"{name} opened no {makes.kind.__name__} (drivers/ports.py): {type(device).__name__}")
+    return device
 
 
-def _not_understood(url: str, schemes: list[str]) -> PortError:
-    written = " or ".join(f"{scheme}://host:port" for scheme in schemes if scheme not in (TTY, "can"))
-    return PortError(f"port {url} is not understood; write it as {written}")
+def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., Any]]:
+    from importlib.metadata import entry_points  # only for a scheme that is none of ours
 
-
-def _settings(url: str, query: str) -> dict[str, Any]:
-    from drivers.abb.codec import IDENTITY, Pose
-
-    settings: dict[str, Any] = {}
-    for name, text in parse_qsl(query, keep_blank_values=True):
-        try:
-            numbers = [float(number) for number in text.split(",")]
-        except ValueError:
-            numbers = []
-        if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
-            rotation = tuple(numbers[3:]) or IDENTITY.rotation
-            settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
-        elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
-            settings[name] = tuple(numbers)
-        elif (name, len(numbers)) == ("reach", 1):
-            settings["reach_mm"] = numbers[0]
-        else:
-            raise PortError(
-                f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees, "
-                "reach mm from the base"
-            )
-    return settings
+    found = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
+    named = [(package, point) for package, point in found if point.name == scheme]
+    if not named:
+        schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can", MANUAL}
+        written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
+        raise PortError(f"port {port} is not understood; write it as {written}, or install its driver")
+    if len(named) > 1:
+        packages = " and ".join(sorted(str(package) for package, _ in named))
+        raise PortError(f"port {port}: {packages} both have a driver for {scheme}://; uninstall one of them")
+    package, point = named[0]
+    name = f"the driver of {scheme}:// ({package}, {point.value})"
+    try:
+        return name, point.load()
+    except Exception as error:
+        raise PortError(
+            f"{name} cannot be loaded: {type(error).__name__}: {error}; reinstall {package}"
+        ) from error

@@ -8,6 +8,7 @@ import socket
 import stat
 from pathlib import Path
 from typing import Protocol
+from urllib.parse import urlsplit
 
 import serial
 
@@ -88,6 +89,23 @@ class SerialStream:
     def close(self) -> None:
         """Close the port."""
         self._port.close()
+
+
+def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
+    """Host and port of `scheme://host:port`; the port may be left out where a usual one is given.
+
+    Raises:
+        PortError: it is written otherwise.
+    """
+    try:
+        parts = urlsplit(url)
+        number = parts.port or usual
+    except ValueError:
+        parts, number = urlsplit(""), 0
+    if not (parts.hostname and number) or parts.path or parts.query:
+        scheme = url.partition("://")[0]
+        raise PortError(f"port {url} is not understood; write it as {scheme}://host:port")
+    return parts.hostname, number
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:

@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError, Reply
-from drivers.abb.reach import Setup
+from drivers.abb.reach import Setup, setup_of
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
-from drivers.stream import Stream, open_tcp
+from drivers.stream import Stream, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # and a stale acknowledgement follows at once
@@ -161,14 +161,16 @@ class Arm(UprightArm):
         )
 
 
-def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to an open_abb server, drain it and send all settings; nothing moves.
 
     Raises:
-        PortError: nobody accepts the connection.
+        PortError: nobody accepts the connection, or the address is not understood.
         ArmError: whoever answers is no open_abb server, or serves another client.
     """
-    endpoint = f"tcp://{host}:{port}"
+    setup = setup_of(url, read_only=read_only)
+    endpoint = url.partition("?")[0]
+    host, port = tcp_address(endpoint)
     hint = "start SERVER.mod and check its ipController"
     return over(lambda: open_tcp(host, port, endpoint, hint), pace, setup)
 

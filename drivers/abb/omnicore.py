@@ -11,13 +11,13 @@ import secrets
 from drivers.abb import codec
 from drivers.abb.codec import IDENTITY, Pose, ProtocolError
 from drivers.abb.kinematics import compose, invert
-from drivers.abb.reach import Setup, within_sphere
+from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.rws import Rws, RwsError, State
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
-from drivers.stream import open_tcp
+from drivers.stream import open_tcp, tcp_address
 
 TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
 VERSION = "1"
@@ -27,6 +27,7 @@ START = {
     "regain": "continue", "execmode": "continue", "cycle": "once", "condition": "none",
     "stopatbp": "disabled", "alltaskbytsp": "false",
 }  # fmt: skip
+PORT = 443
 START_S = 3.0  # from a request, or from the program's start, to its first sign of life
 LOOK_S = 0.1  # between two looks: the controller serves some twenty requests a second
 MOST_NUMBER = 8_000_000  # a RAPID num counts exactly so far
@@ -214,16 +215,18 @@ def _rapid(pose: Pose) -> str:
     return f"[[{x},{y},{z}],[{','.join(turn)}]]"
 
 
-def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to a controller; reads, and moves nothing.
 
     Raises:
-        PortError: nobody accepts the connection.
+        PortError: nobody accepts the connection, or the address is not understood.
         ArmError: whoever answers is no OmniCore controller, or lacks our module.
     """
+    setup = setup_of(url, read_only=read_only)
+    host, port = tcp_address(url.partition("?")[0], PORT)
     endpoint = f"omnicore://{host}:{port}"
     open_tcp(host, port, endpoint, HINT).close()
-    rws = Rws(host, port, pace, read_only=setup.read_only)
+    rws = Rws(host, port, pace, read_only=read_only)
     try:
         return Arm(rws, endpoint, pace, setup)
     except BaseException:  # Ctrl-C, too, must not leave the session open

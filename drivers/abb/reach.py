@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl
 
 from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import LAST_AXIS_DEG, compose, invert
+from drivers.errors import PortError
 
 STEP_MM = 50.0  # between the points at which a straight path is looked at
 SPARE_DEG = 10.0  # kept from both ends of the last axis's range
@@ -32,6 +34,34 @@ class Setup(NamedTuple):
     reach_mm: float = math.inf
     # send no setting and refuse every command; poses are then in the frames the server has
     read_only: bool = False
+
+
+def setup_of(url: str, *, read_only: bool) -> Setup:
+    """The setup that an address states after its `?`.
+
+    Raises:
+        PortError: a setting is not understood.
+    """
+    settings: dict[str, Any] = {}
+    for name, text in parse_qsl(url.partition("?")[2], keep_blank_values=True):
+        try:
+            numbers = [float(number) for number in text.split(",")]
+        except ValueError:
+            numbers = []
+        if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
+            rotation = tuple(numbers[3:]) or IDENTITY.rotation
+            settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
+        elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
+            settings[name] = tuple(numbers)
+        elif (name, len(numbers)) == ("reach", 1):
+            settings["reach_mm"] = numbers[0]
+        else:
+            raise PortError(
+                f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
+                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees, "
+                "reach mm from the base"
+            )
+    return Setup(**settings, read_only=read_only)
 
 
 def within_irb_120(flange: Pose) -> bool:

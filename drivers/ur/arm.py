@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import compose, invert
-from drivers.abb.reach import Setup, within_sphere
+from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
-from drivers.stream import Stream, open_tcp
+from drivers.stream import Stream, open_tcp, tcp_address
 from drivers.ur import script
-from drivers.ur.rtde import ANSWER_S, Reading, Rtde
+from drivers.ur.rtde import ANSWER_S, PORT, Reading, Rtde
 
 SCRIPT_PORT_BELOW = 2  # the secondary interface, 30002, beside RTDE's 30004
 READY = 7  # robot mode: powered, brakes released
@@ -182,13 +182,15 @@ def _objection(seen: Reading) -> str:
     return ""
 
 
-def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
+def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to a controller; reads, and moves nothing.
 
     Raises:
-        PortError: nobody accepts the connection.
+        PortError: nobody accepts the connection, or the address is not understood.
         ArmError: whoever answers is no UR controller.
     """
+    setup = setup_of(url, read_only=read_only)
+    host, port = tcp_address(url.partition("?")[0], PORT)
     endpoint = f"ur://{host}:{port}"
     script_port = port - SCRIPT_PORT_BELOW
     hint = "enable the secondary interface (Settings, Security, Services)"

@@ -8,6 +8,7 @@ from runtime.shell.command import Parser, positive, positive_int
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
+MANUAL = "manual"  # a person at the terminal
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 # What --serve goes with; the other options are about devices, which a robot that asks moves by itself.
 SERVED = {"serve", "network", "tree", "count", "journal", "json", "debug", "calibration", "on_reject"}
@@ -19,6 +20,7 @@ examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
+  grasp-runtime --tree T.msgpack --port manual --arm manual
   grasp-runtime --tree T.msgpack --serve tcp://127.0.0.1:5020
 
 exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
@@ -53,9 +55,14 @@ def parser() -> Parser:
     add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
     add(
         "--port",
-        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, can:...",
+        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, "
+        "urcap://host, can:..., manual (you type the width that calipers show), or a driver's own scheme",
     )
-    add("--arm", help="the arm: tcp://host:port or ur://host; with --port sim its own")
+    add(
+        "--arm",
+        help="the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are "
+        "asked to), or a driver's own scheme; with --port sim its own",
+    )
     add("--count", type=positive_int, metavar="N", help="number of parts (default: 1; with --serve no end)")
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(

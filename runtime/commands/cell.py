@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from typing import NamedTuple
 
 from drivers.ports import Arm, Drivers, Gripper, Report, Scene
-from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.lock import PortLock
 from runtime.execution.events import Console
@@ -59,8 +59,14 @@ def connect(
         cell = stack.enter_context(process).endpoints
         gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
         console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life")
+        if arguments.arm == MANUAL:
+            arm_url = f"{MANUAL}+{cell.arm}"  # which follows the person's hand, with the part in it
+    if arguments.port == MANUAL:
+        made = table.gripper
+        gripper_port = f"{MANUAL}:{made.opening_um / 1000},{made.count_open},{made.count_closed}"
     for port in (gripper_port, arm_url):
-        stack.enter_context(PortLock(port))
+        if not port.startswith(MANUAL):
+            stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
     gripper = drivers.gripper(gripper_port, time_scale=scale, read_only=only, report=report)
     stack.callback(gripper.close)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drivers.ports import Drivers
 from runtime.commands import checks as doctor
+from runtime.commands.arguments import MANUAL
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.commands.ur_checks import Accepts, accepts, check_controllers
 from runtime.devices.clock import SystemClock
@@ -88,7 +89,7 @@ def findings(
 
 
 def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[Finding]:
-    is_tty = "://" not in port and not port.startswith("can:")
+    is_tty = "://" not in port and not port.startswith(("can:", MANUAL))
     if is_tty:
         for finding in doctor.check_port(port, system):
             yield finding

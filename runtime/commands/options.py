@@ -6,7 +6,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
 from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery
 from runtime.execution.calibration import GripperCalibration
@@ -17,6 +17,8 @@ from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.table import Table, job_of, profile_of
 from runtime.traversal.decision import Policy
+
+PATIENCE = 200.0  # how much longer than an arm a person may take for a squeeze: about half an hour
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
@@ -40,9 +42,11 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise ArgumentsError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
         raise ArgumentsError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
-    if simulated and arguments.arm not in (None, SIMULATED):
+    if MANUAL in (arguments.port, arguments.arm):
+        _check_manual(arguments)
+    if simulated and arguments.arm not in (None, SIMULATED, MANUAL):
         raise ArgumentsError(
-            "--port sim brings its own arm; leave out --arm, or name the real gripper's port"
+            "--port sim brings its own arm; leave out --arm, or write --arm manual, or name the real gripper"
         )
     if simulated and arguments.check:
         raise ArgumentsError("--check looks at an attached gripper; name its port, or leave --port out")
@@ -51,13 +55,26 @@ def check_usage(arguments: argparse.Namespace) -> None:
     if SIMULATED_CAMERA in (arguments.audit or ""):
         raise ArgumentsError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
     if arguments.arm in (None, SIMULATED):
-        raise ArgumentsError("a real gripper needs a real arm; name it with --arm tcp://host:port")
-    if arguments.arm == arguments.port:
+        raise ArgumentsError(
+            "a real gripper needs a real arm; name it with --arm tcp://host:port, or write --arm manual"
+        )
+    if arguments.arm == arguments.port != MANUAL:
         raise ArgumentsError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
     if arguments.time_scale != 1.0 or arguments.world is not None:
         raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
+
+
+def _check_manual(arguments: argparse.Namespace) -> None:
+    if arguments.watch:
+        raise ArgumentsError(
+            "a person is asked on the terminal, where --watch would draw; use --http instead"
+        )
+    if arguments.put_down and arguments.arm == MANUAL:
+        raise ArgumentsError("--put-down is for an arm; with --arm manual put it down yourself")
+    if arguments.calibration is not None and arguments.port == MANUAL:
+        raise ArgumentsError("--calibration is of a gripper's counts; with --port manual you tell the width")
 
 
 def views(arguments: argparse.Namespace) -> Views:
@@ -94,14 +111,15 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     handling = Handling(
         calibration=None if measured is None else measured.table,
         arc=_arc(arguments, table, measured),
-        regulated=arguments.force == "regulated",
+        regulated=arguments.force == "regulated" and arguments.port != MANUAL,
         grip_current_ma=arguments.grip_current,
         current_ma=(measured and measured.current_ma) or CURRENT_MA,
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that asks carries the part wherever it likes.
     asked = "no" if arguments.serve is not None else arguments.deliver
-    return RunOptions(policy, handling, _delivery(asked, table))
+    patience = PATIENCE if MANUAL in (arguments.port, arguments.arm) else 1.0
+    return RunOptions(policy, handling, _delivery(asked, table), patience)
 
 
 def _delivery(named: str, table: Table) -> delivery.Delivery | None:
@@ -123,7 +141,9 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
                 f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
             ) from None
         return TipArc(link_mm, offset_mm, taught_mm)
-    if arguments.tips == "straight" or (arguments.tips is None and arguments.port == SIMULATED):
+    # A person keeps the tips above the table without being told so in steps.
+    level = arguments.port in (SIMULATED, MANUAL) or arguments.arm == MANUAL
+    if arguments.tips == "straight" or (arguments.tips is None and level):
         return None
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)

@@ -60,6 +60,7 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | None = None
+    patience: float = 1.0  # how much longer than by arm and gripper a squeeze may take: for a person
 
 
 PLAIN = RunOptions()
@@ -136,7 +137,8 @@ class Executor:
 
     def _squeeze_at(self, index: int, number: int, part: int) -> Step:
         node = self._table.nodes[index]
-        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * expected_s(self._table, node.squeeze))
+        expected = self._options.patience * expected_s(self._table, node.squeeze)
+        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * expected)
         self._place(part, index, node.squeeze)
         # Before the part is touched: who resumes this run has to know that it may have been.
         self._cell.journal.record("placed", {"part": part, "number": number, "node": index})

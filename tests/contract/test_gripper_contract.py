@@ -9,121 +9,19 @@ import threading
 import pytest
 from gripper_rigs import BUSES, RIGS, Robotiq
 
-from drivers import connect, ports
-from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, ReadOnlyError
+from drivers import connect
+from drivers.contract.gripper import GripperContract
+from drivers.errors import LinkError, LinkTimeout, PortError
 
 
-@pytest.fixture(autouse=True)
-def _other_make(monkeypatch):
-    """The one line by which another make becomes known."""
-    monkeypatch.setitem(connect.GRIPPERS, "other", "other_make:gripper")
+class TestGrippers(GripperContract):
+    """Every make and bus."""
 
-
-@pytest.fixture(params=RIGS)
-def rig(request):
-    made = RIGS[request.param]()
-    yield made
-    made.close()
-
-
-def test_connecting_reads_and_does_not_write(rig):
-    with rig.open() as gripper:
-        assert isinstance(gripper, ports.Gripper)
-        assert not gripper.state().activated
-    assert not rig.commanded()
-
-
-def test_one_opened_for_reading_cannot_be_commanded(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-    before = rig.commands()
-    with rig.open(read_only=True) as gripper:
-        assert gripper.state().activated
-        with pytest.raises(ReadOnlyError, match="dry run"):
-            gripper.move(255, 255, 10)
-        with pytest.raises(ReadOnlyError, match="dry run"):
-            gripper.stop()
-        assert gripper.state().activated
-    assert rig.commands() == before
-
-
-def test_activate_move_wait(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        assert gripper.state().activated
-        gripper.move(255, 255, 10)
-        settled = gripper.wait()
-        assert (settled.position_counts, settled.object_flag, settled.echo_counts) == (
-            rig.closed_counts,
-            3,
-            255,
-        )
-        gripper.move(100, 255, 10)
-        settled = gripper.wait()
-        assert (settled.position_counts, settled.echo_counts) == (100, 100)
-        assert settled.seconds > 0.0
-
-
-def test_a_part_stops_the_jaws(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        rig.put_part()
-        gripper.move(255, 100, 10)
-        settled = gripper.wait()
-        assert (settled.position_counts, settled.object_flag) == (rig.contact_counts, 2)
-
-
-def test_a_holding_gripper_survives_a_reconnection(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        rig.put_part()
-        gripper.move(255, 100, 10)
-        gripper.wait()
-    with rig.open() as gripper:
-        seen = gripper.state()
-        assert (seen.activated, seen.position_counts, seen.echo_counts) == (True, rig.contact_counts, 255)
-        gripper.activate()
-        assert gripper.state().position_counts == rig.contact_counts
-
-
-def test_moves_need_activation(rig):
-    with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
-        gripper.move(255, 255, 0)
-    assert not rig.commanded()
-
-
-def test_stopping_halfway_leaves_the_jaws_there(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        gripper.move(255, 0, 0)
-        gripper.stop()
-        here = gripper.state().position_counts
-        threading.Event().wait(0.1)
-        assert gripper.state().position_counts == here < rig.closed_counts
-
-
-def test_waiting_for_nothing_is_refused(rig):
-    with rig.open() as gripper:
-        gripper.activate()
-        with pytest.raises(GripperFault, match="no move"):
-            gripper.wait()
-
-
-def test_a_closed_link_stays_closed(rig):
-    with rig.open() as gripper:
-        gripper.close()
-        with pytest.raises(LinkError, match="closed"):
-            gripper.state()
-
-
-def test_a_dead_device_is_a_timeout(rig):
-    with rig.open() as gripper:
-        rig.silence()
-        with pytest.raises(LinkError) as raised:
-            gripper.state()
-        assert raised.value.exit_code == 20
-        if isinstance(raised.value, LinkTimeout):
-            assert isinstance(raised.value, TimeoutError)
+    @pytest.fixture(params=RIGS)
+    def rig(self, request):
+        made = RIGS[request.param]()
+        yield made
+        made.close()
 
 
 @pytest.mark.parametrize("bus", BUSES)

@@ -19,6 +19,8 @@ RUN = {ROOT / "README.md", DOCS / "tutorial.md", DOCS / "commissioning.md"}
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
+    DOCS
+    / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

@@ -10,8 +10,6 @@ import tempfile
 import threading
 from functools import cache
 
-import other_make
-
 from drivers import connect
 from drivers.abb.codec import Pose, hand_angle
 from drivers.abb.kinematics import compose
@@ -60,37 +58,19 @@ class Abb:
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
     def open(self, *, read_only=False, **frames):
-        return opened(self.url, read_only, frames)
+        told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
+        query = f"?{'&'.join(told)}" if frames else ""
+        return contextlib.closing(connect.arm(self.url + query, time_scale=SCALE, read_only=read_only))
 
     def close(self):
         self.server.close()
 
 
-class Other:
-    """An arm of another make."""
+class AbbWithBase(Abb):
+    """The same, told where its base is: it knows its reach."""
 
-    far_mm = 900.0
-
-    def __init__(self):
-        self.device = other_make.ArmDevice(SCALE)
-        self.server = other_make.Server(self.device.answer)
-        self.url = f"other://127.0.0.1:{self.server.port}"
-
-    @property
-    def moves(self):
-        return self.device.moves
-
-    def truth(self):
-        return self.device.place
-
-    def silence(self):
-        self.device.mute = True
-
-    def open(self, *, read_only=False, **frames):
-        return opened(self.url, read_only, frames)
-
-    def close(self):
-        self.server.close()
+    def open(self, *, read_only=False):
+        return super().open(read_only=read_only, base=BASE)
 
 
 class Ur:
@@ -177,4 +157,4 @@ def certificate():
     return path
 
 
-RIGS = {"abb": Abb, "ur": Ur, "omnicore": OmniCoreRig, "other": Other}
+RIGS = {"abb": AbbWithBase, "ur": Ur, "omnicore": OmniCoreRig}

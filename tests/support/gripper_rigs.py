@@ -8,7 +8,6 @@ import contextlib
 import random
 import threading
 
-import other_make
 from can_node import CanNode
 
 from drivers import connect
@@ -97,37 +96,5 @@ class Robotiq:
         self.port.close()
 
 
-class Other:
-    """A gripper of another make."""
-
-    closed_counts, contact_counts = 255, 153
-
-    def __init__(self) -> None:
-        self.device = other_make.GripperDevice(SCALE)
-        self.port = other_make.Server(self.device.answer)
-        self.name = f"other://127.0.0.1:{self.port.port}"
-
-    def open(self, **options):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, **options))
-
-    def put_part(self):
-        self.device.contact_mm = 24.0
-
-    def commanded(self):
-        return self.commands() > 0
-
-    def commands(self):
-        return self.device.commands
-
-    def silence(self):
-        self.device.mute = True
-
-    def close(self):
-        self.port.close()
-
-
 BUSES = ("pty", "rtu+tcp", "tcp", "urcap", "urcap bare", "can")
-RIGS = {
-    **{bus: lambda bus=bus: Robotiq(bus) for bus in BUSES},
-    "other": Other,
-}
+RIGS = {bus: lambda bus=bus: Robotiq(bus) for bus in BUSES}

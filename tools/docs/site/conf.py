@@ -74,6 +74,7 @@ tools/docs/performance
 tools/docs/commissioning
 tools/docs/controllers
 tools/docs/serve
+tools/docs/drivers
 runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README

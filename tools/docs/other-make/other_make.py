@@ -1,24 +1,14 @@
-"""A gripper and an arm of a make that does not exist: what one new file looks like, and their devices.
-
-Both speak lines of text over TCP, in millimetres. The drivers are the first half of this file; they import
-nothing of the Robotiq or ABB packages. The devices, for the contract tests, are the second half.
-"""
+"""A gripper and an arm of a make that does not exist: both speak lines of text over TCP, in millimetres."""
 
 import math
-import socketserver
-import threading
-import time
 
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import GripperState, Settled
-from drivers.stream import Stream, open_tcp
+from drivers.ports import GripperState, Report, Settled
+from drivers.stream import Stream, open_tcp, tcp_address
 
 ANSWER_S = 0.5
 STROKE_MM = 60.0
-
-# -- the drivers ----------------------------------------------------------------------------------
-
 
 QUESTIONS = ("status", "where")
 
@@ -111,9 +101,8 @@ def _counts(millimetres: str) -> int:
     return round(255 - float(millimetres) * 255 / STROKE_MM)
 
 
-def gripper(port: str, pace: Pace, report: object, *, read_only: bool) -> OtherGripper:
-    host, _, number = port.removeprefix("other://").partition(":")
-    stream = open_tcp(host, int(number), port, "check its power")
+def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> OtherGripper:
+    stream = open_tcp(*tcp_address(port), port, "check its power")
     return OtherGripper(Lines(stream, pace, read_only=read_only), pace)
 
 
@@ -151,89 +140,6 @@ class OtherArm:
             raise ArmError(f"arm lost, state unknown since {error}") from error
 
 
-def arm(host: str, number: int, pace: Pace, setup) -> OtherArm:
-    stream = open_tcp(host, number, f"other://{host}:{number}", "check its power")
-    return OtherArm(Lines(stream, pace, read_only=setup.read_only))
-
-
-# -- the devices ----------------------------------------------------------------------------------
-
-
-class Server:
-    """Answers lines on a TCP port; `answer` returns a line, or None for silence."""
-
-    def __init__(self, answer) -> None:
-        class Handler(socketserver.StreamRequestHandler):
-            def handle(self) -> None:
-                for line in self.rfile:
-                    if (said := answer(line.decode().split())) is not None:
-                        self.wfile.write(said.encode() + b"\n")
-
-        class Threaded(socketserver.ThreadingTCPServer):
-            daemon_threads = True
-            block_on_close = False
-
-        self._server = Threaded(("127.0.0.1", 0), Handler)
-        self.port = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._server.shutdown()
-        self._thread.join()
-        self._server.server_close()
-
-
-class GripperDevice:
-    """Moves at the speed it is told, stops at whatever `contact_mm` says."""
-
-    def __init__(self, scale: float) -> None:
-        self.scale, self.contact_mm, self.mute = scale, None, False
-        self.commands = 0
-        self.asked = self.start = self.stop_mm = STROKE_MM
-        self.since, self.speed = 0.0, 1.0
-        self.ready = self.held = False
-
-    def answer(self, words):
-        if self.mute:
-            return None
-        if words[0] == "status":
-            moving = self.at() != self.stop_mm
-            held = self.held and not moving
-            return f"{self.ready:d} {moving:d} {held:d} {self.asked:.3f} {self.at():.3f}"
-        self.commands += 1
-        if words[0] == "home":
-            self.ready = True
-        elif words[0] == "go" and self.ready:
-            self.start, self.asked, self.speed = self.at(), float(words[1]), float(words[2])
-            blocked = self.contact_mm is not None and self.asked <= self.contact_mm < self.start + 1e-6
-            self.held, self.stop_mm = blocked, self.contact_mm if blocked else self.asked
-            self.since = time.monotonic()
-        elif words[0] == "stop":
-            self.start = self.stop_mm = self.at()
-        return "ok"
-
-    def at(self) -> float:
-        way = self.speed * (time.monotonic() - self.since) * self.scale
-        left = self.stop_mm - self.start
-        return self.stop_mm if abs(left) <= way else self.start + math.copysign(way, left)
-
-
-class ArmDevice:
-    """Answers when it stands; silent when `mute`."""
-
-    def __init__(self, scale: float) -> None:
-        self.scale, self.mute, self.moves = scale, False, 0
-        self.place = (0.0, 0.0, 100.0, 0.0)
-
-    def answer(self, words):
-        if self.mute:
-            return None
-        if words[0] == "where":
-            return " ".join(f"{value:.3f}" for value in self.place)
-        x, y, z, angle, speed = map(float, words[1:])
-        if math.hypot(x, y) > 250.0:
-            return "no"
-        time.sleep(math.dist(self.place[:3], (x, y, z)) / speed / self.scale)
-        self.place, self.moves = (x, y, z, math.remainder(angle, math.tau)), self.moves + 1
-        return "ok"
+def arm(url: str, pace: Pace, *, read_only: bool) -> OtherArm:
+    stream = open_tcp(*tcp_address(url), url, "check its power")
+    return OtherArm(Lines(stream, pace, read_only=read_only))

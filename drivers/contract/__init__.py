@@ -1,0 +1,14 @@
+"""What every gripper and every arm must do, as tests for the author of a driver (tools/docs/drivers.md).
+
+```
+from drivers.contract.gripper import GripperContract
+
+class TestAcme(GripperContract):
+    def make(self): return AcmeRig()
+```
+"""
+
+import pytest
+
+# So that a failed assertion says what it compared.
+pytest.register_assert_rewrite("drivers.contract.gripper", "drivers.contract.arm")

@@ -1,0 +1,133 @@
+"""What every arm must do (`drivers.ports`): tests against an arm, simulated or real, in a rig."""
+
+import math
+import random
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+import pytest
+
+from drivers import ports
+from drivers.errors import ArmError, ReadOnlyError
+from drivers.ports import Arm, PoseOfHand
+
+
+class ArmRig(Protocol):
+    """An arm that stands at (0, 0, 100) mm, hand down, 0 rad, and what a test has to know of it."""
+
+    far_mm: float  # x of a place that it cannot reach; within 100 mm of the middle it reaches all
+
+    @property
+    def moves(self) -> int:
+        """How often it was moved."""
+
+    def open(self, *, read_only: bool = False) -> AbstractContextManager[Arm]:
+        """A connection through the driver, closed when its context is left."""
+
+    def truth(self) -> PoseOfHand:
+        """Where it really is."""
+
+    def silence(self) -> None:
+        """From now on it answers nothing."""
+
+    def close(self) -> None:
+        """Take it down."""
+
+
+class ArmContract:
+    """Derive a class `Test...` from it and give it `make`."""
+
+    def make(self) -> ArmRig:
+        """A rig of its own for each test."""
+        raise NotImplementedError
+
+    @pytest.fixture
+    def rig(self) -> Iterator[ArmRig]:
+        """The rig of one test."""
+        made = self.make()
+        yield made
+        made.close()
+
+    def test_connecting_moves_nothing(self, rig: ArmRig) -> None:
+        """And the arm tells where it stands."""
+        with rig.open() as arm:
+            assert isinstance(arm, ports.Arm)
+            assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
+        assert rig.moves == 0
+
+    def test_one_opened_for_reading_cannot_be_commanded(self, rig: ArmRig) -> None:
+        """A dry run asks, and moves nothing."""
+        with rig.open(read_only=True) as arm:
+            assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
+            with pytest.raises(ReadOnlyError, match="dry run"):
+                arm.move_linear(10.0, 0.0, 90.0, 0.1, 200.0)
+            arm.pose()
+        assert rig.moves == 0
+
+    def test_a_move_ends_where_it_was_sent(self, rig: ArmRig) -> None:
+        """To 0.001 mm in truth, and as exactly as it reads itself."""
+        rng = random.Random(1)
+        with rig.open() as arm:
+            a = 0.0
+            for _ in range(10):
+                x, y, z = rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(5, 80)
+                low, high = arm.turn_range(x, y)
+                a = rng.uniform(max(low, a - 2.9), min(high, a + 2.9))
+                arm.move_linear(x, y, z, a, 500.0)
+                assert rig.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
+                seen = arm.pose()
+                assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
+                assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
+
+    def test_nothing_is_known_against_a_short_way_in_the_middle(self, rig: ArmRig) -> None:
+        """And asking moves nothing."""
+        with rig.open() as arm:
+            assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
+        assert rig.moves == 0
+
+    def test_a_move_is_over_when_the_call_returns(self, rig: ArmRig) -> None:
+        """The arm stands."""
+        with rig.open() as arm:
+            arm.move_linear(50.0, 0.0, 50.0, 1.0, 100.0)
+            here = rig.truth()
+            time.sleep(0.05)
+            assert rig.truth() == here
+
+    @pytest.mark.parametrize("bad", [math.nan, math.inf, 1e6])
+    def test_numbers_that_cannot_be_sent_are_refused_and_the_arm_stays_usable(
+        self, rig: ArmRig, bad: float
+    ) -> None:
+        """Refused before anything is sent."""
+        with rig.open() as arm:
+            for x, z in ((bad, 50.0), (0.0, bad)):
+                with pytest.raises(ArmError, match="not moved") as raised:
+                    arm.move_linear(x, 0.0, z, 0.0, 100.0)
+                assert raised.value.exit_code == 22
+            for speed in (0.0, -5.0, math.nan):
+                with pytest.raises(ArmError):
+                    arm.move_linear(0.0, 0.0, 50.0, 0.0, speed)
+            assert rig.moves == 0
+            arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+            assert rig.moves == 1
+
+    def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(self, rig: ArmRig) -> None:
+        """The sentence says so."""
+        with rig.open() as arm:
+            with pytest.raises(ArmError, match=r"not moved.*reach"):
+                arm.move_linear(rig.far_mm, 0.0, 50.0, 0.0, 5000.0)
+            assert rig.moves == 0
+            arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+
+    def test_after_a_silence_everything_is_refused(self, rig: ArmRig) -> None:
+        """Nobody knows where it stands then."""
+        with rig.open() as arm:
+            rig.silence()
+            with pytest.raises(ArmError) as raised:
+                arm.pose()
+            assert raised.value.exit_code == 22
+            for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+                with pytest.raises(ArmError, match="state unknown since"):
+                    call()
+        assert rig.moves == 0

@@ -1,0 +1,235 @@
+"""A person in place of a device: told what to do on standard error, answering on standard input.
+
+`manual` as an arm: somebody holds the hand, or the gripper alone. `manual+ADDRESS`: the same, and a simulated
+arm follows the hand, so that its part is met. `manual` as a gripper: somebody closes calipers and types the
+width; `manual:85,3,230` states what opening in mm and which end counts the widths are told in.
+"""
+
+import math
+import os
+import select
+import sys
+import termios
+from contextlib import suppress
+
+from drivers.clock import Pace
+from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
+from drivers.ports import Arm, GripperState, PoseOfHand, Report, Settled
+
+ANSWER_S = 600.0  # a person may be called away
+LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
+HELD_MM = 2.0  # from this width on something is between the fingers, as tables take it
+SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
+ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)  # where a hand is taken to be that was not asked for yet
+CLOSED_COUNTS = 255
+LINEAR = (85.0, 3, 230)  # of a 2F-85
+
+
+class Person:
+    """Who sits at the terminal; one for arm and gripper."""
+
+    def __init__(self) -> None:
+        self._read = b""
+
+    def ask(self, sentence: str, seconds: float) -> str:
+        """Show a sentence; returns the line that is typed then.
+
+        Raises:
+            TimeoutError: nothing was, for so many seconds. EOFError: standard input has ended.
+        """
+        self._forget()
+        print(sentence, file=sys.stderr, flush=True)
+        file = sys.stdin.fileno()
+        while b"\n" not in self._read:
+            if not select.select([file], [], [], seconds)[0]:
+                raise TimeoutError(f"nobody answered within {seconds:g} s")
+            piece = os.read(file, 4096)
+            if not piece:
+                raise EOFError("standard input ended before Enter was pressed")
+            self._read += piece
+        line, _, self._read = self._read.partition(b"\n")
+        return line.decode(errors="replace").strip()
+
+    def _forget(self) -> None:
+        """What was typed before the question answers nothing; a pipe holds what is meant to answer."""
+        with suppress(termios.error, ValueError):
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+            self._read = b""
+
+
+PERSON = Person()
+
+
+class ManualArm:
+    """A hand in somebody's hand, which a simulated arm may follow (`behind`).
+
+    Its pose is where the person was asked to put it and said that it is.
+    """
+
+    def __init__(self, behind: Arm | None, *, read_only: bool) -> None:
+        self._behind, self._read_only = behind, read_only
+        self._at: PoseOfHand | None = None  # where it was asked for last
+        self._down = False
+        self._unknown = ""
+
+    def pose(self) -> PoseOfHand:
+        """Where it was put last; `ALOFT` before the first time."""
+        self._check_known()
+        return (self._at or ALOFT) if self._behind is None else self._behind.pose()
+
+    def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """A person's wrist is not counted."""
+        return (-math.inf, math.inf) if self._behind is None else self._behind.turn_range(x_mm, y_mm)
+
+    def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
+        """Nothing is known against any way of a person."""
+        return "" if self._behind is None else self._behind.obstacle(start, target)
+
+    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        """Ask for it; a way above the table is only taken down with the next place to come down to.
+
+        Raises:
+            ArmError: no such place, nobody answered, or standard input has ended.
+        """
+        self._check_known()
+        target = (x_mm, y_mm, z_mm, angle_rad)
+        if self._read_only:
+            raise ReadOnlyError("a dry run was about to have the hand moved")
+        if not all(map(math.isfinite, (*target, speed_mm_s))) or speed_mm_s <= 0.0:
+            raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s is no motion")
+        self._ask_for(target)
+        if self._behind is not None:
+            self._behind.move_linear(*target, speed_mm_s)
+        self._at = target
+
+    def close(self) -> None:
+        """Give the arm behind up."""
+        if self._behind is not None:
+            self._behind.close()
+
+    def _ask_for(self, target: PoseOfHand) -> None:
+        x_mm, y_mm, z_mm, angle_rad = target
+        where = f"({x_mm:.2f}, {y_mm:.2f}) mm, {math.degrees(angle_rad):.1f} deg"
+        before = self._at or (*ALOFT[:3], math.inf)
+        turn_rad = abs(before[3] - angle_rad)
+        straight = math.dist(before[:2], target[:2]) < SAME_MM and turn_rad < SAME_RAD
+        risen_mm = z_mm - before[2]
+        if straight and risen_mm > 0.0:
+            self._confirm(f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S)
+            self._down = False
+        elif straight and risen_mm < 0.0:
+            self._confirm(f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter")
+            self._down = True
+        elif self._down:
+            self._confirm(f"Drag what the jaws hold along the table, to {where}; press Enter")
+
+    def _confirm(self, sentence: str, seconds: float = ANSWER_S) -> None:
+        try:
+            PERSON.ask(sentence, seconds)
+        except BaseException as error:  # a stop request, too: nobody said where the hand is
+            self._unknown = str(error) or "the run was stopped"
+            if isinstance(error, EOFError | TimeoutError):
+                raise ArmError(f"arm lost, state unknown since {error}") from error
+            raise
+
+    def _check_known(self) -> None:
+        if self._unknown:
+            raise ArmError(f"arm lost, state unknown since {self._unknown}")
+
+
+class ManualGripper:
+    """Calipers, or a gripper without a link: somebody opens and closes it, and tells the width."""
+
+    def __init__(self, opening_mm: float, count_open: int, count_closed: int, *, read_only: bool) -> None:
+        self._opening_mm, self._counts = opening_mm, (count_open, count_closed)
+        self._read_only = read_only
+        self._seen = GripperState(True, False, 0, 3, 0, 0, 0)
+        self._asked: int | None = None
+        self._was_asked = False  # whether anybody ever said how the jaws stand
+        self._closed = False
+
+    def state(self) -> GripperState:
+        """What was told last."""
+        if self._closed:
+            raise LinkError("the gripper was closed")
+        return self._seen
+
+    def activate(self) -> None:
+        """Nothing: a person is ready."""
+
+    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+        """Remember what `wait` asks for."""
+        del speed_counts, force_counts
+        if self._read_only:
+            raise ReadOnlyError("a dry run was about to have the jaws moved")
+        self.state()
+        self._asked = position_counts
+
+    def wait(self) -> Settled:
+        """Ask for the opening to be set, or for the width that is read."""
+        if self._asked is None:
+            raise GripperFault("no move to wait for; call move() first")
+        asked, self._asked = self._asked, None
+        if asked == CLOSED_COUNTS:
+            width_mm = self._width_mm()
+            self._saw(asked, self._count(width_mm), 2 if width_mm >= HELD_MM else 3)
+        elif not (self._was_asked and (asked, 3) == (self._seen.position_counts, self._seen.object_flag)):
+            self._ask(f"Open the jaws to {self._mm(asked):.1f} mm or a little more; press Enter")
+            self._saw(asked, asked, 3)
+        return Settled(self._seen.position_counts, self._seen.object_flag, 0, asked, 0.0)
+
+    def stop(self) -> None:
+        """The jaws are in somebody's hands."""
+        self._asked = None
+
+    def close(self) -> None:
+        """Nothing is owned."""
+        self._closed = True
+
+    def _saw(self, asked: int, position_counts: int, object_flag: int) -> None:
+        self._seen = GripperState(True, False, 0, object_flag, asked, position_counts, 0)
+        self._was_asked = True
+
+    def _width_mm(self) -> float:
+        """What is typed, once it is a width."""
+        told = self._ask(
+            "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
+        )
+        while True:
+            with suppress(ValueError):
+                width_mm = float(told.replace(",", "."))
+                if 0.0 <= width_mm <= self._opening_mm:
+                    return width_mm
+            wanted = f"a number from 0 to {self._opening_mm:g}, such as 31.42"
+            told = self._ask(f"{told[:40]!r} is no width; type {wanted}:")
+
+    def _ask(self, sentence: str) -> str:
+        try:
+            return PERSON.ask(sentence, ANSWER_S)
+        except (EOFError, TimeoutError) as error:
+            raise LinkError(f"the gripper's width is not known: {error}") from error
+
+    def _count(self, width_mm: float) -> int:
+        first, last = self._counts
+        return round(last - width_mm * (last - first) / self._opening_mm)
+
+    def _mm(self, count: int) -> float:
+        first, last = self._counts
+        return min(max((last - count) * self._opening_mm / (last - first), 0.0), self._opening_mm)
+
+
+def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> ManualGripper:
+    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`.
+
+    Raises:
+        PortError: it is written otherwise.
+    """
+    del pace, report
+    scale = LINEAR
+    if told := port.removeprefix("manual").removeprefix(":"):
+        try:
+            opening, first, last = told.split(",")
+            scale = float(opening), int(first), int(last)
+        except ValueError:
+            raise PortError(f"port {port} is not understood; write manual") from None
+    return ManualGripper(*scale, read_only=read_only)

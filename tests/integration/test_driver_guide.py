@@ -1,0 +1,103 @@
+"""Drivers as packages of their own: the guide's example passes the contract, and a broken one is one line."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from drivers import connect
+from drivers.errors import PortError
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "tools" / "docs" / "other-make"
+GUIDE = (ROOT / "tools" / "docs" / "drivers.md").read_text()
+BROKEN = {
+    "absent": "no_such_module:gripper",
+    "faulty": "faulty_driver:gripper",
+    "nothing": "faulty_driver:nothing",
+    "missing": "faulty_driver:missing",
+    "twice": "faulty_driver:nothing",
+}
+FAULTY = """
+def gripper(port, pace, report, *, read_only):
+    raise KeyError("in the driver")
+def nothing(port, pace, report, *, read_only):
+    return object()
+"""
+
+
+def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
+    """What pip leaves of a package's metadata."""
+    made = folder / f"{name}-1.0.dist-info"
+    made.mkdir(parents=True)
+    (made / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    sections = (
+        "".join([f"[{group}]\n", *(f"{scheme} = {target}\n" for scheme, target in listed.items())])
+        for group, listed in points.items()
+    )
+    (made / "entry_points.txt").write_text("\n".join(sections))
+
+
+def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:
+    points = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
+    assert set(points) == {connect.GRIPPERS.group, connect.ARMS.group}
+    install(tmp_path, "other_make", points)
+    paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, "--rootdir",
+         str(tmp_path), str(EXAMPLE / "test_other_make.py")],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=120,
+        check=False,
+    )  # fmt: skip
+    assert re.search(r"^2\d passed in", done.stdout, re.MULTILINE), done.stdout + done.stderr
+
+
+def test_the_guide_shows_the_example_s_own_lines() -> None:
+    blocks = re.findall(r"```(?:python|toml)\n(.*?)```", GUIDE, re.DOTALL)
+    sources = "\n".join(path.read_text() for path in EXAMPLE.iterdir() if path.is_file())
+    assert len(blocks) >= 3
+    for block in blocks:
+        for piece in block.strip().split("\n\n...\n\n"):
+            assert piece in sources, piece
+
+
+@pytest.fixture
+def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, "broken", {connect.GRIPPERS.group: BROKEN})
+    install(tmp_path, "second", {connect.GRIPPERS.group: {"twice": "faulty_driver:nothing"}})
+    (tmp_path / "faulty_driver.py").write_text(FAULTY)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+@pytest.mark.usefixtures("broken")
+@pytest.mark.parametrize(
+    ("scheme", "told"),
+    [
+        ("absent", "driver of absent:// (broken, no_such_module:gripper) cannot be loaded: ModuleNotFound"),
+        ("missing", "cannot be loaded: AttributeError"),
+        ("faulty", "failed to open faulty://x:1: KeyError: 'in the driver'"),
+        ("nothing", "opened no Gripper (drivers/ports.py): object"),
+        ("twice", "broken and second both have a driver for twice://; uninstall one of them"),
+        ("unheard", "is not understood; write it as absent://host:port or faulty://host:port or "),
+    ],
+)
+def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, told: str) -> None:
+    with pytest.raises(PortError) as raised:
+        connect.gripper(f"{scheme}://x:1")
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+    with pytest.raises(PortError, match="nobody accepts"):
+        connect.gripper("tcp://127.0.0.1:1")
+
+
+def test_drivers_are_looked_for_only_where_the_scheme_is_none_of_ours() -> None:
+    code = "import sys; from drivers import connect\ntry: connect.gripper('/dev/nowhere')\nexcept OSError: "
+    code += "print([name for name in ('importlib.metadata', 'drivers.manual') if name in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,159 @@
+"""A person as arm, as gripper, or as both, at the end of a pipe and at a terminal."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+
+from drivers import connect, manual
+from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
+from runtime.commands import options
+from runtime.commands.arguments import parser
+from runtime.errors import ArgumentsError
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 60
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> list[str]:
+    dump(small_table(), tmp_path / "t.msgpack")
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tmp_path / "t.msgpack"), "--json"]
+    return [*command, "--journal", str(tmp_path / "j.jsonl")]
+
+
+def run(words: list[str], said: str, *more: str) -> tuple[int, list[dict[str, object]], list[str]]:
+    done = subprocess.run(
+        [*words, *more], input=said, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
+    )
+    return done.returncode, [json.loads(line) for line in done.stdout.splitlines()], done.stderr.splitlines()
+
+
+def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path) -> None:
+    said = "\n".join(["", "", "29,9", "", "", "", "wide", "-3", "21.1", "", ""])
+    code, (part,), told = run(words, said + "\n", "--port", "manual", "--arm", "manual")
+    assert (code, part["outcome"], part["leaf"], part["path"]) == (0, "leaf", 1, [0, 1])
+    asked = [line for line in told if line.endswith(("press Enter", "nothing)?", "31.42:"))]
+    assert [line.split()[0] for line in asked] == [
+        *("Open", "Put", "Close", "Open", "Lift"),
+        *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
+    ]
+    assert asked[1].startswith("Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table")
+    assert asked[5].startswith("Put the hand at (1.00, -2.00) mm, 90.0 deg")
+    assert verify(tmp_path / "j.jsonl").closed
+    assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
+
+
+def test_a_person_moves_the_simulated_arm(words: list[str]) -> None:
+    more = ["--port", "sim", "--arm", "manual", "--time-scale", "40", "--seed", "0", "--world"]
+    code, (part,), told = run(words, "\n" * 20, *more, "runtime.devices.rehearsal:make")
+    assert (part["outcome"], code) in (("leaf", 0), ("unresolved", 11))
+    asked = [line.split()[0] for line in told if line.endswith("press Enter")]
+    assert asked == ["Put", "Lift"] * len(part["path"])
+
+
+@pytest.mark.parametrize(("said", "code"), [("\n", 22), ("\n\n", 20), ("", 20)])
+def test_the_end_of_input_is_a_fault(words: list[str], said: str, code: int) -> None:
+    ended, (part,), _ = run(words, said, "--port", "manual", "--arm", "manual")
+    assert (ended, part["outcome"]) == (code, "fault")
+    assert "standard input ended" in part["reason"]
+
+
+def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing(
+    words: list[str], tmp_path: Path
+) -> None:
+    main, child = pty.openpty()
+    os.write(main, b"\n\n\n29.9\n")
+    process = subprocess.Popen(
+        [*words, "--port", "manual", "--arm", "manual"], cwd=ROOT, stdin=child, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    while not (line := process.stderr.readline()).startswith("Open"):
+        assert line
+    os.write(main, b"\n")
+    while not (line := process.stderr.readline()).startswith("Put"):
+        assert line
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=WAIT_S)
+    os.close(main)
+    os.close(child)
+    (part,) = [json.loads(line) for line in out.splitlines()]
+    assert (process.returncode, part["outcome"], part["path"]) == (40, "stopped", [])
+    assert part["safe_state"][1] == "arm not moved: state unknown"
+    assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
+
+
+class Behind:
+    """A person who presses Enter, and is written down."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: str = "") -> None:
+        self.heard: list[str] = []
+        monkeypatch.setattr(manual, "PERSON", self)
+        self.answer: str | Exception = answer
+
+    def ask(self, sentence: str, seconds: float) -> str:
+        self.heard.append(sentence)
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    person, arm = Behind(monkeypatch), connect.arm("manual")
+    for target in ((0, 0, 60, 0.0), (3, 4, 60, 2.0), (3, 4, 10, 2.0), (5, 4, 10, 2.0), (5, 4, 60, 2.0)):
+        arm.move_linear(*target, 100.0)
+        assert arm.pose() == target
+    assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Drag", "Lift"]
+    with pytest.raises(ArmError, match="not moved"):
+        arm.move_linear(float("nan"), 0.0, 0.0, 0.0, 100.0)
+    person.answer = TimeoutError("nobody answered within 60 s")
+    with pytest.raises(ArmError, match="state unknown since nobody answered"):
+        arm.move_linear(5, 4, 10, 2.0, 100.0)
+    with pytest.raises(ArmError, match="state unknown since nobody answered"):
+        arm.pose()
+    with pytest.raises(ReadOnlyError):
+        connect.arm("manual", read_only=True).move_linear(0, 0, 60, 0.0, 100.0)
+
+
+def test_a_width_is_told_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    person, gripper = Behind(monkeypatch, "42.5"), connect.gripper("manual:85.0,3,230")
+    with pytest.raises(GripperFault, match="no move"):
+        gripper.wait()
+    gripper.move(255, 0, 0)
+    assert gripper.wait()[:2] == (round(230 - 42.5 * 227 / 85), 2)
+    person.answer = "0"
+    gripper.move(255, 0, 0)
+    assert gripper.wait()[:2] == (230, 3)
+    person.answer = EOFError("standard input ended")
+    gripper.move(0, 0, 0)
+    with pytest.raises(LinkError, match="standard input ended"):
+        gripper.wait()
+    for port in ("manual:", "manual:1", "manual:a,b,c"):
+        if port != "manual:":
+            with pytest.raises(PortError):
+                connect.gripper(port)
+    with pytest.raises(PortError):
+        connect.arm("manual:1")
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (["--port", "manual", "--arm", "manual", "--watch"], "use --http"),
+        (["--port", "/dev/x", "--arm", "manual", "--put-down"], "put it down yourself"),
+        (["--port", "manual", "--arm", "tcp://x:1", "--calibration", "f"], "you tell the width"),
+    ],
+)
+def test_what_does_not_go_with_a_person(more: list[str], told: str) -> None:
+    with pytest.raises(ArgumentsError, match=told):
+        options.check_usage(parser().parse_args(["--tree", "t", *more]))

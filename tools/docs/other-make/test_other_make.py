@@ -1,0 +1,157 @@
+"""The contract of grippers and arms, against simulated devices of this make."""
+
+import contextlib
+import math
+import socketserver
+import threading
+import time
+
+from other_make import STROKE_MM
+
+from drivers import connect
+from drivers.contract.arm import ArmContract
+from drivers.contract.gripper import GripperContract
+
+SCALE = 20.0  # simulated seconds a second
+
+
+class TestOtherGripper(GripperContract):
+    def make(self):
+        return GripperRig()
+
+
+class TestOtherArm(ArmContract):
+    def make(self):
+        return ArmRig()
+
+
+class GripperRig:
+    closed_counts, contact_counts = 255, 153
+
+    def __init__(self):
+        self._device = GripperDevice()
+        self._server = Server(self._device.answer)
+
+    def open(self, *, read_only=False):
+        address = f"other://127.0.0.1:{self._server.port}"
+        return contextlib.closing(connect.gripper(address, time_scale=SCALE, read_only=read_only))
+
+    def put_part(self):
+        self._device.contact_mm = 24.0
+
+    def commanded(self):
+        return self._device.commands > 0
+
+    def commands(self):
+        return self._device.commands
+
+    def silence(self):
+        self._device.mute = True
+
+    def close(self):
+        self._server.close()
+
+
+class ArmRig:
+    far_mm = 900.0
+
+    def __init__(self):
+        self._device = ArmDevice()
+        self._server = Server(self._device.answer)
+
+    @property
+    def moves(self):
+        return self._device.moves
+
+    def open(self, *, read_only=False):
+        address = f"other://127.0.0.1:{self._server.port}"
+        return contextlib.closing(connect.arm(address, time_scale=SCALE, read_only=read_only))
+
+    def truth(self):
+        return self._device.place
+
+    def silence(self):
+        self._device.mute = True
+
+    def close(self):
+        self._server.close()
+
+
+class Server:
+    """Answers lines on a TCP port; `answer` returns a line, or None for silence."""
+
+    def __init__(self, answer) -> None:
+        class Handler(socketserver.StreamRequestHandler):
+            def handle(self) -> None:
+                for line in self.rfile:
+                    if (said := answer(line.decode().split())) is not None:
+                        self.wfile.write(said.encode() + b"\n")
+
+        class Threaded(socketserver.ThreadingTCPServer):
+            daemon_threads = True
+            block_on_close = False
+
+        self._server = Threaded(("127.0.0.1", 0), Handler)
+        self.port = self._server.server_address[1]
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+
+class GripperDevice:
+    """Moves at the speed it is told, stops at whatever `contact_mm` says."""
+
+    def __init__(self) -> None:
+        self.contact_mm, self.mute = None, False
+        self.commands = 0
+        self.asked = self.start = self.stop_mm = STROKE_MM
+        self.since, self.speed = 0.0, 1.0
+        self.ready = self.held = False
+
+    def answer(self, words):
+        if self.mute:
+            return None
+        if words[0] == "status":
+            moving = self.at() != self.stop_mm
+            held = self.held and not moving
+            return f"{self.ready:d} {moving:d} {held:d} {self.asked:.3f} {self.at():.3f}"
+        self.commands += 1
+        if words[0] == "home":
+            self.ready = True
+        elif words[0] == "go" and self.ready:
+            self.start, self.asked, self.speed = self.at(), float(words[1]), float(words[2])
+            blocked = self.contact_mm is not None and self.asked <= self.contact_mm < self.start + 1e-6
+            self.held, self.stop_mm = blocked, self.contact_mm if blocked else self.asked
+            self.since = time.monotonic()
+        elif words[0] == "stop":
+            self.start = self.stop_mm = self.at()
+        return "ok"
+
+    def at(self) -> float:
+        way = self.speed * (time.monotonic() - self.since) * SCALE
+        left = self.stop_mm - self.start
+        return self.stop_mm if abs(left) <= way else self.start + math.copysign(way, left)
+
+
+class ArmDevice:
+    """Answers when it stands; silent when `mute`."""
+
+    def __init__(self) -> None:
+        self.mute, self.moves = False, 0
+        self.place = (0.0, 0.0, 100.0, 0.0)
+
+    def answer(self, words):
+        if self.mute:
+            return None
+        if words[0] == "where":
+            return " ".join(f"{value:.3f}" for value in self.place)
+        x, y, z, angle, speed = map(float, words[1:])
+        if math.hypot(x, y) > 250.0:
+            return "no"
+        time.sleep(math.dist(self.place[:3], (x, y, z)) / speed / SCALE)
+        self.place, self.moves = (x, y, z, math.remainder(angle, math.tau)), self.moves + 1
+        return "ok"
