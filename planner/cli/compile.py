@@ -36,7 +36,7 @@ def parser() -> Parser:
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
-        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --vary uncertainty.radius_mm=5,10",
         f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
@@ -44,12 +44,13 @@ def parser() -> Parser:
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     add(
         "-o", "--output", type=Path, metavar="TREE.msgpack",
-        help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
+        help="the table; with --vary a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
     add(
-        "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
+        "--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
+    add("--sweep", dest="vary", action="append", help=argparse.SUPPRESS)  # what it was called
     add("--seed", type=natural, help="instead of the job's seed")
     add(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
@@ -78,13 +79,13 @@ def parser() -> Parser:
 
 
 def _compile(arguments: argparse.Namespace) -> int:
-    if arguments.baseline and (arguments.output or arguments.sweep):
-        raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and (arguments.output or arguments.vary):
+        raise UsageError("--baseline writes no table; leave out -o and --vary")
     if arguments.baseline and (arguments.bound or arguments.bound_dense):
         raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
-    if arguments.sweep:
+    if arguments.vary:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
 
@@ -154,11 +155,11 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 def _sweep(arguments: argparse.Namespace) -> int:
     if arguments.models_report:
-        raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+        raise UsageError("--models-report: judges the models of one job; leave it out with --vary")
     if arguments.bound or arguments.bound_dense:
-        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
+        raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
-    orders = orders_of(arguments.job, arguments.sweep, common)
+    orders = orders_of(arguments.job, arguments.vary, common)
     store = shell.store_of(arguments)
     cache = store.folder if store else None
     settings = Settings(arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget)

@@ -25,6 +25,8 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
+from planner.part.importers.file import Options
+from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from runtime.shell import command
@@ -95,6 +97,31 @@ def store_of(arguments: argparse.Namespace) -> Store | None:
         return None
     base = folder(arguments.cache_dir) if arguments.cache_dir is not None else cache_folder()
     return Store(base / ROLL_OUTS)
+
+
+def add_drawing(group: argparse._ArgumentGroup) -> None:
+    """The options that say how to read a drawing; `drawing_of` reads them."""
+    add = group.add_argument
+    add("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
+    add("--scale", type=command.positive, metavar="MM", help="the same in mm, for a drawing in pixels")
+    add("--layer", metavar="NAME", help="of a DXF drawing, the only one to read (default: all visible ones)")
+    add("--contour", type=command.positive_int, metavar="N", help="which one, if there are several")
+    add(
+        "--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM",
+        help="of curves made polygons (default: %(default)s)",
+    )  # fmt: skip
+    add(
+        "--height", type=command.number, metavar="MM",
+        help="of the cut through an STL solid (default: half-way up)",
+    )  # fmt: skip
+
+
+def drawing_of(arguments: argparse.Namespace) -> Options:
+    """What the options of `add_drawing` say."""
+    return Options(
+        arguments.units, arguments.contour, arguments.tolerance, arguments.height, arguments.layer,
+        arguments.scale,
+    )  # fmt: skip
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
