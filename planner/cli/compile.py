@@ -95,7 +95,8 @@ def _single(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
-    output = files.usable(arguments.output, *read)
+    output = shell.checked_output(arguments.output, "a table, which squeezetree report draws", ".msgpack")
+    files.usable(output, *read)
     picture = None
     if arguments.models_report:
         picture = models_report.picture_path(arguments.models_report, output)

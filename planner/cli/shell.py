@@ -36,6 +36,7 @@ from runtime.table import TableFile, load
 
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
@@ -67,6 +68,17 @@ def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
+    return path
+
+
+def checked_output(path: Path, what: str, suffix: str) -> Path:
+    """The path of an output of one kind, which may also have no suffix or one of its own.
+
+    Raises:
+        UsageError: its suffix promises something else.
+    """
+    if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
+        raise UsageError(f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}")
     return path
 
 
