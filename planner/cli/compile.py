@@ -195,7 +195,7 @@ success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
 wrong {figures["wrong_rate"]:.2%}
-{figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
+{figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
 about {figures["mean_seconds"]:.1f} s
 error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{rare}{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""

@@ -98,6 +98,7 @@ class Answer(NamedTuple):
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each
     open_share: float  # of the parts, those that end where the search was cut short
+    most_squeezes: int  # on the longest path
 
     @property
     def found(self) -> Verdict:
@@ -165,7 +166,8 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
     )  # fmt: skip
     limits = [plan.cut.line()] if plan.cut else advise(plan.table, plan.evaluation, job).lines()
     open_share = plan.cut.open_share if plan.cut else 0.0
-    return plan, Answer(job, plan.evaluation.summary(), weakest(lines), limits, open_share)
+    figures, longest = plan.evaluation.summary(), plan.table.limits.max_depth
+    return plan, Answer(job, figures, weakest(lines), limits, open_share, longest)
 
 
 def _draw(job: Job, plan: Plan, imported: Imported, path: Path, report: Report) -> None:
@@ -253,7 +255,7 @@ def _lines(answer: Answer) -> list[str]:
     located = f"{percent(figures['success_rate'])} (95 % interval {low:.2%} to {high:.2%})"
     others = {"wrong": "wrong_rate", "given up": "unresolved_rate", "rejected": "reject_rate"}
     shares = ", ".join(f"{word} {percent(figures[name])}" for word, name in others.items())
-    most = f"{figures['max_squeezes']} at most"
+    most = f"{answer.most_squeezes} at most"
     limits = [f"{'limit' if not k else '':10s} {line}" for k, line in enumerate(answer.limits)]
     return [
         "",

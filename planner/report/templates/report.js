@@ -158,7 +158,7 @@ function nodeDetails(index, mark) {
     const cells = [String(number), `${mm(low)}\u2013${mm(high)}`, mm(expected), runs, percent(ppm / 1e6), String(logged(index, target) ?? seen)];
     return make("tr", {}, ...cells.map(text => make("td", {}, text)), make("td", {}, link(target)));
   });
-  const heads = ["branch", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
+  const heads = ["#", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
   const rejected = logged(index, null) ?? node.rejected;
   const up = parents.get(index);
   return [
