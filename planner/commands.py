@@ -6,9 +6,9 @@ from functools import partial
 from runtime.shell.command import entry
 
 
-def _command(name: str) -> Callable[[], int]:
-    """The entry point that runs `main` of `planner.cli.<name>`; returns the exit code."""
-    return partial(entry, f"plan-{name}", f"planner.cli.{name}", "planner")
+def _command(name: str, module: str = "") -> Callable[[], int]:
+    """The entry point of `plan-<name>`: `main` of `planner.cli.<module>`, by default of its own name."""
+    return partial(entry, f"plan-{name}", f"planner.cli.{module or name}", "planner")
 
 
 compile_job = _command("compile")
@@ -19,3 +19,4 @@ export = _command("export")
 identify = _command("identify")
 report = _command("report")
 init = _command("init")
+try_part = _command("try", "first_look")

@@ -20,6 +20,7 @@ from drivers.stream import Stream, open_tcp, tcp_address
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
+STARVED_S = 2.0  # wall: what a simulated controller may be kept from running for
 QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
 LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
 CONNECT_TRIES = 3
@@ -119,7 +120,7 @@ class Arm(UprightArm):
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
             reply = None
             if self._owed is None or self._await_reply(*self._owed) is not None:
-                self._owed = (code, self._pace.deadline(budget_s))
+                self._owed = (code, self._pace.deadline(budget_s, STARVED_S))
                 self._stream.send(line)
                 reply = self._await_reply(*self._owed)
         except OSError as error:

@@ -36,7 +36,7 @@ def parser() -> Parser:
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
-        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --vary uncertainty.radius_mm=5,10",
         f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
@@ -44,12 +44,13 @@ def parser() -> Parser:
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     add(
         "-o", "--output", type=Path, metavar="TREE.msgpack",
-        help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
+        help="the table; with --vary a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
     add(
-        "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
+        "--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
+    add("--sweep", dest="vary", action="append", help=argparse.SUPPRESS)  # what it was called
     add("--seed", type=natural, help="instead of the job's seed")
     add(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
@@ -78,13 +79,13 @@ def parser() -> Parser:
 
 
 def _compile(arguments: argparse.Namespace) -> int:
-    if arguments.baseline and (arguments.output or arguments.sweep):
-        raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and (arguments.output or arguments.vary):
+        raise UsageError("--baseline writes no table; leave out -o and --vary")
     if arguments.baseline and (arguments.bound or arguments.bound_dense):
         raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
-    if arguments.sweep:
+    if arguments.vary:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
 
@@ -94,7 +95,8 @@ def _single(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
-    output = files.usable(arguments.output, *read)
+    output = shell.checked_output(arguments.output, "a table, which squeezetree report draws", ".msgpack")
+    files.usable(output, *read)
     picture = None
     if arguments.models_report:
         picture = models_report.picture_path(arguments.models_report, output)
@@ -154,11 +156,11 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 def _sweep(arguments: argparse.Namespace) -> int:
     if arguments.models_report:
-        raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+        raise UsageError("--models-report: judges the models of one job; leave it out with --vary")
     if arguments.bound or arguments.bound_dense:
-        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
+        raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
-    orders = orders_of(arguments.job, arguments.sweep, common)
+    orders = orders_of(arguments.job, arguments.vary, common)
     store = shell.store_of(arguments)
     cache = store.folder if store else None
     settings = Settings(arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget)
@@ -193,7 +195,7 @@ success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
 wrong {figures["wrong_rate"]:.2%}
-{figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
+{figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
 about {figures["mean_seconds"]:.1f} s
 error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{rare}{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""

@@ -1,7 +1,6 @@
 """plan-init: a job file from a drawing and a few answers."""
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -9,16 +8,16 @@ from typing import TypeVar
 
 from planner.cli import shell
 from planner.errors import UsageError
-from planner.job.drafts import Answers, draft, room_mm
+from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
 from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
-from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
-from runtime.shell.command import Parser, number, positive_int
+from planner.part.importers.pieces import UNITS_MM
+from planner.part.rectangle import smallest_rectangle
+from runtime.shell.command import Parser, number
 from runtime.shell.files import usable, writing
 
 NAME = "plan-init"
 T = TypeVar("T")
-FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -38,16 +37,7 @@ def parser() -> Parser:
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
     built.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
-    drawing = built.add_argument_group("the drawing")
-    drawing.add_argument("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
-    drawing.add_argument("--contour", type=positive_int, metavar="N", help="which one, if there are several")
-    drawing.add_argument(
-        "--tolerance", type=number, default=TOLERANCE_MM, metavar="MM",
-        help="of curves made polygons (default: %(default)s)",
-    )  # fmt: skip
-    drawing.add_argument(
-        "--height", type=number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
-    )
+    shell.add_drawing(built.add_argument_group("the drawing"))
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
     add("--name", help="of the part")
@@ -71,8 +61,7 @@ def _init(arguments: argparse.Namespace) -> int:
     if output.exists() and not arguments.force:
         raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
     asking = sys.stdin.isatty() and not arguments.json
-    options = Options(arguments.units, arguments.contour, arguments.tolerance, arguments.height)
-    imported = _imported(arguments.outline, options, asking)
+    imported = _imported(arguments.outline, shell.drawing_of(arguments), asking)
     if not arguments.json:
         _show(imported)
     answers = _answers(arguments, imported, asking)
@@ -99,7 +88,7 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     try:
         return read_outline(path, options)
     except UsageError as error:
-        if not asking or options.units or "--units" not in str(error):
+        if not asking or options.units or options.scale or "--units" not in str(error):
             raise
         print(error)
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
@@ -110,6 +99,7 @@ def _show(imported: Imported) -> None:
     order = imported.symmetry
     told = "none" if order == 1 else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
     print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
+    print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
         print(f"note: {note}")
 
@@ -128,7 +118,7 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     room = room_mm(imported, GRIPPERS[gripper])
     radius = arguments.radius
     if radius is None:
-        proposed = max(1.0, float(math.floor(min(10.0, FITTING * room))))
+        proposed = proposed_radius_mm(imported, GRIPPERS[gripper])
         radius = _ask(
             f"its centre lies in a disc of radius [{proposed:g} mm]: ",
             lambda text: number(text) if text else proposed,

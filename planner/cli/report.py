@@ -20,7 +20,8 @@ def main(argv: list[str] | None = None) -> int:
 
     def body(arguments: argparse.Namespace) -> int:
         read = () if arguments.job is None else job_file.files(arguments.job)
-        output = usable(arguments.output, arguments.tree, arguments.journal, arguments.models, *read)
+        output = shell.checked_output(arguments.output, "a page for a browser", ".html")
+        usable(output, arguments.tree, arguments.journal, arguments.models, *read)
         if arguments.trials > MAX_TRIALS:
             raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
         (table, data, digest), job = shell.loaded(arguments)

@@ -25,6 +25,8 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
+from planner.part.importers.file import Options
+from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from runtime.shell import command
@@ -34,6 +36,7 @@ from runtime.table import TableFile, load
 
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
@@ -68,6 +71,17 @@ def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
     return path
 
 
+def checked_output(path: Path, what: str, suffix: str) -> Path:
+    """The path of an output of one kind, which may also have no suffix or one of its own.
+
+    Raises:
+        UsageError: its suffix promises something else.
+    """
+    if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
+        raise UsageError(f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}")
+    return path
+
+
 def seconds(text: str) -> float:
     """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
     if text.endswith("min"):
@@ -95,6 +109,31 @@ def store_of(arguments: argparse.Namespace) -> Store | None:
         return None
     base = folder(arguments.cache_dir) if arguments.cache_dir is not None else cache_folder()
     return Store(base / ROLL_OUTS)
+
+
+def add_drawing(group: argparse._ArgumentGroup) -> None:
+    """The options that say how to read a drawing; `drawing_of` reads them."""
+    add = group.add_argument
+    add("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
+    add("--scale", type=command.positive, metavar="MM", help="the same in mm, for a drawing in pixels")
+    add("--layer", metavar="NAME", help="of a DXF drawing, the only one to read (default: all visible ones)")
+    add("--contour", type=command.positive_int, metavar="N", help="which one, if there are several")
+    add(
+        "--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM",
+        help="of curves made polygons (default: %(default)s)",
+    )  # fmt: skip
+    add(
+        "--height", type=command.number, metavar="MM",
+        help="of the cut through an STL solid (default: half-way up)",
+    )  # fmt: skip
+
+
+def drawing_of(arguments: argparse.Namespace) -> Options:
+    """What the options of `add_drawing` say."""
+    return Options(
+        arguments.units, arguments.contour, arguments.tolerance, arguments.height, arguments.layer,
+        arguments.scale,
+    )  # fmt: skip
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""plan-compile --sweep: one job file, every combination of some values, one table each and a summary of all.
+"""plan-compile --vary: one job file, every combination of some values, one table each and a summary of all.
 
 A combination that cannot be used, or has no plan, is one outcome among the others.
 """
@@ -89,12 +89,12 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
     names = [name for name, _ in axes]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(f"--sweep {name}: swept twice; state all its values at once")
+            raise UsageError(f"--vary {name}: swept twice; state all its values at once")
     text = documents.read(path)
     documents.from_toml(text, str(path))
     total = math.prod(len(values) for _, values in axes)
     if total > MOST_JOBS:
-        raise UsageError(f"--sweep: {total} combinations are more than {MOST_JOBS}; sweep fewer values")
+        raise UsageError(f"--vary: {total} combinations are more than {MOST_JOBS}; sweep fewer values")
     combinations = itertools.product(*(values for _, values in axes))
     chosen = [tuple(zip(names, values, strict=True)) for values in combinations]
     return [_order(text, str(path), common, overrides) for overrides in dict.fromkeys(chosen)]

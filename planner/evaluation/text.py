@@ -15,7 +15,7 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
     """The rates, squeezes and seconds."""
     figures = evaluation.summary()
     low, high = figures["success_ci95"]
-    taken = np.bincount(evaluation.squeezes)
+    taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
     return [
         f"{figures['trials']} parts in {world}",
@@ -23,7 +23,7 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
         f"wrong      {figures['wrong_rate']:7.2%}  confident, but not within the goal",
         f"rejected   {figures['reject_rate']:7.2%}",
         f"unresolved {figures['unresolved_rate']:7.2%}",
-        f"squeezes   {figures['mean_squeezes']:7.2f}  a part, {figures['max_squeezes']} at most ({spread})",
+        f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
         *_error(figures["error_mm"]),
         f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",

@@ -1,6 +1,7 @@
 """A new part's job file: an outline and a few answers become commented TOML that compiles as it stands."""
 
 import json
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Imported
 from planner.part.outline import reach
 
+FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
@@ -65,6 +67,11 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
     Negative where the part, turned, is wider than the jaws open.
     """
     return 0.5 * gripper.opening_mm - reach(imported.outline_mm)
+
+
+def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
+    """A radius of the disc that the centroid lies in, where nobody states one [mm]."""
+    return max(1.0, float(math.floor(min(10.0, FITTING * room_mm(imported, gripper)))))
 
 
 def _one_line(text: str) -> str:

@@ -22,6 +22,8 @@ from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
+from planner.report import verdict as verdicts
+from planner.report.cell_result import cell_result, reject_told
 from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import RunLog
@@ -34,6 +36,7 @@ SENSITIVITY_TRIALS = 2000
 STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
 MOST = 60  # most outlines of one belief
 BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
+REJECTS = 100  # most rejects that a picture is drawn of, the latest
 LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
 
 
@@ -60,14 +63,17 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
         "nodes": nodes,
         "leaves": leaf_details(table, beliefs),
-        "log": _log(source.log) if source.log else None,
+        "log": _log(table, source.log) if source.log else None,
     }
     few = min(trials, SENSITIVITY_TRIALS)
-    others = sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed)
+    others = list(sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed))
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
+    worst, summary = verdicts.weakest(others), _summary(table, evaluation)
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=_summary(table, evaluation), widths=_width_function(job),
+        summary=summary, widths=_width_function(job), worst=worst,
+        verdict=verdicts.verdict(job, summary["figures"], worst),
+        cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=[(line.case.name, line.evaluation.summary()) for line in others],
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
@@ -113,7 +119,11 @@ def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
         }
     trials = predicted.trials or evaluation["trials"]
     interval = wilson_interval(round(shown["success"] * trials), trials)
-    return {**shown, "interval": interval, "trials": trials, "again": evaluation}
+    figures = {
+        **evaluation, "success_rate": shown["success"], "reject_rate": shown["rejected"],
+        "mean_squeezes": shown["squeezes"], "error_mm": shown["error_mm"],
+    }  # fmt: skip
+    return {**shown, "interval": interval, "trials": trials, "again": evaluation, "figures": figures}
 
 
 def _width_function(job: Job) -> dict[str, Any]:
@@ -139,7 +149,7 @@ def _job_text(job: Job) -> str:
     return "\n".join(lines)
 
 
-def _log(log: RunLog) -> dict[str, Any]:
+def _log(table: Table, log: RunLog) -> dict[str, Any]:
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])
@@ -155,6 +165,12 @@ def _log(log: RunLog) -> dict[str, Any]:
             [part.part, part.outcome, part.leaf, part.reason, part.audit, part.squeezes]
             for part in (log.parts[number] for number in shown)
         ],
+        "rejects": [
+            [part.part, node, count, reject_told(table, node, count)]
+            for part in log.parts
+            for node, count, target in part.squeezes[-1:]
+            if target is None
+        ][-REJECTS:],
     }
 
 

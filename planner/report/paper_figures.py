@@ -1,6 +1,6 @@
 """The paper's Figs 1, 3 and 4, drawn from this planner's own squeezes; Figs 2 and 6 are trees of tables."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import ceil
 from typing import NamedTuple
 
@@ -49,8 +49,8 @@ class Step(NamedTuple):
     branch: int
 
 
-def likeliest_path(table: Table, beliefs: Replay, squeezes: int) -> list[Step]:
-    """The path of this many squeezes from the root to a leaf that most parts take.
+def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
+    """The path from the root to a leaf that most parts take, of those with one of these numbers of squeezes.
 
     Raises:
         ValueError: no path is that long.
@@ -63,15 +63,20 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: int) -> list[Step]:
             steps = [*path, Step(index, number)]
             if branch.target >= 0:
                 waiting.append((branch.target, steps))
-            elif len(steps) == squeezes:
+            elif len(steps) in squeezes:
                 found.append((len(beliefs.visits[index].through(number)), steps))
     if not found:
-        raise ValueError(f"no path of {squeezes} squeezes leads to a leaf")
+        raise ValueError(f"no path of {', '.join(map(str, squeezes))} squeezes leads to a leaf")
     return max(found)[1]
 
 
-def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figure:
-    """Fig. 1: how widths shrink the beliefs of a table on a path of squeezes, and one part that takes it."""
+def sequence(
+    table: Table, job: Job, beliefs: Replay, squeezes: Collection[int] = (3,), holes: Sequence[Array] = ()
+) -> Figure:
+    """Fig. 1: how widths shrink the beliefs of a table on a path of squeezes, and one part that takes it.
+
+    The part is drawn with its holes (n, 2) [mm] in the outline's frame.
+    """
     path = likeliest_path(table, beliefs, squeezes)
     outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
@@ -96,6 +101,8 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
             _fingers(above, boxes[k - 1])
             _fingers(below, canvas.placed(canvas.finger_boxes(jaws, widths[k - 1]), hands[k - 1]))
             canvas.polygons(below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25)
+            for hole in holes:
+                canvas.polygons(below, canvas.outlines(hole, track[k][None]), canvas.BLUE, 0.8)
             percent = 100 * len(poses[k]) / len(poses[0])
             share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
             title = (

@@ -47,7 +47,7 @@ class Panel(NamedTuple):
     """One node or leaf."""
 
     key: str  # "node-3" or "leaf-0"
-    kind: str  # "node", "leaf" or "unresolved"
+    kind: str  # "node", "leaf", "untried" or "unresolved"
     label: str  # in words, for those who do not see it
     x: float  # left edge [px]
     y: float  # upper edge [px]
@@ -150,7 +150,7 @@ class _Tree:
         text = (32.0, 74.0, "middle")
         if self.style.sideways:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
-        kind = "leaf" if leaf.resolved else "unresolved"
+        kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
         predicted = np.array(predicted_pose(leaf)) if leaf.resolved else None
         return self._panel(~index, kind, leaf_label(index, leaf), poses, lines, text, NOTHING, predicted)
 

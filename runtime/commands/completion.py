@@ -7,6 +7,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+from runtime.commands import squeezetree
 from runtime.errors import ArgumentsError
 from runtime.shell.command import Parser, run
 
@@ -25,6 +26,8 @@ exit codes:
 CAMERA = "drivers.camera.calibration.command"
 # The module with each command's `parser`.
 COMMANDS = {
+    "squeezetree": "runtime.commands.squeezetree",
+    "plan-try": "planner.cli.first_look",
     "plan-compile": "planner.cli.compile",
     "plan-simulate": "planner.cli.simulate",
     "plan-evaluate": "planner.cli.evaluate",
@@ -45,6 +48,7 @@ COMMANDS = {
 APART = {
     "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
     "grasp-audit": {"report": "runtime.spc.command"},
+    "squeezetree": {word: COMMANDS[program.name] for word, program in squeezetree.PROGRAMS.items()},
 }
 
 

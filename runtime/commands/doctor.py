@@ -3,17 +3,19 @@
 import argparse
 import json
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from drivers.ports import Drivers
 from runtime.commands import checks as doctor
-from runtime.commands.arguments import MANUAL
+from runtime.commands.arguments import MANUAL, SIMULATED
+from runtime.commands.cell import REHEARSAL
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.commands.ur_checks import Accepts, accepts, check_controllers
+from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import CellCheckError, CellError
+from runtime.errors import ArgumentsError, CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say
 from runtime.table import Calibration, Table, load
@@ -22,6 +24,7 @@ EPILOG = """\
 examples:
   grasp-doctor --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --tree T.msgpack
   grasp-doctor --port /dev/ttyUSB0 --json
+  grasp-doctor --port sim --tree T.msgpack
 
 exit codes:
    0  fit to run, perhaps with warnings   1  internal error: a bug   2  usage   3  table file missing
@@ -37,8 +40,8 @@ def parser() -> Parser:
         prog="grasp-doctor", description="Check a cell before it runs; moves nothing.", epilog=EPILOG
     )
     add = built.add_argument
-    add("--port", required=True, help="the gripper, as for grasp-runtime")
-    add("--arm", help="the arm: tcp://host:port, ur://host")
+    add("--port", required=True, help="the gripper, as for grasp-runtime; sim with --tree")
+    add("--arm", help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
@@ -54,16 +57,31 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     table = None if arguments.tree is None else load(arguments.tree).table
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
     found: list[Finding] = []
-    for finding in findings(arguments.port, arguments.arm, table, measured, drivers, system or System()):
-        found.append(finding)
-        if not arguments.json:
-            say(_as_line(finding))
+    with _devices(arguments) as (port, arm):
+        for finding in findings(port, arm, table, measured, drivers, system or System()):
+            found.append(finding)
+            if not arguments.json:
+                say(_as_line(finding))
     bad = sum(finding.verdict is Verdict.BAD for finding in found)
     if arguments.json:
         say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in found]}))
     if bad:
         raise CellCheckError(f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs")
     return 0
+
+
+@contextmanager
+def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
+    """The addresses of gripper and arm; for `--port sim` those of a simulated cell, started for this."""
+    if arguments.port != SIMULATED:
+        yield arguments.port, arguments.arm
+        return
+    if arguments.tree is None:
+        raise ArgumentsError(
+            "--port sim needs --tree T: a simulated cell has the part and gripper of a table"
+        )
+    with CellProcess(arguments.tree, world=REHEARSAL, seed=0, time_scale=1.0) as cell:
+        yield cell.endpoints.gripper, arguments.arm or cell.endpoints.arm
 
 
 def findings(

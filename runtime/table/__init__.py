@@ -113,4 +113,7 @@ def load(path: Path | str) -> TableFile:
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
-        raise TableError(f"table {path.name}: {error}") from error
+        hint = (
+            f"; it is a job file: squeezetree plan {path} -o {path.with_suffix('.msgpack')} makes its table"
+        )
+        raise TableError(f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}") from error

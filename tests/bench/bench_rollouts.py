@@ -113,8 +113,8 @@ def sweep(_count: int) -> Row:
     row: Row = {"sweep": SWEEP, "cores": CORES}
     for name, workers in (("all_threads_s", CORES), ("one_thread_s", 1)):
         with tempfile.TemporaryDirectory() as folder:
-            words = [str(JOB), "-o", folder, "--workers", str(workers), "--sweep", SWEEP]
-            plan_compile.main([*words[:3], *words[3:5], "--sweep", "uncertainty.radius_mm=4"])
+            words = [str(JOB), "-o", folder, "--workers", str(workers), "--vary", SWEEP]
+            plan_compile.main([*words[:3], *words[3:5], "--vary", "uncertainty.radius_mm=4"])
             row[name], _ = timed(lambda: plan_compile.main(words))  # noqa: B023
     print(
         "sweep of four jobs: {all_threads_s:.1f} s on all threads, {one_thread_s:.1f} s on one".format(**row)

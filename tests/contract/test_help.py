@@ -21,11 +21,13 @@ def every(found: dict[str, argparse.ArgumentParser]) -> Iterator[tuple[str, argp
     """All commands and subcommands by the words that call them."""
     for name, made in found.items():
         yield name, made
+        if name == "squeezetree":  # its subcommands are the others
+            continue
         yield from every({f"{name} {word}": one for word, one in _subcommands(made).items()})
 
 
 ALL = dict(every(COMMANDS))
-LAST = [name for name, made in ALL.items() if not _subcommands(made)]
+LAST = [name for name, made in ALL.items() if not _subcommands(made)]  # not `squeezetree` itself
 
 
 def arguments(made: argparse.ArgumentParser) -> list[argparse.Action]:

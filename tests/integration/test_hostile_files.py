@@ -67,7 +67,7 @@ COMMANDS = {
     "plan-compile, figures": Command(
         "planner.cli.compile", "{job} -o t.msgpack --models-report {svg}", ".json"
     ),
-    "plan-compile --sweep": Command("planner.cli.compile", "{job} -o {folder} --sweep seed=1", ".msgpack"),
+    "plan-compile --vary": Command("planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"),
     "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
     "plan-simulate --push": Command("planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"),
     "plan-simulate --figure": Command("planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"),
@@ -78,6 +78,7 @@ COMMANDS = {
     "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
     "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
     "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
+    "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
     "plan-report": Command(
         "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
     ),

@@ -122,6 +122,6 @@ def test_a_report_that_cannot_be_made_is_refused_before_the_work(tmp_path, capsy
     assert compiled(tmp_path, "--models-report", str(tmp_path / "fig.txt")) == 2
     assert "must end in .png, .svg, .pdf" in capsys.readouterr().err
     assert compiled(tmp_path, "--models-report", str(tmp_path / "no" / "fig.svg")) == 2
-    assert compiled(tmp_path, "--models-report", "--sweep", "seed=1,2") == 2
-    assert "leave it out with --sweep" in capsys.readouterr().err
+    assert compiled(tmp_path, "--models-report", "--vary", "seed=1,2") == 2
+    assert "leave it out with --vary" in capsys.readouterr().err
     assert not (tmp_path / "tree.msgpack").exists()

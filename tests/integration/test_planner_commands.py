@@ -285,8 +285,8 @@ def test_usage_errors(tmp_path):
     for words in (
         (*table, "--bound", 0),
         (*table, "--bound", 10**9),
-        (*table, "--bound-dense", "--sweep", "seed=1,2"),
-        (*table, "--bound", "--sweep", "seed=1,2"),
+        (*table, "--bound-dense", "--vary", "seed=1,2"),
+        (*table, "--bound", "--vary", "seed=1,2"),
         ("--baseline", "sensorless", "--bound"),
     ):
         code, _, err = inside(compile_, JOB, *words)

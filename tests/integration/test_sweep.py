@@ -1,4 +1,4 @@
-"""plan-compile --sweep: many jobs from one file, each table as if it had been compiled alone."""
+"""plan-compile --vary: many jobs from one file, each table as if it had been compiled alone."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ def compiled(job, output, *options):
 
 
 def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
-    assert compiled(job, tmp_path / "all", "--sweep", RADII, "--sweep", "seed=3") == 0
+    assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3") == 0
     for radius in ("4", "6"):
         text = job.read_text(encoding="utf-8")
         edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace("seed = 1", "seed = 3")
@@ -42,7 +42,7 @@ def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
 
 def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, capsys):
     values = "uncertainty.radius_mm=-1,4,500"
-    assert compiled(job, tmp_path, "--sweep", values, "--json") == 6
+    assert compiled(job, tmp_path, "--vary", values, "--json") == 6
     out, err = capsys.readouterr()
     bad, good, hopeless = json.loads(out)["jobs"]
     assert err == ""
@@ -57,7 +57,7 @@ def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, ca
 
 def test_a_pipe_gets_a_line_for_each_job(job, tmp_path, capsys):
     pattern = tmp_path / "r{uncertainty.radius_mm}.msgpack"
-    assert compiled(job, pattern, "--sweep", "uncertainty.radius_mm=4,wide") == 6
+    assert compiled(job, pattern, "--vary", "uncertainty.radius_mm=4,wide") == 6
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("uncertainty.radius_mm=4: success ")
     assert str(tmp_path / "r4.msgpack") in first
@@ -67,7 +67,7 @@ def test_a_pipe_gets_a_line_for_each_job(job, tmp_path, capsys):
 def test_a_terminal_gets_a_table(job, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "400")
-    assert compiled(job, tmp_path, "--sweep", "uncertainty.radius_mm=4,wide") == 6
+    assert compiled(job, tmp_path, "--vary", "uncertainty.radius_mm=4,wide") == 6
     out = capsys.readouterr().out
     assert "success" in out
     assert "must be a number" in out
@@ -82,7 +82,7 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monk
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sweep_cli, "outcomes", interrupted)
-    assert compiled(job, tmp_path, "--sweep", RADII) == 130
+    assert compiled(job, tmp_path, "--vary", RADII) == 130
     assert "1 of 2 jobs are done" in capsys.readouterr().err
     assert len(list(tmp_path.glob("*.msgpack"))) == 1
 
@@ -97,7 +97,7 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monk
     ],
 )
 def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsys, sweeps, words):
-    options = [word for text in sweeps for word in ("--sweep", text)]
+    options = [word for text in sweeps for word in ("--vary", text)]
     assert compiled(job, tmp_path / "none", *options) == 2
     err = capsys.readouterr().err
     assert words in err
@@ -112,7 +112,7 @@ def test_a_file_that_cannot_be_read_is_one_error(tmp_path, capsys, content, code
     path = tmp_path / "job.toml"
     if content is not None:
         path.write_text(content)
-    assert compiled(path, tmp_path / "out", "--sweep", RADII) == code
+    assert compiled(path, tmp_path / "out", "--vary", RADII) == code
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -159,5 +159,5 @@ def test_a_pattern_that_cannot_tell_jobs_apart_is_refused(pattern, words):
 
 def test_an_output_folder_that_is_a_file_is_one_error(job, tmp_path, capsys):
     (tmp_path / "file").touch()
-    assert compiled(job, tmp_path / "file", "--sweep", RADII) == 2
+    assert compiled(job, tmp_path / "file", "--vary", RADII) == 2
     assert "cannot be made" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """From shapes to contours: strokes joined, copies and holes told apart, one contour chosen."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,12 @@ from planner.part.importers.pieces import Pieces, too_much
 
 LISTED = 12
 MOST = 2000  # Most contours of one drawing
+NEARLY = 0.1  # of its size: an outline that is open by no more was meant to be closed
+
+
+SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))  # ISO 216, A0 to A5
+MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some more
+SHEET_SLACK_MM = 0.5
 
 
 class Contour(NamedTuple):
@@ -35,17 +42,23 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     """
     joined, loose = _joined(pieces.strokes, join_mm)
     rings = [ring for ring in (*pieces.rings, *joined) if _encloses(ring, join_mm)]
-    if not rings:
-        raise _no_contour(pieces, loose, where)
+    if not rings or _around(loose, rings):
+        raise _no_contour(loose, where)
     if len(rings) > MOST:
         raise too_much(where, f"has more than {MOST} contours")
     notes = list(pieces.notes)
     if loose:
-        notes.append(f"{len(loose)} open lines ignored")
+        gap = _gap(loose)
+        what = f"the narrowest gap, {gap.width_mm:.3g} mm, is at ({gap.x:.4g}, {gap.y:.4g}) mm"
+        notes.append(f"{what}; {len(loose)} open lines ignored")
     distinct = _without_copies(rings, join_mm)
     if len(distinct) < len(rings):
         notes.append(f"{len(rings) - len(distinct)} contours drawn twice, taken once")
-    return _nested(distinct), notes
+    frames = [k for k, ring in enumerate(distinct) if _is_frame(ring, distinct)]
+    for k in frames:
+        width, height = np.ptp(distinct[k], axis=0)
+        notes.append(f"the frame of a sheet, {width:.4g} x {height:.4g} mm, left out")
+    return _nested([ring for k, ring in enumerate(distinct) if k not in frames]), notes
 
 
 def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contour, list[str]]:
@@ -69,6 +82,16 @@ def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contou
     if len(found) > 1:
         notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
     return contour, notes
+
+
+def holes_of(contour: Contour, found: list[Contour]) -> list[Array]:
+    """The inner contours (n, 2) [mm] that lie inside a contour."""
+    face = shapely.make_valid(shapely.Polygon(contour.points))
+    return [
+        other.points
+        for other in found
+        if other is not contour and face.contains(shapely.make_valid(shapely.Polygon(other.points)))
+    ]
 
 
 def listing(found: list[Contour]) -> str:
@@ -114,6 +137,25 @@ def _encloses(ring: Array, join_mm: float) -> bool:
     return len(ring) > 2 and float(shapely.multipoints(ring).convex_hull.area) > join_mm**2
 
 
+def _is_frame(ring: Array, rings: list[Array]) -> bool:
+    """Whether a ring is the border of an ISO 216 sheet, or of its margins, about at least one other ring.
+
+    What no gripper takes is no part: the shorter side of the smallest such border is that of A5 less margins.
+    """
+    low, high = ring.min(axis=0), ring.max(axis=0)
+    sides = np.sort(high - low)
+    box = shapely.box(*low, *high)
+    if abs(float(shapely.Polygon(ring).area) - box.area) > SHEET_SLACK_MM * float(sides.sum()):
+        return False
+    fits = any(
+        np.all((sides <= np.array(sheet) + SHEET_SLACK_MM) & (sides >= np.array(sheet) - MARGINS_MM))
+        for sheet in SHEETS_MM
+    )
+    return fits and any(
+        other is not ring and box.contains_properly(shapely.multipoints(other)) for other in rings
+    )
+
+
 def _without_copies(rings: list[Array], tolerance_mm: float) -> list[Array]:
     """The rings without those that lie upon an earlier one."""
     lines = [shapely.LinearRing(ring) for ring in rings]
@@ -141,15 +183,40 @@ def _nested(rings: list[Array]) -> list[Contour]:
     return sorted(found, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _no_contour(pieces: Pieces, loose: list[Array], where: str) -> OutlineError:
+def _no_contour(loose: list[Array], where: str) -> OutlineError:
     if not loose:
         return OutlineError("holds no closed contour; draw the part's outline as one", where=where)
-    ends = np.array([line[k] for line in pieces.strokes for k in (0, -1)])
-    gaps = cKDTree(ends).query(ends, k=2)[0][:, 1] if len(ends) > 1 else np.zeros(1)
-    k = int(np.argmax(gaps))
-    x, y = ends[k]
+    gap = _gap(loose)
     problem = (
-        f"the contour is open at ({x:.4g}, {y:.4g}) mm, where the nearest end is {gaps[k]:.4g} mm away; "
-        "close it in the drawing"
+        f"the contour is open at ({gap.x:.4g}, {gap.y:.4g}) mm, where the nearest end is "
+        f"{gap.width_mm:.4g} mm away; close it in the drawing"
     )
     return OutlineError(problem, where=where)
+
+
+def _around(loose: list[Array], rings: list[Array]) -> bool:
+    """Whether open lines that nearly close go around all rings: an open outline, and closed holes in it."""
+    if not loose:
+        return False
+    hull = shapely.convex_hull(shapely.multipoints(np.concatenate(loose)))
+    nearly = _gap(loose).width_mm <= NEARLY * math.sqrt(hull.area)
+    return nearly and all(hull.contains_properly(shapely.multipoints(ring)) for ring in rings)
+
+
+class Gap(NamedTuple):
+    """Where a contour is open."""
+
+    x: float  # [mm]
+    y: float  # [mm]
+    width_mm: float  # to the nearest end of a line
+
+
+def _gap(lines: list[Array]) -> Gap:
+    """The smallest distance between ends of lines that are put together where they meet."""
+    merged = shapely.line_merge(shapely.multilinestrings([shapely.linestrings(line) for line in lines]))
+    chains = [shapely.get_coordinates(chain) for chain in shapely.get_parts(merged)]
+    ends = np.array([chain[k] for chain in chains for k in (0, -1)])
+    gaps = cKDTree(ends).query(ends, k=2)[0][:, 1]
+    apart = np.where(gaps > 0.0, gaps, np.inf)  # where three lines meet, two ends have no gap
+    k = int(np.argmin(apart)) if np.isfinite(apart).any() else 0
+    return Gap(float(ends[k, 0]), float(ends[k, 1]), float(gaps[k]))

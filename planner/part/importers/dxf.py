@@ -18,7 +18,7 @@ from ezdxf.lldxf.const import DXFError
 from scipy.interpolate import BSpline
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError
+from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers.pieces import (
     LARGEST_MM,
     MAX_SHAPES,
@@ -41,19 +41,24 @@ ABSURD: Array = np.full((1, 2), np.inf)
 """Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+def read(
+    data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, layer: str | None = None
+) -> Pieces:
     """The shapes of a DXF file; raises what `file.read_outline` does.
 
     `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
-    of a chord from its curve; `where` names the file in errors.
+    of a chord from its curve, `layer` the only one that counts (None: all visible ones); `where` names the
+    file in errors.
     """
     document = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
+    if layer is not None and layer.lower() not in (names := _layers(document)):
+        raise UsageError(f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}")
     space = document.modelspace()
     if _size(document, space, where) > MAX_SHAPES:
         raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its blocks written out")
     curves, strays = [], Counter[str]()
-    for entity in _visible(document, space):
+    for entity in _visible(document, space, layer):
         if entity.dxftype() in SHAPES:
             curves.append(_points(entity, scale, tolerance_mm, where))
         else:
@@ -120,12 +125,19 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
     return count(space, ())
 
 
-def _visible(document: Drawing, space: Modelspace) -> Iterator[DXFEntity]:
-    """The entities of the model space on layers that are switched on."""
+def _visible(document: Drawing, space: Modelspace, only: str | None) -> Iterator[DXFEntity]:
+    """The entities of the model space on layers that are switched on, or on one that is asked for."""
     hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
     for entity in disassemble.recursive_decompose(space):
-        if str(entity.dxf.get("layer", "0")).lower() not in hidden:
+        name = str(entity.dxf.get("layer", "0")).lower()
+        if (name not in hidden) if only is None else (name == only.lower()):
             yield entity
+
+
+def _layers(document: Drawing) -> dict[str, str]:
+    """The layers on which something is drawn, those of blocks included, by their names in lower case."""
+    names = [str(entity.dxf.get("layer", "0")) for entity in document.entitydb.values() if entity.is_alive]
+    return {name.lower(): name for name in sorted(set(names))}
 
 
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:

@@ -9,10 +9,10 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, time_limit
+from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
 
-READERS = {".dxf": dxf.read, ".svg": svg.read, ".csv": table.read}
-SUFFIXES = (*READERS, ".stl")
+READERS = {".svg": svg.read, ".csv": table.read}
+SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
@@ -25,6 +25,8 @@ class Options(NamedTuple):
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
     height_mm: float | None = None  # of the cut through a solid, or None for half-way up
+    layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
+    scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
 
 
 class Imported(NamedTuple):
@@ -35,6 +37,8 @@ class Imported(NamedTuple):
     size_mm: Array  # (2,) extent of its bounding box, as drawn
     notes: tuple[str, ...]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of the solid; None where the file holds an outline alone
+    holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's origin in the outline's frame
 
 
 def read_outline(path: Path, options: Options) -> Imported:
@@ -50,17 +54,30 @@ def read_outline(path: Path, options: Options) -> Imported:
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
+    if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
+        raise UsageError("--scale states the mm of one unit, from 1e-6 to 1e6, instead of --units")
     data, suffix = _bytes(path), path.suffix.lower()
-    unit_mm = UNITS_MM[options.units] if options.units else None
+    if options.layer is not None and suffix != ".dxf":
+        raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
     with time_limit(where):
-        if suffix == ".stl":
-            pieces = mesh.read(data, where, unit_mm, options.height_mm)
-        else:  # half the tolerance is for leaving vertices out
-            pieces = READERS[suffix](data, where, unit_mm, 0.5 * options.tolerance_mm)
+        pieces = _pieces(data, where, suffix, options)
         found, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(found, options.contour, where)
-        imported = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
-        return imported._replace(height_mm=pieces.height_mm)
+        imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+        holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
+        return imported._replace(
+            height_mm=pieces.height_mm, holes_mm=holes, origin_mm=(float(shift[0]), float(shift[1]))
+        )
+
+
+def _pieces(data: bytes, where: str, suffix: str, options: Options) -> Pieces:
+    unit_mm = options.scale or (UNITS_MM[options.units] if options.units else None)
+    if suffix == ".stl":
+        return mesh.read(data, where, unit_mm, options.height_mm)
+    tolerance_mm = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
+    if suffix == ".dxf":
+        return dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
+    return READERS[suffix](data, where, unit_mm, tolerance_mm)
 
 
 def _bytes(path: Path) -> bytes:
@@ -79,22 +96,27 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]) -> Imported:
+def _checked(
+    points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]
+) -> tuple[Imported, Array]:
+    """The outline of a contour, and the shift (2,) that took it to its frame [mm]."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
         problem = (
-            f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units"
+            f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units, "
+            "or --scale for a drawing in pixels"
         )
         raise OutlineError(problem, where=where)
     try:
-        drawn = outline.canonical(_apart(points, where)).outline_mm
-        simple = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm)).outline_mm
+        drawn, first = outline.canonical(_apart(points, where))
+        simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
     except OutlineError as error:
         raise OutlineError(error.problem, where=where) from None
     if len(simple) > MOST_VERTICES:
         problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
         raise OutlineError(problem, where=where)
-    return Imported(simple, symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM)), size, notes)
+    order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
+    return Imported(simple, order, size, notes), first + second
 
 
 def _apart(points: Array, where: str) -> Array:

@@ -12,14 +12,14 @@ FARTHEST_MM = 1e6
 
 def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
     """The cuts of a solid with a plane `height_mm` above its lowest point, or half-way up; as `dxf.read`."""
-    if unit_mm is None:
-        raise need_units(where, "is an STL file, which never says its units")
     try:
         import trimesh
     except ModuleNotFoundError as error:
         raise UsageError(
             f"{where}: STL files need trimesh; install it with: pip install 'squeezetree[mesh]'"
         ) from error
+    if unit_mm is None:
+        raise need_units(where, "is an STL file, which never says its units")
     try:
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm

@@ -32,7 +32,8 @@ class Pieces(NamedTuple):
 
 def need_units(where: str, said: str) -> UsageError:
     """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
-    return UsageError(f"{where}: {said}; say what one unit is with --units mm, cm, in or m")
+    hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
+    return UsageError(f"{where}: {said}; {hint}")
 
 
 def too_much(where: str, what: str) -> OutlineError:

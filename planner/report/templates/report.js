@@ -31,7 +31,6 @@ document.getElementById("in").addEventListener("click", () => zoom(1 / 1.4));
 document.getElementById("out").addEventListener("click", () => zoom(1.4));
 document.getElementById("fit").addEventListener("click", () => look([...whole]));
 plan.addEventListener("wheel", event => {
-  if (!event.ctrlKey && !event.metaKey && !plan.contains(document.activeElement)) return;  // the page scrolls
   event.preventDefault();
   zoom(Math.exp(Math.max(-0.3, Math.min(0.3, event.deltaY / 400))), ...placeOf(event));
 }, {passive: false});
@@ -59,6 +58,7 @@ let chosen = null;
 function choose(key, {focus = false, show = false} = {}) {
   const panel = document.getElementById(key);
   if (!panel) return;
+  if (show) unfold(key);
   if (chosen) { chosen.classList.remove("chosen"); chosen.tabIndex = -1; chosen.removeAttribute("aria-pressed"); }
   chosen = panel;
   panel.classList.add("chosen");
@@ -98,6 +98,8 @@ plan.addEventListener("keydown", event => {
   event.preventDefault();
 });
 document.getElementById("goto").addEventListener("change", event => {
+  const widths = event.target.value.trim().split(/[\s,;]+/).map(Number);
+  if (widths.every(width => width > 0) && /[\s,;.]/.test(event.target.value.trim())) { follow(widths); return; }
   const found = /^\s*(node|leaf)?\D*(\d+)\s*$/i.exec(event.target.value);
   if (found) choose(`${(found[1] ?? "node").toLowerCase()}-${found[2]}`, {show: true});
 });
@@ -139,14 +141,14 @@ function link(target) {
 }
 function histogram(node, mark) {
   const most = Math.max(1, ...node.seen.map(([, number]) => number));
-  const bands = node.map.map(([first, last, branch]) => shape("rect", {class: `c${branch % 6}`, "fill-opacity": .3, x: first, y: 0, width: last - first + 1, height: 62}));
+  const bands = node.map.map(([first, last, branch]) => shape("rect", {class: `c${branch % 6}`, "fill-opacity": .3, x: 255 - last, y: 0, width: last - first + 1, height: 62}));
   const bars = node.seen.map(([count, number]) => {
     const run = node.map.find(([first, last]) => first <= count && count <= last), height = 60 * Math.sqrt(number / most);
-    return shape("rect", {class: run ? `c${run[2] % 6}` : "", x: count, y: 62 - height, width: 1, height});
+    return shape("rect", {class: run ? `c${run[2] % 6}` : "", x: 255 - count, y: 62 - height, width: 1, height});
   });
-  const names = node.map.filter(([first, last]) => last - first > 6).map(([first, last, branch]) => shape("text", {x: (first + last + 1) / 2, y: 10, "text-anchor": "middle"}, String(branch)));
-  const axis = [0, 128, 255].map(count => shape("text", {x: count, y: 74, "text-anchor": count ? count === 255 ? "end" : "middle" : "start"}, `${count}: ${widthAt(count).toFixed(0)} mm`));
-  const line = mark === undefined ? [] : [shape("path", {d: `M${mark + .5} 0V62`, stroke: "#1a1a1a", "stroke-width": 1.5})];
+  const names = node.map.filter(([first, last]) => last - first > 6).map(([first, last, branch]) => shape("text", {x: 255.5 - (first + last) / 2, y: 10, "text-anchor": "middle"}, String(branch)));
+  const axis = [255, 128, 0].map(count => shape("text", {x: 255 - count, y: 74, "text-anchor": count ? count === 255 ? "start" : "middle" : "end"}, `${count}: ${widthAt(count).toFixed(0)} mm`));
+  const line = mark === undefined ? [] : [shape("path", {d: `M${255.5 - mark} 0V62`, stroke: "#1a1a1a", "stroke-width": 1.5})];
   return shape("svg", {viewBox: "0 0 256 78", role: "img", "aria-label": "Encoder counts read in the replay, and the branch that each count means"}, ...bands, ...bars, ...names, ...line, ...axis);
 }
 function nodeDetails(index, mark) {
@@ -156,7 +158,7 @@ function nodeDetails(index, mark) {
     const cells = [String(number), `${mm(low)}\u2013${mm(high)}`, mm(expected), runs, percent(ppm / 1e6), String(logged(index, target) ?? seen)];
     return make("tr", {}, ...cells.map(text => make("td", {}, text)), make("td", {}, link(target)));
   });
-  const heads = ["branch", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
+  const heads = ["#", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
   const rejected = logged(index, null) ?? node.rejected;
   const up = parents.get(index);
   return [
@@ -194,8 +196,9 @@ function leafDetails(index) {
 const tally = new Map((data.log?.branches ?? []).map(([node, target, number]) => [`${node}:${target}`, number]));
 const logged = (node, target) => data.log ? tally.get(`${node}:${target}`) ?? 0 : undefined;
 const readable = 1.5 * plan.clientWidth;
-if (whole[2] > readable) {  // begin at the root, where one can read
+function begin() {  // at the root, where one can read
+  if (whole[2] <= readable) { look([...whole]); return; }
   const root = document.getElementById("node-0").transform.baseVal.consolidate().matrix;
   look([root.e + 32 - readable / 2, 0, readable, readable * plan.clientHeight / plan.clientWidth]);
 }
-choose(/^#(node|leaf)-\d+$/.test(location.hash) ? location.hash.slice(1) : "node-0", {show: location.hash.length > 1});
+begin();

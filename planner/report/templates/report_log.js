@@ -17,6 +17,14 @@ if (log.others) notes.push(`${log.others} runs of other tables in the same journ
 if (log.parts.length < log.total) notes.push(`The list below holds ${log.parts.length} of them, those that failed first.`);
 document.getElementById("log-figures").append(...notes.map(text => make("p", {}, text)));
 
+if (log.rejects.length) {
+  const drawn = log.rejects.map(([number, node, count, told]) => {
+    const at = data.nodes[node], width = widthAt(count);
+    const picture = scene(Math.max(data.reach, width / 2 + data.jaws[2]), at.belief, `Part ${number}: where it was believed, and the fingers as they stopped`, hand(at.place, width, "read"));
+    return make("figure", {}, picture, make("figcaption", {}, `Part ${number}, node ${node}, count ${count}: ${told}`));
+  });
+  document.getElementById("rejects").append(make("h3", {}, "Rejects"), make("div", {class: "rejects"}, ...drawn));
+}
 let part = null, step = 0;
 function fill() {
   const shown = log.parts.map((entry, index) => [entry, index]).filter(([entry]) => !onlyFailed.checked || failed(entry));

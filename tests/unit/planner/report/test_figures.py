@@ -109,7 +109,7 @@ def test_speeds_are_those_kept():
 
 def test_the_likeliest_path_is_one_of_the_table_and_no_other_is_taken_more(planned):
     table, _, beliefs = planned
-    path = paper_figures.likeliest_path(table, beliefs, 3)
+    path = paper_figures.likeliest_path(table, beliefs, [3])
     targets = [table.nodes[step.node].branches[step.branch].target for step in path]
     assert path[0].node == 0
     assert [step.node for step in path[1:]] == targets[:-1]
@@ -118,7 +118,7 @@ def test_the_likeliest_path_is_one_of_the_table_and_no_other_is_taken_more(plann
     ends = {~b.target for node in table.nodes for b in node.branches if b.target < 0}
     assert taken * len(ends) >= len(beliefs.visits[0].before) * 0.5
     with pytest.raises(ValueError, match="no path of 40"):
-        paper_figures.likeliest_path(table, beliefs, 40)
+        paper_figures.likeliest_path(table, beliefs, [40])
 
 
 def test_the_sequence_follows_one_part_of_the_path(planned):
@@ -127,7 +127,7 @@ def test_the_sequence_follows_one_part_of_the_path(planned):
         figure = paper_figures.sequence(table, job, beliefs)
         assert_legible(figure)
     said = [axes.get_title() for axes in figure.axes[::1] if axes.get_title()]
-    path = paper_figures.likeliest_path(table, beliefs, 3)
+    path = paper_figures.likeliest_path(table, beliefs, [3])
     for title, step in zip(said[1:], path, strict=True):
         expected = table.nodes[step.node].branches[step.branch].expected_um / 1e3
         assert f"reads {expected:.1f} mm" in title

@@ -1,0 +1,104 @@
+"""A plan's verdict in one sentence: what it finds, how well, and the assumption that it leans on most."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+from planner.evaluation.evaluate import Line
+from planner.job.model import Job
+from planner.part.rectangle import smallest_rectangle
+
+GOOD_WRONG = 0.005  # share of confident wrong answers that an assumption may cost before it is warned of
+POOR_SUCCESS = 0.9
+
+Grade = Literal["good", "fair", "poor"]
+
+
+class Weakest(NamedTuple):
+    """The broken assumption that does most harm."""
+
+    name: str  # of the world
+    wrong: float  # share of confident wrong answers there
+    success: float  # share of the parts that are located there
+
+    def text(self) -> str:
+        """For people."""
+        if self.wrong >= GOOD_WRONG:
+            return f"{self.name} ({percent(self.wrong)} wrong)"
+        return f"{self.name} ({percent(self.success)} located, {percent(self.wrong)} wrong)"
+
+
+class Verdict(NamedTuple):
+    """What there is to say first."""
+
+    grade: Grade
+    sentence: str
+    error: str  # expected error, as a clause
+
+
+def weakest(lines: Sequence[Line]) -> Weakest | None:
+    """The worst of some worlds, the first of which is as planned: most wrong answers, then least success."""
+    told = [(line.case.name, line.evaluation.summary()) for line in lines[1:]]
+    if not told:
+        return None
+    name, worst = max(told, key=lambda row: (round(row[1]["wrong_rate"], 3), -row[1]["success_rate"]))
+    return Weakest(name, worst["wrong_rate"], worst["success_rate"])
+
+
+def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict:
+    """The verdict on a job's table.
+
+    Args:
+        job: the job that the table was planned for.
+        figures: as `Evaluation.summary` returns them.
+        worst: the assumption that the table leans on most, if worlds were tried.
+    """
+    success, wrong = figures["success_rate"], figures["wrong_rate"]
+    grade: Grade = "good"
+    if success < job.goal.confidence or (worst is not None and worst.wrong >= GOOD_WRONG):
+        grade = "fair"
+    if success < POOR_SUCCESS or wrong > 2.0 * (1.0 - job.goal.confidence):
+        grade = "poor"
+    found = (
+        f"finds a {described(job)} lying {belief(job)} {aim(job)} in {percent(success)} of trials, "
+        f"{figures['mean_squeezes']:.1f} squeezes, about {figures['mean_seconds']:.1f} s"
+    )
+    leaning = f"; weakest assumption: {worst.text()}" if worst else ""
+    return Verdict(grade, found + leaning, error_text(figures["error_mm"]))
+
+
+def error_text(error_mm: dict[str, float] | None) -> str:
+    """The expected error as a clause."""
+    if error_mm is None:
+        return "no expected error: no part was located"
+    return f"expected error {error_mm['median']:.2f} mm median, 95 % within {error_mm['p95']:.2f} mm"
+
+
+def described(job: Job) -> str:
+    """The part by its size and name."""
+    length, width, _ = smallest_rectangle(job.part.outline_mm)
+    return f"{length:.3g} x {width:.3g} mm {job.part.name}"
+
+
+def belief(job: Job) -> str:
+    """Where the part may lie."""
+    turn = job.uncertainty.orientation_halfwidth_deg
+    angle = "at any angle" if turn >= 180.0 else f"and {turn:g} degrees"
+    return f"within {job.uncertainty.radius_mm:g} mm {angle}"
+
+
+def aim(job: Job) -> str:
+    """How well it is to be located."""
+    goal = job.goal
+    if goal.kind == "tolerances":
+        return f"to {goal.tolerance_mm[0]:g} x {goal.tolerance_mm[1]:g} mm and {goal.tolerance_deg:g} degrees"
+    if goal.kind == "orientation":
+        return f"to {goal.tolerance_deg:g} degrees"
+    return f"to {goal.distance_mm:g} mm" + (f" in one of {goal.modes} poses" if goal.kind == "modes" else "")
+
+
+def percent(share: float) -> str:
+    """A share, never rounded up to all or down to nothing."""
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)
+    return f"{100 * share:.{digits}f} %" if share < 0.1 or share > 0.9 else f"{100 * share:.0f} %"

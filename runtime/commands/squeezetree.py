@@ -1,0 +1,131 @@
+"""The command `squeezetree`: one way in to all commands, in the order in which a user meets them.
+
+A subcommand is a program of its own: its entry point is called, so that nothing is loaded for the others.
+"""
+
+import argparse
+import difflib
+import sys
+from collections.abc import Sequence
+from importlib import import_module, metadata
+from typing import NamedTuple
+
+from runtime.shell.command import Parser, run, say
+
+NAME = "squeezetree"
+
+
+class Program(NamedTuple):
+    """What a subcommand runs."""
+
+    name: str  # as installed
+    entry: str  # its entry point, module:function
+    told: str  # what it is for
+    before: tuple[str, ...] = ()  # arguments that come before the user's
+
+
+GROUPS: dict[str, dict[str, Program]] = {
+    "a part, at the workstation": {
+        "try": Program(
+            "plan-try", "planner.commands:try_part", "from a drawing to a first answer, in a minute"
+        ),
+        "init": Program("plan-init", "planner.commands:init", "begin a job file from a drawing"),
+        "plan": Program("plan-compile", "planner.commands:compile_job", "plan a job's squeezes as a table"),
+        "evaluate": Program("plan-evaluate", "planner.commands:evaluate", "run a table on simulated parts"),
+        "report": Program("plan-report", "planner.commands:report", "a table and its runs, as a page"),
+    },
+    "a cell": {
+        "doctor": Program("grasp-doctor", "runtime.cli:doctor", "check a cell before it runs; moves nothing"),
+        "calibrate": Program(
+            "grasp-calibrate", "runtime.cli:calibrate", "measure widths, or the audit camera"
+        ),
+        "run": Program(
+            "grasp-runtime", "runtime.cli:main", "locate parts by a table, in a cell or simulated"
+        ),
+        "cell": Program("grasp-cell", "drivers.sim.cli:main", "a simulated cell that other programs control"),
+        "serve": Program(
+            "grasp-runtime", "runtime.cli:main", "answer a robot: serve ADDRESS ...", ("--serve",)
+        ),
+    },
+    "what happened": {
+        "journal": Program(
+            "grasp-journal", "runtime.commands.journal:main", "show, verify, replay or export it"
+        ),
+        "audit": Program("grasp-audit", "drivers.camera.commands:audit", "answers judged by camera; charts"),
+    },
+    "further": {
+        "simulate": Program(
+            "plan-simulate", "planner.commands:simulate", "how single squeezes and pushes end"
+        ),
+        "expect": Program(
+            "plan-expect", "planner.commands:expect", "the readings of a healthy cell, for charts"
+        ),
+        "export": Program("plan-export", "planner.commands:export", "a table in C99, IEC 61131-3 or JSON"),
+        "identify": Program("plan-identify", "planner.commands:identify", "how a part slides, from pushes"),
+        "completion": Program(
+            "squeezetree-completion", "runtime.commands.completion:main", "completion by Tab in bash"
+        ),
+    },
+}  # by subject, in the order of a user's day
+PROGRAMS = {word: program for group in GROUPS.values() for word, program in group.items()}
+
+EPILOG = f"""\
+examples:
+  {NAME} try part.dxf --units mm
+  {NAME} plan part.toml -o part.msgpack
+  {NAME} run --tree part.msgpack --port sim --count 20
+
+exit codes:
+   0  done                 2  usage, or a part of the installation is missing
+  else those of the program that a command runs
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a subcommand's program in this process, or print the overview; returns the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words or words[0].startswith("-"):
+        return run(parser(), words, _overview)
+    if words[0] not in PROGRAMS:
+        near = difflib.get_close_matches(words[0], PROGRAMS, 1)
+        parser().error(f"there is no command {words[0]!r}" + (f"; is {near[0]} meant?" if near else ""))
+    return _call(PROGRAMS[words[0]], words[1:])
+
+
+def parser() -> Parser:
+    """The command's arguments; each subcommand's own are its program's."""
+    built = Parser(
+        prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG,
+        description=f"{_described()}\n{NAME} COMMAND --help tells more.",
+    )  # fmt: skip
+    built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")
+    commands = built.add_subparsers(metavar="COMMAND", help=argparse.SUPPRESS, parser_class=Parser)
+    for word in PROGRAMS:
+        commands.add_parser(word, add_help=False)
+    return built
+
+
+def _described() -> str:
+    """All subcommands, each with the program that it is and what that is for."""
+    lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
+    for subject, group in GROUPS.items():
+        lines += ["", f"{subject}:"]
+        lines += [f"  {word:11s} {program.told}  [{program.name}]" for word, program in group.items()]
+    return "\n".join([*lines, ""])
+
+
+def _overview(_: argparse.Namespace) -> int:
+    say(parser().format_help().rstrip())
+    return 0
+
+
+def _call(program: Program, rest: list[str]) -> int:
+    """Run a program as if it had been called by its name."""
+    before = () if {"-h", "--help"} & set(rest) else program.before
+    sys.argv = [program.name, *before, *rest]
+    module, _, function = program.entry.partition(":")
+    return int(getattr(import_module(module), function)())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,139 @@
+"""One way in: `squeezetree COMMAND` is the program of its name, and `squeezetree try` answers unattended."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from planner.cli import first_look
+from planner.job import model as job_file
+from runtime.commands import squeezetree
+from runtime.commands.squeezetree import PROGRAMS
+from runtime.table import load
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+BLOCK = "import sys; sys.argv = ['squeezetree', *{words}]; sys.modules['numpy'] = None; "
+CALL = "from runtime.commands.squeezetree import main; sys.exit(main())"
+ORDER = "try init plan evaluate report doctor calibrate run cell serve journal audit"
+Calls = list[list[str]]
+
+
+def called(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
+    code = BLOCK.format(words=list(words)) + before + CALL
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
+    """The arguments that programs are called with, in place of the programs."""
+    made: Calls = []
+
+    def loaded(_: str) -> object:
+        class Module:
+            def __getattr__(self, name: str) -> Callable[[], int]:
+                return lambda: made.append(sys.argv) or 7  # type: ignore[func-returns-value]
+
+        return Module()
+
+    monkeypatch.setattr(squeezetree, "import_module", loaded)
+    monkeypatch.setattr(sys, "argv", ["squeezetree"])
+    return made
+
+
+def test_a_subcommand_is_an_installed_program() -> None:
+    assert {program.name: program.entry for program in PROGRAMS.values()} == {
+        name: entry for name, entry in SCRIPTS.items() if name != "squeezetree"
+    }
+
+
+def test_the_order_is_that_of_a_users_day() -> None:
+    assert " ".join(PROGRAMS).startswith(ORDER)
+    told = called("--help").stdout
+    places = [told.index(f"\n  {word} ") for word in PROGRAMS]
+    assert places == sorted(places)
+    assert called().stdout == told
+
+
+def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) -> None:
+    assert squeezetree.main(["journal", "show", "--json", "J"]) == 7
+    assert squeezetree.main(["serve", "tcp://127.0.0.1:0", "--tree", "T"]) == 7
+    assert squeezetree.main(["serve", "--help"]) == 7
+    assert calls == [
+        ["grasp-journal", "show", "--json", "J"],
+        ["grasp-runtime", "--serve", "tcp://127.0.0.1:0", "--tree", "T"],
+        ["grasp-runtime", "--help"],
+    ]
+
+
+def test_the_version_is_the_distributions() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert called("--version").stdout == f"squeezetree {project['version']}\n"
+
+
+def test_commands_of_the_cell_do_not_load_numpy() -> None:
+    assert called("journal", "show", "none.jsonl").returncode == 24
+    assert called("run", "--help").stdout.startswith("usage: grasp-runtime")
+
+
+def test_without_the_planner_one_line_says_what_is_missing() -> None:
+    done = called("try", "part.dxf")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "squeezetree[planner]" in done.stderr
+
+
+def test_what_is_no_command_is_told_in_one_line_with_the_nearest() -> None:
+    done = called("evalute")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "is evaluate meant?" in done.stderr
+
+
+@pytest.fixture
+def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "plate.csv"
+    path.write_text("0,0\n30,0\n30,21\n0,21\n")
+    return path
+
+
+QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
+
+
+@pytest.mark.slow
+def test_a_first_look_answers_and_writes_what_to_go_on_with(
+    plate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert first_look.main([str(plate), *QUICK, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["locatable"] is True
+    assert told["size_mm"] == pytest.approx([30.0, 21.0])
+    assert any("1 mm" in line for line in told["assumed"])  # the file names no unit
+    assert 0.0 <= told["error_mm"]["median"] <= told["error_mm"]["p95"]
+    assert told["weakest"]["wrong"] >= 0.0
+    assert Path(told["picture"]).read_text().count("<svg") == 1
+    job = job_file.load(Path(told["job"]))
+    assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
+    quick = job.replaced(search=first_look.QUICK)
+    assert load(Path(told["table"])).table.job_digest == quick.digest()
+    # Another job of the same name is not overwritten, the same one is.
+    assert first_look.main([str(plate), *QUICK, "--fingers", "steel"]) == 0
+    out = capsys.readouterr().out
+    assert "Can it be located by squeezing?" in out
+    assert "wrote plate-2.toml" in out
+    assert Path("plate.toml").read_text() != Path("plate-2.toml").read_text()
+
+
+def test_a_part_that_no_gripper_takes_is_an_answer_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "slab.csv"
+    path.write_text("0,0\n300,0\n300,200\n0,200\n")
+    assert first_look.main([str(path), "--units", "mm"]) == 0
+    assert "Can it be located by squeezing? No:" in capsys.readouterr().out
