@@ -29,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
         bound = bounds.bound_of(arguments, job, table)
         source = dossier.Source(arguments.tree.name, data, log, judged, bound)
-        text = dossier.page(table, job, source, arguments.trials, arguments.seed)
+        text = dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
         with writing(output) as draft:
             draft.write_text(text, encoding="utf-8")
         size = output.stat().st_size
@@ -53,6 +53,7 @@ def parser() -> Parser:
         "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
         f"{NAME} tree.msgpack -o report.html --models tree.models.json",
+        f"{NAME} tree.msgpack -o report.html --world planner.evaluation.mujoco:make",
     )
     shell.add_table(built)
     built.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
@@ -62,6 +63,10 @@ def parser() -> Parser:
     built.add_argument(
         "--models", type=Path, metavar="M.json",
         help="show how good the learned models are, as plan-compile --models-report wrote it",
+    )  # fmt: skip
+    built.add_argument(
+        "--world", metavar="MODULE:FACTORY",
+        help=f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row",
     )  # fmt: skip
     bounds.add_options(built)
     built.add_argument(

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from planner.diagnosis import close_widths, noise
 from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
 from planner.diagnosis.close_widths import ClosePair, close_pairs
+from planner.diagnosis.margins import Margins, margins_of
 from planner.diagnosis.noise import Gain, gains_without_noise
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -30,6 +31,7 @@ class Advice(NamedTuple):
     gains: Sequence[Gain]  # what each source of noise costs; empty if not asked for
     proposing: bool  # whether placements were proposed besides the stated ones
     delays: Sequence[Delay]  # of a long plan, the nodes that many parts still come to late
+    margins: Margins | None = None  # what widths a little off do; None if not asked for
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -41,6 +43,7 @@ class Advice(NamedTuple):
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain.figures() for gain in self.gains],
             "delays": [delay.figures() for delay in self.delays],
+            "margins": self.margins and self.margins.figures(),
         }
 
     def lines(self) -> list[str]:
@@ -50,6 +53,7 @@ class Advice(NamedTuple):
             *(leaf.line() for leaf in self.open_poses),
             *(delay.line() for delay in self.delays),
             *close_widths.lines_of(self.pairs),
+            *([self.margins.line()] if self.margins and self.margins.thin else []),
         ]
 
     def _shares(self) -> list[str]:
@@ -67,9 +71,10 @@ class Advice(NamedTuple):
 
 
 def advise(
-    table: Table, evaluation: Evaluation, job: Job, gains: Sequence[Gain] = (), late: Sequence[Delay] = ()
-) -> Advice:
-    """Reads off what limits the plan of a job, given what `gains_without_noise` and `delays` found."""
+    table: Table, evaluation: Evaluation, job: Job, gains: Sequence[Gain] = (), late: Sequence[Delay] = (),
+    margins: Margins | None = None,
+) -> Advice:  # fmt: skip
+    """Reads off what limits the plan of a job, given what the other modules found by further trials."""
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
@@ -80,6 +85,7 @@ def advise(
         gains=gains,
         proposing=job.actions.proposals != "none",
         delays=late,
+        margins=margins,
     )
 
 
@@ -91,4 +97,5 @@ def counsel(
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
     late = delays(root, job, MOST_LATE) if evaluation.squeezes.mean() >= LONG else []
-    return advise(table, evaluation, job, gains, late)
+    margins = margins_of(table, evaluation, job, trials, scheduler, report)
+    return advise(table, evaluation, job, gains, late, margins)

@@ -68,16 +68,22 @@ def standard_cases(job: Job) -> list[Case]:
 
 def stress_cases(job: Job) -> list[Case]:
     """For `goal.stress_trials`: encoder, friction and fingers a little off to both sides, and three feet."""
-    gripper = job.gripper
-    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    shares = (gripper.upper_finger_share - UNEVEN, gripper.upper_finger_share + UNEVEN)
+    planned = job.gripper.upper_finger_share
+    shares = (planned - UNEVEN, planned + UNEVEN)
     return [
-        *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
+        *offset_cases(job),
         *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < min(b, MOST_FRICTION)),
         *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
         on_three_feet(job),
     ]
+
+
+def offset_cases(job: Job) -> list[Case]:
+    """The encoder's zero off to either side."""
+    gripper = job.gripper
+    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
+    return [Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:

@@ -28,11 +28,12 @@ from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import RunLog
 from planner.report.templating import points, template
-from planner.world import make
+from planner.world import make, supply
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
+OTHER_TRIALS = 300  # in a world from elsewhere, which may take its time
 STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
 MOST = 60  # most outlines of one belief
 BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
@@ -50,8 +51,16 @@ class Source(NamedTuple):
     bound: Certificate | None = None
 
 
-def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0) -> str:
-    """The page's text for a table and its job; beliefs and times are found with `trials` parts."""
+def page(
+    table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0, world: str | None = None
+) -> str:
+    """The page's text for a table and its job; beliefs and times are found with `trials` parts.
+
+    A second world, "module:factory", judges the table too, with some parts.
+
+    Raises:
+        UsageError: there is no such world.
+    """
     beliefs = replay(table, job, trials, seed)
     drawing = tree.drawing(table, job, beliefs)
     nodes = node_details(table, beliefs)
@@ -67,6 +76,10 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     }
     few = min(trials, SENSITIVITY_TRIALS)
     others = list(sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed))
+    worlds = [(line.case.name, line.evaluation.summary()) for line in others]
+    if world is not None:
+        judged = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed).summary()
+        worlds.append((f"{world}, {judged['trials']} parts", judged))
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
     worst, summary = verdicts.weakest(others), _summary(table, evaluation)
     return template("report.html").render(
@@ -75,8 +88,8 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
         verdict=verdicts.verdict(job, summary["figures"], worst),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
-        worlds=[(line.case.name, line.evaluation.summary()) for line in others],
-        sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
+        worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
+        colors=vars(canvas),
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
     python tests/bench/bench_squeeze.py [--poses 2000] [--only convergence goldberg speed compile]
 
 Prints tables and writes `results/squeeze.json` beside this file. The speed of MuJoCo is measured where
-`pip install mujoco` has been done.
+the extra `mujoco` is installed.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from problems import (  # noqa: E402
 )
 from twin import Part, squeeze  # noqa: E402
 
+from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
 
@@ -162,13 +163,16 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         "twin_width_error_mm": float(np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()),
     }
     try:
-        import mujoco_squeeze
+        from planner.evaluation.mujoco import RigidWorld
     except ImportError:
-        print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
+        print("MuJoCo is not installed: its speed is not measured (pip install 'squeezetree[mujoco]')")
         return row
+    drawn = {"outline_mm": part.outline.tolist(), "symmetry": 1}
+    world = RigidWorld(job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0)
     clock = time.perf_counter()
-    ends, widths = mujoco_squeeze.squeeze(part.outline, 0.5, poses)
+    found = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
     mujoco = len(poses) / (time.perf_counter() - clock)
+    widths, ends = np.array([width for width, _ in found]), np.array([end for _, end in found])
     offset = np.hypot(*(ends - nominal.poses)[:, :2].T)
     near = (np.abs(widths - nominal.width_mm) < 1.0) & (offset < 1.0)
     return row | {"mujoco_per_second": mujoco, "times_mujoco": ours / mujoco,

@@ -7,12 +7,13 @@ import pytest
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise
+from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
 from planner.diagnosis.noise import gains_without_noise
-from planner.evaluation.cases import EVERYTHING, noise_cases
+from planner.evaluation.cases import EVERYTHING, OFFSET_COUNTS, noise_cases
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import load
+from runtime.table import REJECT, Calibration, by_count, decision_map, load
 
 pytestmark = pytest.mark.slow
 
@@ -107,3 +108,31 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
 
 def test_gains_are_the_same_every_time(table, job):
     assert gains_without_noise(table, job, 1200) == gains_without_noise(table, job, 1200)
+
+
+def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):
+    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
+    near = 0
+    for path, counts in zip(evaluation.path, evaluation.counts, strict=True):
+        visits = [(maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0]
+        others = [
+            map_[count + off] not in (map_[count], REJECT)
+            for map_, count in visits
+            for off in range(-int(OFFSET_COUNTS), int(OFFSET_COUNTS) + 1)
+            if 0 <= count + off < len(map_)
+        ]
+        near += any(others)
+    assert near_another(table, evaluation) == pytest.approx(near / len(evaluation.path))
+
+
+def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):
+    careful = margins_of(table, evaluation, job, 2000)
+    assert not careful.thin
+    assert not any("thin" in line for line in advise(table, evaluation, job, margins=careful).lines())
+    thin = Margins(OFFSET_COUNTS, THIN + 0.01, 0.3)
+    assert any("thin margins" in line for line in advise(table, evaluation, job, margins=thin).lines())
+    # Leaves in one another's place, where readings only just tell them apart: every answer is wrong.
+    turned = replace(
+        table, leaves=tuple(leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves)
+    )
+    assert margins_of(turned, evaluation, job, 500).wrong_rate > 0.9

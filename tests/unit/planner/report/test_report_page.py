@@ -92,6 +92,16 @@ def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, te
     assert "as good" not in text
 
 
+def test_a_second_world_is_one_more_row(tmp_path, text, capsys):
+    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "50"]
+    assert report.main([*words, "--world", "planner.world:make"]) == 0
+    page = (tmp_path / "page.html").read_text()
+    assert '<th scope="row">planner.world:make, 50 parts</th>' in page
+    assert page.count('<th scope="row">') == text.count('<th scope="row">') + 1
+    assert report.main([*words, "--world", "nothing:there"]) == 2
+    assert "--world nothing:there" in capsys.readouterr().err
+
+
 def test_parts_are_neither_lost_nor_made(data):
     assert data["nodes"][0]["visits"] == TRIALS
     arrivals = {0: TRIALS}

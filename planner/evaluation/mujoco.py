@@ -1,0 +1,263 @@
+"""A second opinion: a squeeze as rigid-body dynamics in MuJoCo (Todorov, Erez and Tassa 2012).
+
+The part is a prism that stands on feet, with mass; jaws of finite force and speed close on it. Nothing here
+is quasi-static: no limit surface, no LCP of ours. What a job does not state is a constant below; none was
+chosen for its outcome. Lengths in the model are metres.
+
+`plan-evaluate TREE.msgpack --world planner.evaluation.mujoco:make --trials 300`
+"""
+
+import math
+from itertools import product
+from typing import Any
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array
+from planner.job.model import Job
+from planner.mechanics.squeeze import GRASPED, JAMMED, SLIPPED, STATUS_NAMES, UNTOUCHED
+from planner.part.outline import Outline, area, radius_of_gyration, simplified
+from planner.part.pressure import support
+from planner.world import Pose
+
+try:
+    import mujoco
+except ImportError as missing:
+    raise ImportError(f"{missing}; install it with: pip install 'squeezetree[mujoco]'") from missing
+
+TABLE_FRICTION = 0.3  # between part and table
+DENSITY_KG_M3 = 2700.0  # of the part: aluminium
+JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
+FEET = 24  # a pressure along a line or over an area stands on so many
+FOOT_M = 5e-4  # radius of a foot
+ROUND_M = 2e-5  # radius of the corners of part and fingers
+PLATE_M = 5e-5  # thickness of the faces
+TIMESTEP_S = 2.5e-4
+CONTACT_S = 5e-4  # time constant of contacts: they give way by less than 0.01 mm under 40 N
+LEAD_M = 5e-4  # the fingers start at least so far from the first touch
+SIMPLIFY_MM = 0.01  # what a curve may lose with the vertices that are left out
+BLOCK = 20  # steps between two looks at the jaws
+WINDOW_S = 0.04
+STALLED = 0.01  # jaws that made less than this share of their way over the window stand still
+UNMOVED_MM = 0.01  # by so much a part may settle when it is set down
+SEED_MUJOCO = 0x4D554A4F
+STIFF = {"solref": [CONTACT_S, 1.0], "solimp": [0.99, 0.999, 1e-5, 0.5, 2.0]}
+CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # bits that say which geoms meet
+
+
+class RigidWorld:
+    """Squeezes of one part by one gripper; friction is drawn afresh each time, within the job's bounds."""
+
+    def __init__(self, job: Job, seed: int, timestep_s: float = TIMESTEP_S) -> None:
+        self._job = job
+        self._rng = np.random.default_rng([seed, SEED_MUJOCO])
+        self.model = _model(job, timestep_s)
+        self.data = mujoco.MjData(self.model)
+
+    def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
+        """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
+
+        Returns:
+            The final pose in the hand frame, the width [mm] and the status.
+        """
+        friction, release = self._job.friction, self._job.release
+        mu = self._rng.uniform(friction.finger_part_min, friction.finger_part_max)
+        scatter = np.array([release.shift_mm, release.shift_mm, math.radians(release.turn_deg)])
+        shift = scatter * self._rng.standard_normal(3)
+        if self.collides(pose_hand, self._job.gripper.opening_mm):
+            return pose_hand, self._job.gripper.opening_mm, STATUS_NAMES[JAMMED]
+        width_mm = self.close(pose_hand, mu)
+        pose = self.pose()
+        if width_mm == 0.0:
+            moved = math.dist(pose[:2], pose_hand[:2]) > UNMOVED_MM
+            return pose, 0.0, STATUS_NAMES[SLIPPED if moved else UNTOUCHED]
+        x, y, theta = (np.array(pose) + shift).tolist()
+        return (x, y, theta), width_mm, STATUS_NAMES[GRASPED if self._blocked() else JAMMED]
+
+    def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
+        """Whether fingers opened to `opening_mm` would stand on the part."""
+        gripper = self._job.gripper
+        half, near = 0.5 * gripper.finger_length_mm, 0.5 * opening_mm
+        far = near + gripper.finger_width_mm
+        fingers = shapely.box([-half, -half], [near, -far], [half, half], [far, -near])
+        part = shapely.Polygon(_placed(self._job.part.outline_mm, pose_hand))
+        return bool(np.any(shapely.area(shapely.intersection(fingers, part)) > 0.0))
+
+    def close(self, pose_hand: Pose, mu: float) -> float:
+        """Closes the jaws until they stand still; returns the width [mm], 0 where they meet."""
+        model, data, gripper = self.model, self.data, self._job.gripper
+        mujoco.mj_resetData(model, data)
+        model.geom_friction[model.geom_priority > 0, 0] = mu
+        x, y, theta = pose_hand
+        data.qpos[:7] = [x / 1e3, y / 1e3, 0.0, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)]
+        shares = np.array([gripper.upper_finger_share, 1.0 - gripper.upper_finger_share])
+        ends = _placed(self._job.part.outline_mm, pose_hand)[:, 1]
+        rooms = (gripper.opening_mm / 2 - np.array([ends.max(), -ends.min()])) / 1e3 - LEAD_M
+        free = float(np.min(rooms[shares > 0.0] / shares[shares > 0.0]))
+        speed = gripper.speed_mm_s / 1e3
+        data.qpos[7:], data.qvel[6:], data.ctrl[0] = shares * max(free, 0.0), shares * speed, speed
+        return 1e3 * self._until_stalled()
+
+    def pose(self) -> Pose:
+        """Where the part is now, in the hand frame [mm, mm, rad]."""
+        x, y, _, w, i, j, k = self.data.qpos[:7].tolist()
+        return 1e3 * x, 1e3 * y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+
+    def _width(self) -> float:
+        return float(self._job.gripper.opening_mm / 1e3 - self.data.qpos[7:].sum())
+
+    def _until_stalled(self) -> float:
+        looks = round(WINDOW_S / (BLOCK * self.model.opt.timestep))
+        widths = [self._width()]
+        least = STALLED * float(self.data.ctrl[0]) * WINDOW_S
+        while len(widths) <= looks or widths[-1 - looks] - widths[-1] >= least:
+            mujoco.mj_step(self.model, self.data, BLOCK)
+            widths.append(self._width())
+            if widths[-1] <= 0.0:
+                return 0.0
+        return widths[-1]
+
+    def _blocked(self) -> bool:
+        """Whether the jaws stay where they stand without friction, too."""
+        width = self._width()
+        self.model.geom_friction[self.model.geom_priority > 0, 0] = 0.0
+        mujoco.mj_step(self.model, self.data, round(WINDOW_S / self.model.opt.timestep))
+        return width - self._width() < STALLED * float(self.data.ctrl[0]) * WINDOW_S
+
+
+make = RigidWorld  # the world factory: `make(job, seed)`
+
+
+def feet(job: Job) -> tuple[Array, Array]:
+    """Where the part touches the table (m, 2), and its centre of pressure (2,), in its frame [mm].
+
+    Feet give way alike: where the centre of mass is above the centre of pressure, evenly spaced ones carry
+    the same.
+
+    Raises:
+        ValueError: the job gives a limit surface in place of a pressure.
+    """
+    points, weights = support(job.pressure, job.part.outline_mm)
+    centre = weights @ points
+    if len(points) > FEET:
+        points = points[np.searchsorted(np.cumsum(weights), (np.arange(FEET) + 0.5) / FEET)]
+    return points, centre
+
+
+def _placed(outline: Outline, pose: Pose) -> Array:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(outline @ np.array([[c, s], [-s, c]]) + np.array(pose[:2]))
+
+
+def _model(job: Job, timestep_s: float) -> Any:
+    """Table, part and fingers, jaws fully open."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.integrator = timestep_s, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+    spec.option.noslip_iterations = 10  # else what friction holds creeps
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], friction=[TABLE_FRICTION, 0.0, 0.0],
+        contype=TABLE, conaffinity=0, **STIFF,
+    )  # fmt: skip
+    height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
+    _add_part(spec, job, height_mm / 1e3)
+    _add_fingers(spec, job, height_mm / 1e3)
+    return spec.compile()
+
+
+def _add_part(spec: Any, job: Job, height: float) -> None:
+    outline, body = job.part.outline_mm, spec.worldbody.add_body()
+    body.add_freejoint()
+    points, centre = feet(job)
+    mass, gyration = DENSITY_KG_M3 * area(outline) / 1e6 * height, (radius_of_gyration(outline) / 1e3) ** 2
+    tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as a round part's; it hardly tilts
+    body.explicitinertial, body.mass, body.ipos = True, mass, [*centre / 1e3, 0.5 * height]
+    body.inertia = [tilting, tilting, mass * gyration]
+    _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
+    for x, y in points / 1e3:
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[FOOT_M, 0.0, 0.0], pos=[x, y, FOOT_M],
+            friction=[TABLE_FRICTION, 0.0, 0.0], contype=0, conaffinity=TABLE, **STIFF,
+        )  # fmt: skip
+
+
+def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
+    """The prism's side: what a finger's face can meet are its corners, what a finger's corner can, its faces.
+
+    Corners are pairs of tiny spheres at the ends of the fingers' reach, faces are thin plates: contacts of
+    spheres with boxes are closed forms. Those of convex meshes are searched for, and some degrees from flush
+    they are given the normal of the wrong face, so that what should jam slips.
+    """
+    ahead = np.roll(outline, -1, axis=0) - outline
+    angles = np.arctan2(ahead[:, 1], ahead[:, 0])
+    lengths, bends = np.hypot(*ahead.T), np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi
+    for corner, angle, bend in zip(outline, angles, bends, strict=True):
+        if bend > 0.0:  # others are notches
+            inwards = angle + 0.5 * (math.pi - bend)
+            inset = ROUND_M / math.cos(0.5 * bend)
+            x, y = corner + inset * np.array([math.cos(inwards), math.sin(inwards)])
+            _add_post(body, x, y, (tips, height), CORNER, FINGER)
+    # A plate would stick out beyond a corner of less than 90 degrees.
+    trims = np.array([PLATE_M * math.tan(max(bend - 0.5 * math.pi, 0.0)) for bend in bends])
+    for k, (corner, angle, length) in enumerate(zip(outline, angles, lengths, strict=True)):
+        first, last = trims[k], length - trims[(k + 1) % len(trims)]
+        if last > first:
+            c, s, middle = math.cos(angle), math.sin(angle), 0.5 * (first + last)
+            x, y = corner + np.array([c * middle - s * 0.5 * PLATE_M, s * middle + c * 0.5 * PLATE_M])
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5 * (last - first), 0.5 * PLATE_M, 0.5 * height],
+                pos=[x, y, 0.5 * height], quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
+                contype=PLATE, conaffinity=POST, **STIFF,
+            )  # fmt: skip
+
+
+def _add_post(
+    body: Any, x: float, y: float, ends: tuple[float, float], kind: int, other: int, **more: Any
+) -> None:
+    """A vertical edge, by its ends."""
+    for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROUND_M, 0.0, 0.0], pos=[x, y, z],
+            contype=kind, conaffinity=other, **more, **STIFF,
+        )  # fmt: skip
+
+
+def _add_fingers(spec: Any, job: Job, height: float) -> None:
+    """Boxes from the tips' height to above the part, on slides that one drive closes in the job's shares."""
+    gripper, tips = job.gripper, job.cell.squeeze_height_mm / 1e3
+    size = [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * (height - tips) + FOOT_M]
+    drive = spec.add_tendon(name="drive")
+    for name, side in (("upper", 1.0), ("lower", -1.0)):
+        y = side * (gripper.opening_mm / 2e3 + size[1])
+        body = spec.worldbody.add_body(pos=[0.0, y, tips + size[2]])
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, -side, 0.0])
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
+            priority=1, **STIFF,
+        )  # fmt: skip
+        for x, y in product((-1.0, 1.0), repeat=2):
+            inset = np.array(size[:2]) - ROUND_M
+            _add_post(
+                body,
+                x * inset[0],
+                y * inset[1],
+                (-size[2], height - tips - size[2]),
+                POST,
+                PLATE,
+                priority=1,
+                mass=0.0,
+            )
+        drive.wrap_joint(name, 1.0)
+    # Force falls evenly with speed, as that of a motor: the job's force at rest, none at the job's speed.
+    slope = gripper.force_n / (gripper.speed_mm_s / 1e3)
+    spec.add_actuator(
+        target="drive", trntype=mujoco.mjtTrn.mjTRN_TENDON, gainprm=[slope, *[0.0] * 9],
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE, biasprm=[0.0, 0.0, -slope, *[0.0] * 7],
+    )  # fmt: skip
+    shares = {"upper": gripper.upper_finger_share, "lower": 1.0 - gripper.upper_finger_share}
+    less, more = sorted(shares, key=lambda name: shares[name])
+    couple = spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=less, name2=more, **STIFF
+    )
+    couple.data[:2] = [0.0, shares[less] / shares[more]]

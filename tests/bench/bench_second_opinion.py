@@ -1,0 +1,134 @@
+"""Every table of trees/ in the rigid-body world, and how its squeezes differ from ours; not in the gate.
+
+    python tests/bench/bench_second_opinion.py [--parts ratchet ...] [--tables out/tables] [--trials 300]
+
+Needs the extra `mujoco`. A part without a table there or in trees/ is compiled first and the table kept. The
+squeezes of the trials are made again in the contact world: nominally, and 20 times with its scatter. Prints
+figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from planner.compile import compile_job  # noqa: E402
+from planner.evaluation.evaluate import evaluate  # noqa: E402
+from planner.evaluation.leaves import worst  # noqa: E402
+from planner.evaluation.mujoco import RigidWorld  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.job.model import Job  # noqa: E402
+from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator  # noqa: E402
+from planner.work.scheduler import Threads  # noqa: E402
+from runtime.table import Table, dump, load  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "second_opinion.json"
+TREES = ROOT / "trees"
+SEED = 99
+DRAWS = 20
+NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
+
+
+class Recorder:
+    """The rigid world, with the squeezes kept."""
+
+    def __init__(self, job: Job) -> None:
+        self.world = RigidWorld(job, SEED)
+        self.collides = self.world.collides
+        self.poses, self.ends = [], []
+
+    def squeeze(self, pose: tuple[float, float, float]) -> Any:
+        end = self.world.squeeze(pose)
+        self.poses.append(pose)
+        self.ends.append((*end[0], end[1], STATUS_NAMES.index(end[2])))
+        return end
+
+
+def table_of(part: str, folder: Path) -> Table:
+    """The kept table, or a fresh one, kept."""
+    for path in (TREES / part / f"{part}.msgpack", folder / f"{part}.msgpack"):
+        if path.exists():
+            return load(path)[0]
+    folder.mkdir(parents=True, exist_ok=True)
+    table = compile_job(job_file.load(TREES / part / "job.toml"), workers=1).table
+    dump(table, folder / f"{part}.msgpack")
+    return table
+
+
+def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
+    """Which squeezes end alike in both worlds: place, angle by what it moves the rim by, and width."""
+    off = ends[:, :3] - rolled.poses
+    place = np.hypot(off[:, 0], off[:, 1])
+    turn = np.abs(np.remainder(off[:, 2] + np.pi, 2 * np.pi) - np.pi)
+    return (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
+
+
+def bench(part: str, folder: Path, trials: int) -> dict[str, Any]:
+    """One table's trials, and its squeezes in the contact world."""
+    job, table = job_file.load(TREES / part / "job.toml"), table_of(part, folder)
+    world = Recorder(job)
+    start = time.process_time()
+    evaluation = evaluate(table, job, world, trials, SEED, Threads(1))
+    seconds = time.process_time() - start
+    poses, ends = np.array(world.poses), np.array(world.ends)
+    ours, rng = Simulator.of_job(job, workers=1), np.random.default_rng(SEED)
+    middle = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)
+    nominal = ours.roll_out(poses, ours.nominal(len(poses), middle))
+    foretold = np.zeros(len(poses), bool)
+    for _ in range(DRAWS):
+        foretold |= near(ends, ours.roll_out(poses, ours.sample(len(poses), rng)))
+    figures = evaluation.summary()
+    kept = (
+        "trials",
+        "success_rate",
+        "wrong_rate",
+        "reject_rate",
+        "unresolved_rate",
+        "crashes",
+        "mean_squeezes",
+    )
+    row: dict[str, Any] = {
+        "part": part, **{key: figures[key] for key in kept},
+        "planned": table.predicted.success_ppm / 1e6, "squeezes": len(poses),
+        "as_nominal": float(near(ends, nominal).mean()), "foretold": float(foretold.mean()),
+        "width_p90_mm": float(np.quantile(np.abs(ends[:, 3] - nominal.width_mm), 0.9)),
+        "same_status": float((ends[:, 4] == nominal.status).mean()),
+        "per_second": len(poses) / seconds,
+        "wrong": [row.figures() for row in worst(table, evaluation, int(evaluation.wrong.sum()))],
+    }  # fmt: skip
+    print(
+        "{part}: {success_rate:.2%} of {trials}, {wrong_rate:.2%} wrong; {squeezes} squeezes, "
+        "{as_nominal:.1%} as the nominal one, {foretold:.1%} as one of 20; "
+        "{per_second:.0f} a second".format(**row),
+        flush=True,
+    )  # fmt: skip
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    names = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
+    parser.add_argument("--parts", nargs="+", choices=names, default=names, metavar="PART")
+    parser.add_argument("--tables", type=Path, default=ROOT / "out" / "tables", help="where tables are kept")
+    parser.add_argument("--trials", type=int, default=300, help="parts of each (default: %(default)s)")
+    options = parser.parse_args()
+    for part in options.parts:
+        row = bench(part, options.tables, options.trials)
+        rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
+        rows = sorted([old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"])
+        told = {"machine": platform.platform(), "rows": rows}
+        RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

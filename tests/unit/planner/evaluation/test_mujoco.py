@@ -1,0 +1,137 @@
+"""The rigid-body world by itself: theory it must keep to, residuals, and what a job's values do in it."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from problems import l_shape, random_convex, random_poses
+
+mujoco = pytest.importorskip("mujoco")
+
+from planner.errors import UsageError  # noqa: E402
+from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, feet, make  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.mechanics.clearance import least_clearance  # noqa: E402
+from planner.mechanics.simulator import Simulator  # noqa: E402
+from planner.part.outline import width as outline_width  # noqa: E402
+from planner.world import load_world  # noqa: E402
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+MU = 0.5
+
+
+def job_of(outline, **changes):
+    return JOB.replaced(part={"outline_mm": np.asarray(outline).tolist(), "symmetry": 1}, **changes)
+
+
+def contacts(world, fingers):
+    """Depth [mm] and normal force [N] of each contact with the fingers, or with the table."""
+    found = []
+    for number in range(world.data.ncon):
+        contact, force = world.data.contact[number], np.zeros(6)
+        mujoco.mj_contactForce(world.model, world.data, number, force)
+        if (max(world.model.geom_priority[contact.geom]) > 0) == fingers:
+            found.append((-1e3 * contact.dist, force[0]))
+    return np.array(found).reshape(-1, 2)
+
+
+def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        outline = random_convex(rng, 6)
+        world = RigidWorld(job_of(outline, gripper={"finger_length_mm": 200.0}), 0)
+        for pose in random_poses(rng, 2, 10.0):
+            width, theta = world.close(tuple(pose), 0.0), world.pose()[2]
+            axis = math.pi / 2 - theta
+            floor = min(outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
+            assert width == pytest.approx(floor, abs=0.03)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.4, 0.65])
+def test_a_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu):
+    world, diagonal = RigidWorld(JOB, 0), math.hypot(30, 21)
+    for past, jams in ((-0.4, True), (0.4, False)):
+        off = math.atan(mu) + math.radians(past)
+        width = world.close((0.0, 0.0, math.pi / 2 - math.atan2(21, 30) + off), mu)
+        assert (abs(width - diagonal * math.cos(off)) < 0.03) == jams
+
+
+@pytest.mark.slow
+def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
+    world = RigidWorld(JOB, 0)
+    for pose in random_poses(np.random.default_rng(3), 8, 12.0):
+        width, before = world.close(tuple(pose), MU), np.array(world.pose())
+        model = world.model
+        fingers = contacts(world, True)
+        assert fingers[:, 0].max() < 0.05
+        assert fingers[:, 1].sum() == pytest.approx(2 * JOB.gripper.force_n, rel=0.05)
+        assert np.abs(world.data.qacc[:3]).max() < 0.1  # m/s^2, where the grip alone would make 2000
+        mujoco.mj_step(model, world.data, round(0.5 / TIMESTEP_S))
+        off = np.array(world.pose()) - before
+        assert np.hypot(*off[:2]) < 0.05
+        assert abs(math.remainder(off[2], math.tau)) < 0.002
+        assert JOB.gripper.opening_mm - 1e3 * world.data.qpos[7:].sum() == pytest.approx(width, abs=0.05)
+
+
+@pytest.mark.slow
+def test_half_the_step_changes_few_widths():
+    coarse, fine = RigidWorld(JOB, 0), RigidWorld(JOB, 0, TIMESTEP_S / 2)
+    poses = [tuple(pose) for pose in random_poses(np.random.default_rng(1), 30, 12.0)]
+    off = [abs(coarse.close(pose, MU) - fine.close(pose, MU)) for pose in poses]
+    assert np.median(off) < 0.01
+    assert np.quantile(off, 0.85) < 0.1  # an impact of a part that shoots away decides the rest
+
+
+def test_evenly_spaced_feet_carry_the_same():
+    job = job_of(l_shape(), pressure={"kind": "boundary"})
+    world, points = RigidWorld(job, 0), feet(job)[0]
+    mujoco.mj_step(world.model, world.data, 400)
+    carried = contacts(world, False)[:, 1]
+    weight = 9.81 * world.model.body_mass[1]
+    assert carried.sum() == pytest.approx(weight, rel=1e-3)
+    assert carried == pytest.approx(np.full(len(points), weight / len(points)), rel=0.25)
+
+
+def test_a_finger_that_sticks_stays_where_it_is():
+    world = RigidWorld(JOB.replaced(gripper={"upper_finger_share": 1.0}), 0)
+    width = world.close((0.0, 0.0, 0.0), MU)
+    assert width == pytest.approx(21.0, abs=0.05)
+    assert world.pose()[1] == pytest.approx(0.5 * (21.0 - JOB.gripper.opening_mm), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("pose", "status"),
+    [((0.0, 0.0, 0.0), "grasped"), ((0.0, 45.0, 0.0), "jammed"), ((40.0, 0.0, 0.0), "untouched"),
+     ((22.0, 0.0, math.pi / 4), "slipped"), ((0.0, 0.0, math.atan2(30, 21) + 0.1), "jammed")],
+)  # fmt: skip
+def test_the_status_of_a_squeeze(pose, status):
+    assert make(JOB, 0).squeeze(pose)[2] == status
+
+
+def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
+    world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
+    rng = np.random.default_rng(2)
+    poses = np.column_stack([rng.uniform(-40, 40, 200), rng.uniform(-60, 60, 200), rng.uniform(-3, 3, 200)])
+    for pose in poses:
+        least = least_clearance(ours.outline, ours.jaws, pose[None], np.zeros(3), margin_mm=0.0)
+        assert world.collides(tuple(pose), JOB.gripper.opening_mm) == (least < 0.0)
+
+
+def test_the_same_seed_squeezes_alike_and_the_job_bounds_the_friction():
+    pose = (3.0, 2.0, 0.7)
+    assert make(JOB, 5).squeeze(pose) == make(JOB, 5).squeeze(pose)
+    world = make(JOB.replaced(friction={"finger_part_min": 0.3, "finger_part_max": 0.31}), 0)
+    drawn = []
+    world.close = lambda pose, mu: drawn.append(mu) or 0.0
+    for _ in range(20):
+        world.squeeze(pose)
+    assert 0.3 <= min(drawn) < max(drawn) <= 0.31
+
+
+def test_without_the_extra_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "planner.evaluation.mujoco")
+    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[mujoco\]'"):
+        load_world("planner.evaluation.mujoco:make", JOB, 0)
