@@ -141,8 +141,7 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 
 def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
     tool = Pose(3.0, -2.0, 150.0, (1.0, 0.0, 0.0, 0.0))
-    rig.model._tool = Pose(0.0, 0.0, 80.0, hand_rotation(0.3))
-    rig.arm.frames(rig.model._tool, BASE)
+    rig.model._tool = Pose(0.0, 0.0, 80.0, (math.cos(0.3), 0.0, 0.0, math.sin(0.3)))
     with rig.open(tool=tool) as arm:
         x, y, z, _ = arm.pose()
         flange = rig.truth()

@@ -68,6 +68,8 @@ tools/docs/performance
 :caption: In the cell
 
 tools/docs/commissioning
+tools/docs/arms
+tools/docs/grippers
 tools/docs/controllers
 runtime/OUTCOMES
 drivers/abb/README
