@@ -25,8 +25,11 @@ TTY = "tty"  # the scheme of a port without one
 # A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
 GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper")
 GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
-ARMS = {"tcp": "drivers.abb.arm:connect", "ur": "drivers.ur.arm:connect"}
-ARMS["omnicore"] = "drivers.abb.omnicore:connect"
+ARMS = {
+    "tcp": "drivers.abb.arm:connect",
+    "omnicore": "drivers.abb.omnicore:connect",
+    "ur": "drivers.ur.arm:connect",
+}
 PORTS = {
     "urcap": 63352,
     "ur": 30004,

@@ -227,7 +227,7 @@ class _Session:
             return _packed(kind, b"\1" if payload == b"\0\2" else b"\0")
         if kind == "v":
             return _packed(kind, struct.pack(">4I", *CONTROLLER_VERSION))
-        if kind == "O":
+        if kind == "O" and len(payload) > 8:
             rate = min(max(struct.unpack(">d", payload[:8])[0], LEAST_HZ), MOST_HZ)
             # Some clients end the list with a comma.
             self._names = payload[8:].decode("latin-1").rstrip(",").split(",")
