@@ -55,7 +55,8 @@ CURRENT_MA_PER_COUNT = 10
 STA_RESET, STA_ACTIVATING, STA_ACTIVE = 0, 1, 3
 OBJ_MOVING, OBJ_CONTACT_OPENING, OBJ_CONTACT_CLOSING, OBJ_AT_REQUEST = 0, 1, 2, 3
 
-# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP.
+# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. A 2F-140's whole stroke takes about
+# as long, a Hand-E's less: deadlines made of these hold for all three.
 SPEED_MIN_MM_S, SPEED_MAX_MM_S = 20.0, 150.0
 OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
 

@@ -10,6 +10,7 @@ from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
+from drivers.sim.devices.ur_controller import UrModel, served
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
@@ -23,10 +24,13 @@ if TYPE_CHECKING:
     from drivers.sim.camera.rig import Rig  # needs the audit extra
 
 
+REACH_MM = 580  # of the simulated arm, behind every controller
+
+
 class Cell:
     """Gripper on a pty and three TCP ports, arm and scene on TCP ports, joined by a world.
 
-    The gripper is one device: a host picks one of its four ports and leaves the others alone.
+    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone.
 
     Args:
         setting: part and world.
@@ -56,19 +60,33 @@ class Cell:
         tcp = TcpPort(slave, self._lock, self._time, lambda: stop_jaws(device, now))
         urcap = UrcapPort(Urcap(device, now), self._lock)
         arm = ArmServer(self.works.arm, self._lock, self._time, self.works.arm_stands)
+        ur = UrModel(self.works.arm, ARM_BASE, self.works.arm_stands)
+        ur_script, ur_rtde = served(ur, self._lock, self._time)
         logger = ArmLogger(self._look_at_arm, self._time)
         scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server | CameraServer] = [self._pty, rtu_tcp, tcp, urcap, arm, logger, scene]
+        self._servers: list[Server | CameraServer] = [
+            self._pty,
+            rtu_tcp,
+            tcp,
+            urcap,
+            arm,
+            ur_script,
+            ur_rtde,
+            logger,
+            scene,
+        ]
         # Where its devices are, as `drivers.connect` takes them.
+        base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
             "gripper": self._pty.path,
-            "arm": f"{arm.url}?base={','.join(f'{value:g}' for value in ARM_BASE[:3])}",
+            "arm": f"{arm.url}?base={base}",
             "scene": scene.url,
             "world": setting.world,
             "arm_logger": logger.url,
             "gripper_tcp": tcp.url,
             "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
             "gripper_urcap": urcap.url,
+            "arm_ur": f"ur://127.0.0.1:{ur_rtde.port}?base={base}&reach={REACH_MM}",
         }
         if rig is not None:
             camera = CameraServer(rig.watcher(self._look, seed))

@@ -23,9 +23,9 @@ EPILOG = """example:
 
 The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP, as
 Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap: use one of the four. The arm is
-an open_abb server, the scene a line protocol of JSON objects: {"do": "next_part"}, {"do": "truth"}, {"do":
-"quit"}. With --camera a webcam looks up through the table at a tag under the part (needs the audit extra):
-`grasp-audit judge --camera` takes its address.
+an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON objects: {"do":
+"next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the table at a tag
+under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
 
 exit codes:
   0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing

@@ -103,7 +103,8 @@ def findings(
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
                 yield from doctor.check_arm(arm, table)
         except OSError as error:
-            yield _failed("arm", error, "Look at the controller; see tools/docs/arms.md.")
+            page = "drivers/abb/README.md" if arm_url.startswith("tcp:") else "tools/docs/arms.md"
+            yield _failed("arm", error, f"Look at the controller's program and state; see {page}.")
 
 
 def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[Finding]:

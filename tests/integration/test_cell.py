@@ -73,10 +73,10 @@ class Running:
                 process.kill()
 
     @contextlib.contextmanager
-    def connected(self):
+    def connected(self, gripper="gripper", arm="arm"):
         with (
-            contextlib.closing(connect.gripper(self.endpoints["gripper"], time_scale=SCALE)) as gripper,
-            contextlib.closing(connect.arm(self.endpoints["arm"], time_scale=SCALE)) as arm,
+            contextlib.closing(connect.gripper(self.endpoints[gripper], time_scale=SCALE)) as gripper,
+            contextlib.closing(connect.arm(self.endpoints[arm], time_scale=SCALE)) as arm,
             contextlib.closing(connect.scene(self.endpoints["scene"])) as scene,
         ):
             yield gripper, arm, scene
@@ -104,14 +104,15 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
 def test_endpoints(cell):
     assert set(cell.endpoints) == {
         *("gripper", "arm", "scene", "world"),
-        *("gripper_tcp", "gripper_rtu_tcp", "gripper_urcap", "arm_logger"),
+        *("gripper_tcp", "gripper_rtu_tcp", "gripper_urcap", "arm_logger", "arm_ur"),
     }
     assert cell.endpoints["world"] == "fake_world:make"
     assert Path(cell.endpoints["gripper"]).is_char_device()
 
 
-def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell):
-    with cell.connected() as (gripper, arm, scene):
+@pytest.mark.parametrize(("gripper", "arm"), [("gripper", "arm"), ("gripper_urcap", "arm_ur")])
+def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gripper, arm):
+    with cell.connected(gripper, arm) as (gripper, arm, scene):
         gripper.activate()
         for _ in range(3):
             part = scene.next_part()

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import random
 import socket
 import subprocess
 import sys
@@ -11,9 +12,11 @@ import time
 
 import pytest
 from arm_rigs import BASE, Ur
+from lines import Line
 
 from drivers import connect
 from drivers.abb.codec import Pose, hand_rotation
+from drivers.clock import Pace
 from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, RtdePort, UrModel
@@ -141,8 +144,7 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 
 def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
     tool = Pose(3.0, -2.0, 150.0, (1.0, 0.0, 0.0, 0.0))
-    rig.model._tool = Pose(0.0, 0.0, 80.0, hand_rotation(0.3))
-    rig.arm.frames(rig.model._tool, BASE)
+    rig.model._tool = Pose(0.0, 0.0, 80.0, (math.cos(0.3), 0.0, 0.0, math.sin(0.3)))
     with rig.open(tool=tool) as arm:
         x, y, z, _ = arm.pose()
         flange = rig.truth()
@@ -220,3 +222,26 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     assert script.frame(pose)[:3] == pytest.approx((300.0, 0.0, 100.0), abs=1e-6)
     assert joints == pytest.approx([math.radians(angle) for angle in arm.joints_at(0.0)], abs=1e-9)
     assert states == [7, 1, 1, True]
+
+
+def test_noise_on_rtde_is_an_error_and_nothing_else():
+    rng = random.Random(6)
+    for _ in range(300):
+        packages = b"".join(
+            rtde.HEADER.pack(3 + size, rng.choice(b"VOSPUMI")) + rng.randbytes(size)
+            for size in (rng.randrange(40) for _ in range(rng.randrange(8)))
+        )
+        line = Line(*[[(0.001, packages + rng.randbytes(rng.randrange(9)))] for _ in range(6)])
+        with pytest.raises(rtde.RtdeError):
+            rtde.Rtde(line, Pace(line.clock)).read()
+
+
+def test_a_simulated_controller_survives_noise(rig):
+    rng = random.Random(8)
+    for port in (rig.rtde.port, rig.script.port):
+        for _ in range(20):
+            with socket.create_connection(("127.0.0.1", port)) as client:
+                client.sendall(rng.randbytes(rng.randrange(1, 60)) + b"\nend\n")
+    with rig.open() as arm:
+        arm.move_linear(*TARGET, 200.0)
+    assert rig.moves == 1

@@ -16,7 +16,7 @@ from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.devices.omnicore import OmniCore, RwsServer
-from drivers.sim.devices.ur_controller import RtdePort, SecondaryPort, UrModel
+from drivers.sim.devices.ur_controller import UrModel, served
 from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 40.0
@@ -84,14 +84,7 @@ class Ur:
         self.model = UrModel(self.arm, BASE)
         time = SimulatedTime(SCALE, threading.Event())
         self.now, lock = time.now, threading.RLock()
-        # The secondary interface lies two below RTDE.
-        while True:
-            self.script = SecondaryPort(self.model, lock, time, ("127.0.0.1", 0))
-            try:
-                self.rtde = RtdePort(self.model, lock, time, ("127.0.0.1", self.script.port + 2))
-                break
-            except OSError:
-                self.script.close()
+        self.script, self.rtde = served(self.model, lock, time)
         self.script.start()
         self.rtde.start()
 

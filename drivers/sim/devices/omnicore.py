@@ -126,7 +126,7 @@ class OmniCore:
                 self.symbols |= dict.fromkeys(("sq_started", "sq_done"), self.symbols["sq_request"])
             case _ if path == f"{POINTER}/routine":
                 self._need(self.master and not self.running, "mastership, or a program runs")
-                self.pointer = (form["module"], form["routine"])
+                self.pointer = (form.get("module", ""), form.get("routine", ""))
             case _:
                 name, value = self._name(path), form.get("value", "")
                 self._need(implicit or self.master, "mastership")

@@ -13,10 +13,11 @@ import threading
 from collections.abc import Callable
 
 from drivers.abb.codec import IDENTITY, Pose
-from drivers.abb.kinematics import turn_between
+from drivers.abb.kinematics import compose, turn_between
 from drivers.sim.devices.arm import ArmModel, HaltError
 from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 from drivers.ur import script
+from drivers.ur.arm import SCRIPT_PORT_BELOW
 from drivers.ur.rtde import FORMATS, HEADER
 
 CONTROLLER_VERSION = (5, 16, 0, 0)
@@ -49,7 +50,6 @@ class UrModel:
         ] = []  # moment, register, value: what a program has still to do
         self._ends_s = 0.0
         self._motion_ends_s = 0.0
-        arm.frames(IDENTITY, base)
 
     def take(self, program: str, now_s: float) -> None:
         """A program arrives on the secondary interface."""
@@ -82,7 +82,7 @@ class UrModel:
     def fields(self, now_s: float) -> Fields:
         """All output fields that are offered, with their types."""
         self.advance(now_s)
-        pose, soon = self._arm.pose_at(now_s), self._arm.pose_at(now_s + 0.002)
+        pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
         vector, speed = _vector(pose), tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
         bits = POWERED | (RUNS if now_s < self._ends_s else 0)
@@ -104,6 +104,10 @@ class UrModel:
         }
         return fields | told
 
+    def _tcp_at(self, now_s: float) -> Pose:
+        """The active tool in the base frame."""
+        return compose(self._arm.flange_at(now_s), self._tool)
+
     def _halt(self, now_s: float) -> None:
         self._events.clear()
         self._arm.stop(now_s)
@@ -113,13 +117,15 @@ class UrModel:
         """One statement; returns when the next one may start."""
         if name == "set_tcp":
             self._tool = _pose(words)
-            self._arm.frames(self._tool, self._base)
         elif name == "write_output_integer_register":
             register, value = (int(word) for word in words.split(","))
             self._events.append((at_s, register, value))
         elif name == "movel":
+            self._arm.frames(self._tool, IDENTITY)
             try:
-                at_s = self._motion_ends_s = self._arm.line(_pose(words), self._speed(words, at_s), at_s)
+                at_s = self._motion_ends_s = self._arm.line(
+                    compose(self._base, _pose(words)), self._speed(words, at_s), at_s
+                )
             except HaltError:
                 self.safety_bits = PROTECTIVE_STOP
         return at_s
@@ -129,11 +135,23 @@ class UrModel:
         pacing = dict(re.findall(r"\b([avt])=([\d.]+)", words))
         if "t" not in pacing:
             return 1000.0 * float(pacing["v"]) * self.speed_fraction, math.inf
-        here, target = self._arm.pose_at(at_s), _pose(words)
+        here, target = self._tcp_at(at_s), _pose(words)
         seconds = float(pacing["t"]) / self.speed_fraction
         turn_deg = math.degrees(turn_between(here.rotation, target.rotation))
         path_mm = math.dist(here[:3], target[:3])
         return max(path_mm / seconds, 1e-3), max(turn_deg / seconds, 1e-3)
+
+
+def served(
+    model: UrModel, lock: Lock, time: SimulatedTime, host: str = "127.0.0.1"
+) -> tuple["SecondaryPort", "RtdePort"]:
+    """Both ports of a controller, the secondary interface two below RTDE."""
+    while True:
+        script_port = SecondaryPort(model, lock, time, (host, 0))
+        try:
+            return script_port, RtdePort(model, lock, time, (host, script_port.port + SCRIPT_PORT_BELOW))
+        except (OSError, OverflowError):  # taken, or beyond the last one
+            script_port.close()
 
 
 class SecondaryPort(TcpServer):
@@ -209,7 +227,7 @@ class _Session:
             return _packed(kind, b"\1" if payload == b"\0\2" else b"\0")
         if kind == "v":
             return _packed(kind, struct.pack(">4I", *CONTROLLER_VERSION))
-        if kind == "O":
+        if kind == "O" and len(payload) > 8:
             rate = min(max(struct.unpack(">d", payload[:8])[0], LEAST_HZ), MOST_HZ)
             # Some clients end the list with a comma.
             self._names = payload[8:].decode("latin-1").rstrip(",").split(",")

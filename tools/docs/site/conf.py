@@ -72,6 +72,8 @@ tools/docs/performance
 :caption: In the cell
 
 tools/docs/commissioning
+tools/docs/arms
+tools/docs/grippers
 tools/docs/controllers
 tools/docs/serve
 tools/docs/drivers
