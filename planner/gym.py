@@ -13,12 +13,13 @@ where an open finger comes down on the part, and it is truncated by the squeeze 
 `search.max_depth`. The observation is the encoder's count; before the first squeeze that of open jaws.
 """
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.observation import COUNTS
 from planner.job.model import Job, load, parse
 from planner.part.outline import reach
 from planner.pomdp import DECLARE, SQUEEZE, Pomdp
@@ -33,7 +34,6 @@ except ImportError as missing:
     raise ImportError(f"planner.gym needs the gym extra ({missing.name} is missing); {hint}") from missing
 
 NAME = "SqueezeLocalize-v0"
-COUNTS = 256
 RECTANGLE = """
 seed = 1
 part = {name = "rectangle", outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]], height_mm = 16.0}
@@ -59,6 +59,8 @@ class Episodes:
     """Some episodes of a problem side by side."""
 
     def __init__(self, model: Pomdp, number: int, kind: Kind) -> None:
+        if kind not in get_args(Kind):
+            raise ValueError(f'actions are {kind!r}; write "set" or "box"')
         self.model = model
         self.states = np.zeros((number, 4))
         self.squeezes = np.zeros(number, np.int64)
@@ -70,8 +72,14 @@ class Episodes:
         return spaces.Discrete(len(self.model.actions)) if self.box is None else spaces.Box(-1.0, 1.0, (4,))
 
     def chosen(self, actions: Actions) -> Array:
-        """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for."""
+        """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for.
+
+        Raises:
+            ValueError: one of them is not in the set.
+        """
         if self.box is None:
+            if np.any((actions < 0) | (actions >= len(self.model.actions))):
+                raise ValueError(f"an action is none of 0 to {len(self.model.actions) - 1}")
             return np.asarray(self.model.actions[actions])
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 

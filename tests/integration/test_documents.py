@@ -106,7 +106,7 @@ def check_words(words, monkeypatch):
             if inner[0] in COMMANDS:
                 check_words(shlex.split(" ".join(inner)), monkeypatch)
     elif words[:2] == ["pip", "install"]:
-        asked = re.findall(r"\w+", " ".join(re.findall(r"squeezetree\[(.*?)\]", " ".join(words))))
+        asked = re.findall(r"\w+", " ".join(re.findall(r"\[(.*?)\]", " ".join(words))))
         assert set(asked) <= EXTRAS, words
     elif words[0].startswith("tools/") or words[0] == "python":
         script, *arguments = words[1:] if words[0] == "python" else words

@@ -91,3 +91,15 @@ def test_an_episode_of_a_batch_begins_anew_at_the_step_after_its_end(many):
     assert not before[2][:100].any()
     assert (np.hypot(*before[4]["pose"][:100, :2].T) <= 12.75).all()
     assert (many.step(actions)[2] == (actions > 0)).all()
+
+
+@pytest.mark.parametrize("action", [-1, 68])
+def test_an_action_that_there_is_not_is_refused(alone, action):
+    alone.reset(seed=1)
+    with pytest.raises(ValueError, match="none of 0 to 67"):
+        alone.unwrapped.step(action)
+
+
+def test_actions_of_an_unknown_kind_are_refused():
+    with pytest.raises(ValueError, match="'boxes'"):
+        gymnasium.make(planner.gym.NAME, actions="boxes")
