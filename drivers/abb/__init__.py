@@ -1,1 +1,1 @@
-"""ABB arms whose controller runs the public open_abb server; README.md says how to set that up."""
+"""ABB arms: open_abb on IRC5, a RAPID module of ours on OmniCore; poses, reach, what upright arms share."""

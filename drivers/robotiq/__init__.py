@@ -1,1 +1,1 @@
-"""Robotiq 2F-85 and C-85 adaptive grippers: registers as data, device logic, Modbus transports."""
+"""Robotiq 2F and Hand-E grippers: registers as data, device logic, Modbus, CANopen and URCap transports."""

@@ -28,7 +28,8 @@ DIGITS = {
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
-ANSWER = re.compile(rb"\s*([A-Z]{3}) +(\d+)(\s?)")
+ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
+MOST_STALE = 16  # pieces of a line that is never quiet
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
@@ -115,8 +116,9 @@ class UrcapLink(ReportingLink):
     def _exchange(self, line: str, wanted: str, *, stale: bool = False) -> int:
         # Whatever lies there answers nothing that is still to be asked.
         self._text = b""
-        while self._stream.receive(0.0):
-            pass
+        for _ in range(MOST_STALE):
+            if not self._stream.receive(0.0):
+                break
         self._stream.send(line.encode("ascii") + b"\n")
         deadline = self._pace.now() + LINK_TIMEOUT_S
         left = LINK_TIMEOUT_S

@@ -14,7 +14,7 @@ from drivers.abb.kinematics import compose, invert
 from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, ReadOnlyError
+from drivers.errors import ArmError, PortError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, open_tcp, tcp_address
 from drivers.ur import script
@@ -53,6 +53,7 @@ class Arm(UprightArm):
         self._open_script = open_script
         self._pace = pace
         self._unknown = ""  # why the state is unknown
+        self._displaced = False  # whether somebody's program took the place of ours
         self._speed_mm_s = math.nan
         self._start: ArmPose | None = None
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
@@ -94,22 +95,22 @@ class Arm(UprightArm):
         self._moves = self._moves % (1 << 30) + 1
         program = script.move(self._moves, self._setup.tool, compose(self._table, target.frame), pacing)
         try:
-            with contextlib.closing(self._open_script()) as sent:
-                try:
-                    sent.send(program)
-                    self._await_start()
-                    self._await_end(budget_s)
-                except BaseException:  # Ctrl-C, too
+            opened = self._open_script()
+        except PortError as error:
+            raise ArmError(f"arm at {self.endpoint} not moved: {error}") from error
+        with contextlib.closing(opened):
+            try:
+                opened.send(program)
+                self._await_start()
+                self._await_end(budget_s)
+            except BaseException as error:  # Ctrl-C, too
+                if not self._displaced:
                     with contextlib.suppress(OSError):
-                        sent.send(script.stop())
-                    raise
-        except ArmError:
-            raise
-        except OSError as error:
-            raise self._lose(str(error)) from error
-        except BaseException:
-            self._unknown = self._unknown or "a motion was interrupted"
-            raise
+                        opened.send(script.stop())
+                if isinstance(error, OSError) and not isinstance(error, ArmError):
+                    raise self._lose(str(error)) from error
+                self._unknown = self._unknown or "a motion was interrupted"
+                raise
 
     def _pacing(self, target: ArmPose) -> tuple[str, float]:
         """Arguments of `movel`, and the seconds that the motion takes at most, but for its ramps.
@@ -141,6 +142,7 @@ class Arm(UprightArm):
             seen = self._read()
             runs = seen.status_bits & PROGRAM_RUNS
             if seen.started != self._moves:
+                self._displaced = True  # not ours to stop
                 raise self._lose("another program moves it")
             if seen.done == self._moves and not runs and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S:
                 return

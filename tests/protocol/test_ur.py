@@ -60,6 +60,14 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, tol
     assert rig.moves == 0
 
 
+def test_a_closed_port_for_programs_is_told_and_the_arm_stays_usable(rig):
+    rig.script.close()
+    with rig.open() as arm:
+        with pytest.raises(ArmError, match=r"not moved: nobody accepts .* enable the secondary interface"):
+            arm.move_linear(*TARGET, 200.0)
+        arm.pose()
+
+
 def test_a_pendant_that_is_not_in_remote_control_is_told(rig, monkeypatch):
     monkeypatch.setattr(ur_arm, "ANSWER_S", 0.1)
     rig.model.remote = False
@@ -104,6 +112,8 @@ def test_another_program_on_the_way_is_told(rig):
         arm._await_end = intruded
         with pytest.raises(ArmError, match="another program moves it"):
             arm.move_linear(*TARGET, 5.0)
+        time.sleep(0.05)
+        assert rig.model.registers[25] == 7  # nor was it stopped by us
 
 
 def test_an_interrupted_motion_is_stopped(rig):

@@ -157,6 +157,15 @@ def _fits(value: str, old: str) -> bool:
     return NUMBER.fullmatch(value) is not None
 
 
+class _Http(ThreadingHTTPServer):
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A client that connects and leaves, or takes our certificate for a bad one, is no news."""
+        del request, client_address
+
+
 class RwsServer(Server):
     """The services on a port of this machine, with TLS.
 
@@ -176,9 +185,7 @@ class RwsServer(Server):
         self.requests = 0
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate)
-        self._http = ThreadingHTTPServer(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
-        self._http.daemon_threads = True
-        self._http.block_on_close = False
+        self._http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
         self._http.socket = context.wrap_socket(
             self._http.socket, server_side=True, do_handshake_on_connect=False

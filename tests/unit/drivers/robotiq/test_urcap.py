@@ -101,7 +101,7 @@ def test_silence_is_a_timeout_and_then_the_end_of_the_link():
 
 
 @pytest.mark.parametrize(
-    "answer", [b"?", b"nack", b"POS 147", b"ACT one", b"HTTP/1.1 400 Bad Request", b"\xff"]
+    "answer", [b"?", b"nack", b"POS 147", b"ACT one", b"ACT 1111", b"HTTP/1.1 400 Bad Request", b"\xff"]
 )
 def test_other_answers_are_refused(answer):
     _, link = made([[(0.004, answer)]])
@@ -114,6 +114,14 @@ def test_what_is_no_register_value_is_refused(answer):
     _, link = made([*told()[:-1], [(0.004, answer)]])
     with pytest.raises(LinkError, match="no register value"):
         link.read()
+
+
+def test_a_line_that_is_never_quiet_ends_in_an_error():
+    line, link = made(told())
+    line.receive = lambda seconds: line.clock.sleep(0.001) or b"POS 3\n"
+    with pytest.raises(LinkError):
+        link.read()
+    assert line.clock.now() < 200.0
 
 
 def test_an_answer_read_too_late_is_no_reading():

@@ -1,12 +1,13 @@
 """What is refused before it is sent, and where a motion has to have ended."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from fake_cell import Log, State, fake_cell
 from sample_tables import small_table
 
-from runtime.errors import GripperStateError, MotionRefusedError
+from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.execution import safety
 from runtime.execution.safe_state import reach_safe_state
 
@@ -111,3 +112,29 @@ def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_k
         assert arm_known
         assert call.arguments[:2] == made.arm.at[:2]
         assert call.arguments[2] == HIGH
+
+
+@pytest.mark.parametrize(
+    ("model", "speed_mm_s", "force_n", "told"),
+    [
+        ("robotiq-2f-85", 150, 235, ""),
+        ("robotiq-2f-85", 151, 40, r"closes at 151 mm/s; the gripper does 20..150"),
+        ("robotiq-2f-140", 250, 10, ""),
+        ("robotiq-2f-140", 29, 40, r"closes at 29 mm/s; the gripper does 30..250"),
+        ("robotiq-2f-140", 60, 126, r"squeezes with 126 N; the gripper does 10..125"),
+        ("hand-e", 20, 185, ""),
+        ("hand-e", 20, 186, r"squeezes with 186 N; the gripper does 20..185"),
+    ],
+)
+def test_what_a_table_may_ask_for_depends_on_its_gripper(
+    model: str, speed_mm_s: int, force_n: int, told: str
+) -> None:
+    table = small_table()
+    asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
+    nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)
+    table = replace(table, nodes=nodes, gripper=replace(table.gripper, model=model))
+    if not told:
+        safety.check_table(table)
+        return
+    with pytest.raises(TableError, match=told):
+        safety.check_table(table)
