@@ -1,4 +1,4 @@
-"""What a gripper's settings of 0 to 255 mean, by the model that a table names: figures of the makers.
+"""What a gripper's settings of 0 to 255 mean, by the model that a table names.
 
 A calibration with gauge blocks (`grasp-calibrate width`) takes the place of the encoder's ends; speed and
 force are nominal. Nothing here was measured on a gripper of our own.
@@ -42,10 +42,11 @@ PROFILES = {
     for profile in (
         # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc is that of its URDF models.
         Profile("robotiq-2f-85", 85_000, 3, 230, (20_000, 150_000), (20_000, 235_000), (57.15, 5.0), True),
-        # 2F-85 & 2F-140 manual, "Specifications"; a user read 230 closed on nothing (ur_rtde issue 356). The
-        # URDF models agree on the link and differ by 5 mm in where the pads are.
+        # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
+        # (ur_rtde issue 356). The URDF models agree on the link and differ by 5 mm in where the pads are.
         Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,), False),
-        # Hand-E manual, "Specifications"; early units have 60 to 130 N. Its ends are not printed.
+        # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
+        # encoder's ends are those of the register.
         Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), (), False),
     )
 }
