@@ -3,12 +3,12 @@
 import atexit
 import contextlib
 import math
-import pathlib
 import shutil
-import subprocess
 import tempfile
 import threading
 from functools import cache
+
+import trustme
 
 from drivers import connect
 from drivers.abb.codec import Pose, hand_angle
@@ -139,14 +139,13 @@ class OmniCoreRig:
 
 @cache
 def certificate():
-    """A PEM file with a self-made certificate and its key."""
+    """A PEM file with a certificate, its key, and the authority of our own that issued it."""
     folder = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, folder)
     path = f"{folder}/controller.pem"
-    made = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=omnicore"]
-    subprocess.run([*made, "-keyout", path, "-out", f"{path}.crt"], check=True, capture_output=True)
-    with pathlib.Path(path).open("ab") as file:
-        file.write(pathlib.Path(f"{path}.crt").read_bytes())
+    authority = trustme.CA()
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(path)
+    authority.cert_pem.write_to_path(path, append=True)
     return path
 
 
