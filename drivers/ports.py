@@ -1,7 +1,7 @@
-"""What the devices of a cell offer, of any make; a new make is one new file and one line in `connect`.
+"""What the devices of a cell offer, of any make; a new make is one file of ours, or a package of its own.
 
-A driver satisfies these Protocols without inheriting from them. `tests/contract/` runs the same tests against
-every make that is listed there; a new one adds itself.
+A driver satisfies these Protocols without inheriting from them; `drivers.contract` has the tests that every
+make passes, and tools/docs/drivers.md says how.
 
 Rules that a type cannot express:
 

@@ -6,6 +6,7 @@ is disconnected. Nothing here blocks longer than `PATIENCE_S`, but for the next 
 
 import argparse
 import contextlib
+import math
 import select
 import socket
 from urllib.parse import urlsplit
@@ -15,6 +16,7 @@ from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError, JournalError
 from runtime.execution.asked import MAX_LINE, AskedParts, refused
 from runtime.monitoring.live import server
+from runtime.monitoring.monitor import notify
 from runtime.shell import interrupts
 from runtime.traversal.results import Outcome
 
@@ -91,7 +93,7 @@ class RobotServer:
             self._close()
 
     def _wait(self) -> list[socket.socket]:
-        """Who has something to say; empty once a deadline has passed."""
+        """Who has something to say; empty once a deadline has passed, or for the service manager's sake."""
         sockets = [self._listener, *self._leaving]
         ends = list(self._leaving.values())
         if self._robot is not None:
@@ -99,8 +101,9 @@ class RobotServer:
             ends += [self._line_s] if self._read else []
         if self._parts.deadline is not None:
             ends.append(self._parts.deadline)
-        seconds = max(min(ends) - self._clock.now(), 0.0) if ends else None
-        return select.select(sockets, [], [], seconds)[0]
+        seconds = min(ends, default=math.inf) - self._clock.now()
+        notify("WATCHDOG=1")
+        return select.select(sockets, [], [], min(max(seconds, 0.0), PATIENCE_S))[0]
 
     def _look(self, ready: list[socket.socket]) -> None:
         now = self._clock.now()

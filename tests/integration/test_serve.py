@@ -179,3 +179,18 @@ def test_a_stop_request_ends_the_part_and_tells_the_robot(tree: Path) -> None:
         code, (part,), _ = served.ended()
     assert (code, part["outcome"]) == (40, "stopped")
     assert findings(tree.with_name("journal.jsonl")) == []
+
+
+def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> None:
+    with Served(tree) as served, Line(served) as line:
+        assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+        served.process.kill()
+        served.process.communicate(timeout=WAIT_S)
+    with pytest.raises(AssertionError, match="25"):
+        Served(tree)
+    with Served(tree, "--count", "1") as served:
+        with Line(served) as line:
+            assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+            assert line.ask("WIDTH 21").startswith("LEAF 0 ")
+        assert served.ended()[0] == 0
+    assert findings(tree.with_name("journal.jsonl")) == []

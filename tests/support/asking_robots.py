@@ -107,7 +107,9 @@ class Served:
         line = ""
         while "a robot may ask at" not in line:
             line = self.process.stderr.readline()
-            assert line, self.process.wait(WAIT_S)
+            if not line:
+                self.process.communicate()
+                raise AssertionError(f"ended with {self.process.returncode}")
         self.port = int(line.rpartition(":")[2])
 
     def ended(self) -> tuple[int, list[dict[str, object]], str]:

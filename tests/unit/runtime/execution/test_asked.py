@@ -1,0 +1,91 @@
+"""A robot that asks, line by line: a reading means what the table says, and a bad line changes nothing."""
+
+from pathlib import Path
+from random import Random
+
+import pytest
+from fake_cell import FakeClock, FakeJournal
+from sample_tables import every_field_table, random_table, small_table
+
+from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts
+from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.executor import RunOptions
+from runtime.monitoring.console import Objects
+from runtime.table import REJECT, UNDETECTED_UM, Calibration, Table, decide, decision_map
+from runtime.traversal.decision import Policy, release_point
+
+WORDS = ("NEXT", "WIDTH", "COUNTS", "STATUS", "RESET", "TABLE", "VERSION", "OBJECT", "NONE", "0", "1", "21.0")
+WORDS += ("30", "174", "-1", "1e9", "nan", "", "²", "next", "999999999999", "+5", "0x10", "\t", "é")
+ANSWERS = {"SQUEEZE", "DRAG", "LEAF", "UNRESOLVED", "REJECT", "ERROR", "STATUS", "TABLE", "VERSION", "OK"}
+
+
+@pytest.fixture(autouse=True)
+def _quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    """Parts are told on standard output."""
+
+
+def parts(table: Table, policy: Policy | None = None) -> AskedParts:
+    options = RunOptions(policy or Policy())
+    return AskedParts(
+        table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options, ignore_phase
+    )
+
+
+def expected(table: Table, count: int, felt: bool) -> str:
+    """What the root's reading leads to, from the table's own look-up."""
+    node = table.nodes[0]
+    branch = decide(decision_map(node, Calibration.linear(table.gripper)), count, felt)
+    if branch == REJECT:
+        return "REJECT"
+    if release_point(node, branch) is not None:
+        return "DRAG"
+    target = node.branches[branch].target
+    if target >= 0:
+        return f"SQUEEZE {target}"
+    return f"{'LEAF' if table.leaves[~target].resolved else 'UNRESOLVED'} {~target}"
+
+
+@pytest.mark.parametrize("table", [small_table(), every_field_table(), random_table(3, 60)])
+def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table: Table) -> None:
+    asked, calibration = parts(table), Calibration.linear(table.gripper)
+    for count in range(256):
+        for flag in ("OBJECT", "NONE"):
+            asked.answer("RESET")
+            asked.answer("NEXT")
+            told = asked.answer(f"COUNTS {count} {flag} 0")
+            wanted = expected(table, count, flag == "OBJECT")
+            if told.startswith("ERROR"):
+                assert wanted == "REJECT"
+                narrow = calibration.width_um(count) <= UNDETECTED_UM
+                assert not narrow
+            else:
+                assert told.startswith(wanted)
+
+
+def test_a_width_means_what_its_count_does() -> None:
+    table = small_table()
+    asked, calibration = parts(table), Calibration.linear(table.gripper)
+    for count in range(10, 256):
+        answers = []
+        for word in (f"WIDTH {calibration.width_um(count) / 1000}", f"COUNTS {count} OBJECT"):
+            asked.answer("RESET")
+            asked.answer("NEXT")
+            answers.append(asked.answer(word).split()[:2])
+        assert answers[0] == answers[1] or answers[0][0] == "REJECT"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(seed: int) -> None:
+    random, table = Random(seed), every_field_table()
+    asked = parts(table, Policy.of("resqueeze,restart", "restart"))
+    for _ in range(300):
+        before = asked.answer("STATUS")
+        told = asked.answer(" ".join(random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4)))))
+        assert told.isascii()
+        assert "\n" not in told
+        assert len(told) < MAX_LINE
+        first, *rest = told.split(" ", 2)
+        assert first in ANSWERS
+        if first == "ERROR":
+            assert rest[1] == ERRORS[int(rest[0])]
+            assert asked.answer("STATUS") == before
