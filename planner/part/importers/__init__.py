@@ -1,1 +1,1 @@
-"""Outlines from where parts come from: DXF, SVG, CSV and STL files; `file.read_outline` takes any of them."""
+"""Outlines from DXF, SVG, CSV, STL and KiCad files; `file.read_outline` takes any of them."""

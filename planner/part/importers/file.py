@@ -8,10 +8,10 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
-from planner.part.importers import contours, dxf, mesh, svg, table
+from planner.part.importers import contours, dxf, kicad, mesh, svg, table
 from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
 
-READERS = {".svg": svg.read, ".csv": table.read}
+READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""

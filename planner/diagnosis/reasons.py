@@ -1,0 +1,79 @@
+"""Why a part is not located, in one of few kinds: what to change, the part, the gripper or the search."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from planner.belief.observation import encoder_of
+from planner.diagnosis.advice import Advice
+from planner.job.model import Job
+from planner.part.outline import Outline, canonical, convex_hull
+
+TURNS = 8  # symmetries of up to so many turns are looked for
+TOO_LARGE = "too large for the gripper"
+BELOW = "feature below one count"
+REACH = "feature out of the fingers' reach"
+ALIKE = "poses not told apart"
+TIME = "search cut short"
+DEPTH = "longest path reached"
+SCATTER = "scatter about a pose"
+NO_START = "no first squeeze"
+
+
+class Reason(NamedTuple):
+    """Why a part is not located."""
+
+    kind: str  # one of the above
+    text: str  # what was measured, as a sentence without its end
+
+
+class Turn(NamedTuple):
+    """A turn that a part looks nearly the same after, but for which it has no symmetry."""
+
+    degrees: float  # about the centroid
+    apart_mm: float  # how far the outline lies from the turned one at most
+
+
+def nearest_turn(outline: Outline, symmetry: int) -> Turn:
+    """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
+    ring, found = shapely.linearrings(outline), []
+    for parts in range(2, TURNS + 1):
+        for k in range(1, parts // 2 + 1):
+            if symmetry * k % parts:
+                angle = math.tau * k / parts
+                c, s = math.cos(angle), math.sin(angle)
+                turned = shapely.linearrings(outline @ np.array([[c, s], [-s, c]]))
+                apart = float(shapely.hausdorff_distance(ring, turned, densify=0.2))
+                found.append(Turn(math.degrees(angle), apart))
+    return min(found, key=lambda turn: turn.apart_mm)
+
+
+def likeness(job: Job) -> Reason | None:
+    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little."""
+    outline, count = job.part.outline_mm, encoder_of(job).mm_per_count
+    hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
+    for kind, shape, what in ((BELOW, outline, "it"), (REACH, hull, "its convex hull")):
+        turn = nearest_turn(shape, job.part.symmetry)
+        if turn.apart_mm < count:
+            text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm at most"
+            return Reason(kind, f"{text}; a count is {count:.2f} mm")
+    return None
+
+
+def reason(job: Job, advice: Advice, cut: bool) -> Reason:
+    """Why a plan with a table locates too few parts."""
+    several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
+    if several and (found := likeness(job)):
+        return found
+    if cut:
+        return Reason(TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over")
+    if advice.at_depth_limit > 0.5 * advice.failing:
+        return Reason(DEPTH, f"{advice.at_depth_limit:.1%} of the parts end there")
+    if several:
+        return Reason(ALIKE, several[0].line())
+    if advice.open_poses:
+        return Reason(SCATTER, advice.open_poses[0].line())
+    wrong = advice.failing - advice.unresolved
+    return Reason(SCATTER, f"{wrong:.1%} of the parts are answered wrongly or rejected")

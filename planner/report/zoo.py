@@ -1,0 +1,114 @@
+"""Many outlines, planned and judged: what each came to, and one page of them all."""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.compile import compile_job
+from planner.diagnosis import reasons
+from planner.diagnosis.advice import advise
+from planner.diagnosis.reasons import Reason
+from planner.errors import ClusterError, FitError, JobError, NoPlanError
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.part.outline import reach
+from planner.report import canvas
+from planner.report.templating import template
+from planner.work.limit import Limit
+
+LOCATED = 0.99  # share of the parts from which an outline counts as located
+FITTING = 0.8  # share of the room between the open fingers that parts lie in
+MOST_MM = 10.0  # radius of the disc that they lie in at most
+LEAST_MM = 1.0  # and at least
+ERROR = "error of the program"
+Figures = dict[str, Any]
+
+
+class Item(NamedTuple):
+    """An outline to plan, fit to be sent to another machine."""
+
+    name: str  # it is kept under
+    outline_mm: list[list[float]]  # (N, 2)
+    base: str  # canonical text of the job that gripper, friction and goal are taken from
+    budget_s: float  # of planning
+
+
+def judge(item: Item) -> Figures:
+    """Plans an outline and evaluates its table; never raises but where the cluster is lost."""
+    started = time.process_time(), time.perf_counter()
+    told: Figures = {"name": item.name, "outline_mm": item.outline_mm, "budget_s": item.budget_s}
+    try:
+        told |= _judged(item)
+    except ClusterError:
+        raise
+    except JobError as error:
+        kind = reasons.TOO_LARGE if isinstance(error, FitError) else ERROR
+        told |= {"kind": kind, "text": str(error)}
+    except Exception as error:  # whatever it is, the others go on
+        told |= {"kind": ERROR, "text": f"{type(error).__name__}: {error}"}
+    cpu, wall = time.process_time() - started[0], time.perf_counter() - started[1]
+    return told | {"cpu_s": round(cpu, 2), "seconds": round(wall, 2)}
+
+
+def _judged(item: Item) -> Figures:
+    base = job_file.from_canonical(item.base)
+    room = 0.5 * base.gripper.opening_mm - reach(np.array(item.outline_mm))
+    if FITTING * room < LEAST_MM:
+        text = f"turned, it leaves {room:.1f} mm to the open fingers"
+        return {"kind": reasons.TOO_LARGE, "text": text}
+    job = base.replaced(
+        item.name,
+        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": "auto"},
+        uncertainty={"radius_mm": min(MOST_MM, FITTING * room)},
+    )
+    told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
+    try:
+        plan = compile_job(job, workers=1, limit=Limit(item.budget_s))
+    except NoPlanError as error:
+        return told | {"kind": None} | _no_plan(job, error)._asdict()
+    figures = plan.evaluation.summary()
+    for key in ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "mean_squeezes", "crashes"):
+        told[key] = figures[key]
+    told |= {"nodes": len(plan.table.nodes), "cut": plan.cut is not None}
+    if figures["success_rate"] >= LOCATED:
+        return told | {"kind": None, "text": ""}
+    advice = advise(plan.table, plan.evaluation, job)
+    return told | reasons.reason(job, advice, plan.cut is not None)._asdict()
+
+
+def _no_plan(job: Job, error: NoPlanError) -> Reason:
+    if found := reasons.likeness(job):
+        return found
+    return Reason(reasons.NO_START if "first squeeze" in str(error) else reasons.ALIKE, str(error))
+
+
+def page(rows: Sequence[Figures]) -> str:
+    """All outlines with what they came to, failures first, as HTML without anything from elsewhere."""
+    located = [row for row in rows if row["kind"] is None]
+    kinds = Counter(row["kind"] for row in rows if row["kind"] is not None)
+    graspable = [row for row in rows if row["kind"] not in (reasons.TOO_LARGE, reasons.BELOW)]
+    shown = sorted(rows, key=lambda row: (row["kind"] is None, row["kind"] or "", row["name"]))
+    return template("zoo.html").render(
+        rows=[(row, _thumbnail(row["outline_mm"])) for row in shown], located=len(located),
+        graspable=len(graspable), kinds=kinds.most_common(), times=_quantiles(rows, "cpu_s"),
+        squeezes=_quantiles(located, "mean_squeezes"), least=LOCATED, colors=vars(canvas),
+    )  # fmt: skip
+
+
+def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
+    """The median and the 90th percentile; not a number without any."""
+    values = [row[key] for row in rows if key in row]
+    return [float(value) for value in np.quantile(values, (0.5, 0.9))] if values else [math.nan, math.nan]
+
+
+def _thumbnail(outline: list[list[float]]) -> str:
+    """The outline as points of an SVG that is 100 wide, y up."""
+    shape = np.array(outline)
+    scale = 90.0 / float(np.ptp(shape, axis=0).max())
+    return " ".join(
+        f"{50 + scale * x:.1f},{50 - scale * y:.1f}" for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
+    )

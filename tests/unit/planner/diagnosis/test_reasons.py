@@ -1,0 +1,66 @@
+"""Reasons of parts that are not located, where geometry says what they are."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from problems import l_shape
+
+from planner.diagnosis import reasons
+from planner.diagnosis.advice import Advice
+from planner.diagnosis.reasons import likeness, nearest_turn, reason
+from planner.job import model as job_file
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+
+
+def job_of(outline):
+    return JOB.replaced(part={"outline_mm": outline, "symmetry": "auto"})
+
+
+def advice(**values):
+    empty = {"failing": 0.5, "unresolved": 0.0, "at_depth_limit": 0.0, "pairs": [], "open_poses": []}
+    return Advice(**{**empty, "gains": (), "proposing": True, "delays": ()} | values)
+
+
+def notched(depth, width=1.0):
+    return [
+        [-15, -8],
+        [15, -8],
+        [15, -width],
+        [15 - depth, -width],
+        [15 - depth, width],
+        [15, width],
+        [15, 8],
+        [-15, 8],
+    ]
+
+
+def test_a_turn_that_is_a_symmetry_is_not_told():
+    box = np.array([[-15, -8], [15, -8], [15, 8], [-15, 8]], dtype=float)
+    assert nearest_turn(box, 1) == (pytest.approx(180.0), pytest.approx(0.0, abs=1e-9))
+    assert nearest_turn(box, 2).apart_mm > 3.0
+
+
+@pytest.mark.parametrize("depth", [0.1, 0.3])
+def test_a_notch_below_a_count_makes_half_turns_alike(depth):
+    found = likeness(job_of(notched(depth)))
+    assert found.kind == reasons.BELOW
+    assert "180 degrees" in found.text
+    apart = nearest_turn(job_of(notched(depth)).part.outline_mm, 1).apart_mm
+    assert 0.5 * depth <= apart <= 1.5 * depth
+
+
+def test_a_narrow_notch_is_out_of_the_fingers_reach_and_a_bent_part_is_neither():
+    found = likeness(job_of(notched(6.0)))
+    assert found.kind == reasons.REACH
+    assert likeness(job_of(l_shape().tolist())) is None
+
+
+def test_the_first_cause_that_applies_is_told():
+    bent = job_of(l_shape().tolist())
+    assert reason(bent, advice(unresolved=0.5), cut=True).kind == reasons.TIME
+    assert reason(bent, advice(unresolved=0.5, at_depth_limit=0.4), cut=False).kind == reasons.DEPTH
+    assert reason(bent, advice(), cut=False).kind == reasons.SCATTER
+    assert math.isfinite(nearest_turn(bent.part.outline_mm, 1).apart_mm)

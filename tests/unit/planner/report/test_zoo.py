@@ -1,0 +1,48 @@
+"""Many outlines: what each comes to, and the page about them."""
+
+import math
+from pathlib import Path
+
+import pytest
+from problems import regular_polygon
+
+from planner.diagnosis import reasons
+from planner.job import model as job_file
+from planner.report import zoo
+
+BASE = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+
+
+def item(outline, **changes):
+    return zoo.Item("a <part>", outline, BASE.replaced(**changes).canonical(), math.inf)
+
+
+def test_a_part_that_no_open_hand_clears_is_too_large():
+    row = zoo.judge(item([[0, 0], [84, 0], [84, 20], [40, 20]]))
+    assert row["kind"] == reasons.TOO_LARGE
+    assert "seconds" in row
+
+
+def test_an_error_of_the_program_is_told_and_ends_nothing(monkeypatch):
+    monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
+    row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))
+    assert (row["kind"], row["text"]) == (zoo.ERROR, "ZeroDivisionError: division by zero")
+
+
+@pytest.mark.slow
+def test_a_hexagon_is_located_and_the_page_names_all():
+    few = {"particles": 3000, "search_particles": 100}
+    row = zoo.judge(item(regular_polygon(6, 14.0).tolist(), search=few))
+    assert row["kind"] is None
+    assert row["success_rate"] >= zoo.LOCATED
+    assert row["symmetry"] == 6
+    failed = zoo.judge(item([[0, 0], [84, 0], [84, 20], [40, 20]]))
+    text = zoo.page([row, failed])
+    assert text.count("<polygon") == 2
+    assert "a &lt;part&gt;" in text
+    assert "1 are located" in text
+    assert f'<th scope="row">{reasons.TOO_LARGE}</th><td>1</td>' in text
+
+
+def test_a_page_of_nothing_is_a_page():
+    assert "0 outlines" in zoo.page([])

@@ -1,0 +1,116 @@
+"""Outlines of real components, from packages that ship them; nothing of them is kept here.
+
+Debian's `kicad-footprints` (CC-BY-SA 4.0): the bodies on the fabrication layer of footprints. PyPI's
+`bd-warehouse` (Apache-2.0): tables of ISO and DIN parts, drawn here as they lie on a table.
+"""
+
+import csv
+import hashlib
+import math
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from planner.errors import PlannerError
+from planner.part.importers.file import Options, read_outline
+from planner.part.outline import canonical, simplified
+
+FOOTPRINTS = Path("/usr/share/kicad/footprints")
+HOW = "apt-get install --no-install-recommends kicad-footprints; pip install --no-deps bd-warehouse"
+SMALLEST_MM, LARGEST_MM = 8.0, 80.0
+TOLERANCE_MM = 0.05
+SAME_MM = 0.1  # outlines whose areas overlap but for a rim of this are one
+KEPT_ASIDE = 10  # one outline in so many, by the hash of its name, is looked at only once
+
+Outlines = dict[str, np.ndarray]
+
+
+def outlines() -> Outlines:
+    """All distinct outlines (n, 2), neither rectangles nor round, by name; none without the packages."""
+    found, seen = {}, set()
+    for name, outline in (*footprints(), *screws(), *rings(), *keys()):
+        size = np.ptp(outline, axis=0)
+        key = (
+            tuple(np.rint(np.sort(size) / SAME_MM)),
+            round(math.sqrt(shapely.Polygon(outline).area) / SAME_MM),
+        )
+        if SMALLEST_MM <= size.max() <= LARGEST_MM and not trivial(outline) and key not in seen:
+            seen.add(key)
+            found[name] = outline
+    return found
+
+
+def kept_aside(name: str) -> bool:
+    """Whether an outline is one of those looked at only once."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") % KEPT_ASIDE == 0
+
+
+def trivial(outline: np.ndarray) -> bool:
+    """Whether a rectangle or a circle is the same but for a rim."""
+    part = shapely.Polygon(outline)
+    box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
+    disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
+    return any(part.symmetric_difference(shape).area < SAME_MM * part.length for shape in (box, disc))
+
+
+def footprints() -> Iterator[tuple[str, np.ndarray]]:
+    """The largest contour of every footprint's body."""
+    for path in sorted(FOOTPRINTS.glob("*.pretty/*.kicad_mod")):
+        try:
+            read = read_outline(path, Options(contour=1, tolerance_mm=TOLERANCE_MM))
+        except PlannerError:  # no body, or one that crosses itself
+            continue
+        yield f"{path.parent.stem}/{path.stem}", read.outline_mm
+
+
+def screws() -> Iterator[tuple[str, np.ndarray]]:
+    """Hexagon head screws ISO 4014 on their side, the head on a flat: head across corners, shank."""
+    for row in table("hex_head_parameters.csv"):
+        if row["Size"].startswith("M") and row["iso4014:s"]:
+            diameter = float(row["Size"][1:].split("-")[0])
+            head, corners = float(row["iso4014:k"]), float(row["iso4014:s"]) / math.cos(math.pi / 6)
+            for length in (3.0 * diameter, 5.0 * diameter):
+                shank = shapely.box(0.0, -0.5 * diameter, length, 0.5 * diameter)
+                screw = shank.union(shapely.box(-head, -0.5 * corners, 0.0, 0.5 * corners))
+                yield f"iso4014/M{diameter:g}x{length:g}", outline_of(screw)
+
+
+def rings() -> Iterator[tuple[str, np.ndarray]]:
+    """Retaining rings DIN 471 at rest: eccentric within the two radial widths, two lugs beside the gap."""
+    for row in table("din471.csv"):
+        inner, lug, width, hole = 0.5 * float(row["d3"]), *(float(row[key]) for key in ("a", "b", "d5"))
+        ring = shapely.Point(0.0, -width / 4).buffer(inner + 0.75 * width, quad_segs=32)
+        for side in (-1.0, 1.0):
+            near, far = sorted((0.5 * side * hole, 2.5 * side * hole))
+            ring = ring.union(shapely.box(near, 0.5 * inner, far, inner + lug))
+        ring = ring.difference(shapely.Point(0.0, 0.0).buffer(inner, quad_segs=32))
+        ring = ring.difference(shapely.box(-hole / 2, 0.0, hole / 2, 2.0 * inner + lug))
+        yield f"din471/{float(row['d1']):g}", outline_of(ring)
+
+
+def keys() -> Iterator[tuple[str, np.ndarray]]:
+    """Parallel keys DIN 6885 A seen from above: round ends, four times as long as wide."""
+    for row in table("shaft_key_parameters.csv"):
+        width = float(row["din6885:b"])
+        middle = shapely.LineString([[-1.5 * width, 0.0], [1.5 * width, 0.0]])
+        yield f"din6885/{width:g}", outline_of(middle.buffer(width / 2, quad_segs=16))
+
+
+def table(name: str) -> list[dict[str, str]]:
+    """The rows of a table of bd-warehouse; none where it is not installed."""
+    spec = find_spec("bd_warehouse")
+    if spec is None or not spec.submodule_search_locations:
+        return []
+    path = Path(spec.submodule_search_locations[0]) / "data" / name
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def outline_of(shape: shapely.Polygon) -> np.ndarray:
+    """The outer boundary of a drawn part, as jobs take it."""
+    largest = max(shapely.get_parts(shape), key=shapely.area)
+    drawn = canonical(shapely.get_coordinates(largest.exterior)[:-1]).outline_mm
+    return canonical(simplified(drawn, TOLERANCE_MM)).outline_mm
