@@ -8,6 +8,7 @@ import shapely
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import Advice
+from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part.outline import Outline, canonical, convex_hull
 
@@ -50,11 +51,16 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
     return min(found, key=lambda turn: turn.apart_mm)
 
 
-def likeness(job: Job) -> Reason | None:
-    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little."""
+def likeness(job: Job, cut: bool = False) -> Reason | None:
+    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little.
+
+    A hull that does is no proof that fingers cannot reach the rest; nothing is said of it after a search that
+    was cut short.
+    """
     outline, count = job.part.outline_mm, encoder_of(job).mm_per_count
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
-    for kind, shape, what in ((BELOW, outline, "it"), (REACH, hull, "its convex hull")):
+    shapes = [(BELOW, outline, "it"), (REACH, hull, "its convex hull")]
+    for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
         if turn.apart_mm < count:
             text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm at most"
@@ -62,10 +68,19 @@ def likeness(job: Job) -> Reason | None:
     return None
 
 
+def no_plan(job: Job, error: NoPlanError) -> Reason:
+    """Why there is no plan at all."""
+    if found := likeness(job, error.cut):
+        return found
+    if error.cut:
+        return Reason(TIME, str(error))
+    return Reason(NO_START if "first squeeze" in str(error) else ALIKE, str(error))
+
+
 def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     """Why a plan with a table locates too few parts."""
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
-    if several and (found := likeness(job)):
+    if several and (found := likeness(job, cut)):
         return found
     if cut:
         return Reason(TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over")
