@@ -13,7 +13,8 @@ from planner.diagnosis import reasons
 from planner.diagnosis.advice import advise
 from planner.errors import ClusterError, FitError, JobError, NoPlanError
 from planner.job import model as job_file
-from planner.part.outline import reach
+from planner.part import symmetry
+from planner.part.outline import canonical, reach
 from planner.report import canvas
 from planner.report.templating import template
 from planner.work.limit import Limit
@@ -22,6 +23,7 @@ LOCATED = 0.99  # share of the parts from which an outline counts as located
 FITTING = 0.8  # share of the room between the open fingers that parts lie in
 MOST_MM = 10.0  # radius of the disc that they lie in at most
 LEAST_MM = 1.0  # and at least
+DRAWN_MM = 0.05  # what outlines may be off by: no symmetry ends there
 ERROR = "error of the program"
 Figures = dict[str, Any]
 
@@ -58,9 +60,10 @@ def _judged(item: Item) -> Figures:
     if FITTING * room < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}
+    order = symmetry.order(canonical(item.outline_mm).outline_mm, DRAWN_MM)
     job = base.replaced(
         item.name,
-        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": "auto"},
+        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": order},
         uncertainty={"radius_mm": min(MOST_MM, FITTING * room)},
     )
     told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}

@@ -3,8 +3,8 @@
     python tests/bench/bench_push_first.py [--parts 20000]
 
 Some parts lie where an open finger comes down. Closed fingers can push them inwards before the first
-squeeze, from both sides, by the mechanics of `plan-simulate --push`. Prints how many parts that saves and what
-it takes, and writes `results/push_first.json` beside this file.
+squeeze, from both sides, by the mechanics of `plan-simulate --push`. Prints how many parts that saves and
+what it takes, and writes `results/push_first.json` beside this file.
 """
 
 from __future__ import annotations
