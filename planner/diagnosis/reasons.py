@@ -13,6 +13,7 @@ from planner.job.model import Job
 from planner.part.outline import Outline, canonical, convex_hull
 
 TURNS = 8  # symmetries of up to so many turns are looked for
+BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
 TOO_LARGE = "too large for the gripper"
 BELOW = "feature below one count"
 REACH = "feature out of the fingers' reach"
@@ -62,8 +63,8 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
     shapes = [(BELOW, outline, "it"), (REACH, hull, "its convex hull")]
     for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
-        if turn.apart_mm < count:
-            text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm at most"
+        if BOTH_SIDES * turn.apart_mm < count:
+            text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm a side at most"
             return Reason(kind, f"{text}; a count is {count:.2f} mm")
     return None
 
