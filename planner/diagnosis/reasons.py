@@ -64,8 +64,8 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
     for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
         if BOTH_SIDES * turn.apart_mm < count:
-            text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm a side at most"
-            return Reason(kind, f"{text}; a count is {count:.2f} mm")
+            differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; a count is {count:.2f} mm"
+            return Reason(kind, f"turned by {turn.degrees:.0f} degrees {differs}")
     return None
 
 
