@@ -82,10 +82,14 @@ class FitError(JobError):
 
 
 class NoPlanError(PlannerError):
-    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1."""
+    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1.
+
+    `cut` tells that it was cut short.
+    """
 
     exit_code = 9
     success = 0.0
+    cut = False
 
 
 class ClusterError(PlannerError):

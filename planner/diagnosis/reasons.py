@@ -8,10 +8,12 @@ import shapely
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import Advice
+from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part.outline import Outline, canonical, convex_hull
 
 TURNS = 8  # symmetries of up to so many turns are looked for
+BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
 TOO_LARGE = "too large for the gripper"
 BELOW = "feature below one count"
 REACH = "feature out of the fingers' reach"
@@ -50,22 +52,36 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
     return min(found, key=lambda turn: turn.apart_mm)
 
 
-def likeness(job: Job) -> Reason | None:
-    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little."""
+def likeness(job: Job, cut: bool = False) -> Reason | None:
+    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little.
+
+    A hull that does is no proof that fingers cannot reach the rest; nothing is said of it after a search that
+    was cut short.
+    """
     outline, count = job.part.outline_mm, encoder_of(job).mm_per_count
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
-    for kind, shape, what in ((BELOW, outline, "it"), (REACH, hull, "its convex hull")):
+    shapes = [(BELOW, outline, "it"), (REACH, hull, "its convex hull")]
+    for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
-        if turn.apart_mm < count:
-            text = f"turned by {turn.degrees:.0f} degrees {what} differs by {turn.apart_mm:.2f} mm at most"
-            return Reason(kind, f"{text}; a count is {count:.2f} mm")
+        if BOTH_SIDES * turn.apart_mm < count:
+            differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; a count is {count:.2f} mm"
+            return Reason(kind, f"turned by {turn.degrees:.0f} degrees {differs}")
     return None
+
+
+def no_plan(job: Job, error: NoPlanError) -> Reason:
+    """Why there is no plan at all."""
+    if found := likeness(job, error.cut):
+        return found
+    if error.cut:
+        return Reason(TIME, str(error))
+    return Reason(NO_START if "first squeeze" in str(error) else ALIKE, str(error))
 
 
 def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     """Why a plan with a table locates too few parts."""
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
-    if several and (found := likeness(job)):
+    if several and (found := likeness(job, cut)):
         return found
     if cut:
         return Reason(TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over")

@@ -11,11 +11,10 @@ import numpy as np
 from planner.compile import compile_job
 from planner.diagnosis import reasons
 from planner.diagnosis.advice import advise
-from planner.diagnosis.reasons import Reason
 from planner.errors import ClusterError, FitError, JobError, NoPlanError
 from planner.job import model as job_file
-from planner.job.model import Job
-from planner.part.outline import reach
+from planner.part import symmetry
+from planner.part.outline import canonical, reach
 from planner.report import canvas
 from planner.report.templating import template
 from planner.work.limit import Limit
@@ -24,6 +23,7 @@ LOCATED = 0.99  # share of the parts from which an outline counts as located
 FITTING = 0.8  # share of the room between the open fingers that parts lie in
 MOST_MM = 10.0  # radius of the disc that they lie in at most
 LEAST_MM = 1.0  # and at least
+DRAWN_MM = 0.05  # what outlines may be off by: no symmetry ends there
 ERROR = "error of the program"
 Figures = dict[str, Any]
 
@@ -34,12 +34,12 @@ class Item(NamedTuple):
     name: str  # it is kept under
     outline_mm: list[list[float]]  # (N, 2)
     base: str  # canonical text of the job that gripper, friction and goal are taken from
-    budget_s: float  # of planning
+    budget_s: float  # of planning, processor time
 
 
 def judge(item: Item) -> Figures:
     """Plans an outline and evaluates its table; never raises but where the cluster is lost."""
-    started = time.process_time(), time.perf_counter()
+    started = time.thread_time(), time.perf_counter()
     told: Figures = {"name": item.name, "outline_mm": item.outline_mm, "budget_s": item.budget_s}
     try:
         told |= _judged(item)
@@ -50,7 +50,7 @@ def judge(item: Item) -> Figures:
         told |= {"kind": kind, "text": str(error)}
     except Exception as error:  # whatever it is, the others go on
         told |= {"kind": ERROR, "text": f"{type(error).__name__}: {error}"}
-    cpu, wall = time.process_time() - started[0], time.perf_counter() - started[1]
+    cpu, wall = time.thread_time() - started[0], time.perf_counter() - started[1]
     return told | {"cpu_s": round(cpu, 2), "seconds": round(wall, 2)}
 
 
@@ -60,16 +60,18 @@ def _judged(item: Item) -> Figures:
     if FITTING * room < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}
+    order = symmetry.order(canonical(item.outline_mm).outline_mm, DRAWN_MM)
     job = base.replaced(
         item.name,
-        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": "auto"},
+        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": order},
         uncertainty={"radius_mm": min(MOST_MM, FITTING * room)},
     )
     told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
+    limit = Limit(item.budget_s, time.thread_time)  # which other work on the machine does not spend
     try:
-        plan = compile_job(job, workers=1, limit=Limit(item.budget_s))
+        plan = compile_job(job, workers=1, limit=limit)
     except NoPlanError as error:
-        return told | {"kind": None} | _no_plan(job, error)._asdict()
+        return told | reasons.no_plan(job, error)._asdict()
     figures = plan.evaluation.summary()
     for key in ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "mean_squeezes", "crashes"):
         told[key] = figures[key]
@@ -78,12 +80,6 @@ def _judged(item: Item) -> Figures:
         return told | {"kind": None, "text": ""}
     advice = advise(plan.table, plan.evaluation, job)
     return told | reasons.reason(job, advice, plan.cut is not None)._asdict()
-
-
-def _no_plan(job: Job, error: NoPlanError) -> Reason:
-    if found := reasons.likeness(job):
-        return found
-    return Reason(reasons.NO_START if "first squeeze" in str(error) else reasons.ALIKE, str(error))
 
 
 def page(rows: Sequence[Figures]) -> str:

@@ -9,7 +9,8 @@ from problems import l_shape
 
 from planner.diagnosis import reasons
 from planner.diagnosis.advice import Advice
-from planner.diagnosis.reasons import likeness, nearest_turn, reason
+from planner.diagnosis.reasons import likeness, nearest_turn, no_plan, reason
+from planner.errors import NoPlanError
 from planner.job import model as job_file
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
@@ -43,7 +44,7 @@ def test_a_turn_that_is_a_symmetry_is_not_told():
     assert nearest_turn(box, 2).apart_mm > 3.0
 
 
-@pytest.mark.parametrize("depth", [0.1, 0.3])
+@pytest.mark.parametrize("depth", [0.1, 0.15])
 def test_a_notch_below_a_count_makes_half_turns_alike(depth):
     found = likeness(job_of(notched(depth)))
     assert found.kind == reasons.BELOW
@@ -56,6 +57,18 @@ def test_a_narrow_notch_is_out_of_the_fingers_reach_and_a_bent_part_is_neither()
     found = likeness(job_of(notched(6.0)))
     assert found.kind == reasons.REACH
     assert likeness(job_of(l_shape().tolist())) is None
+
+
+def test_without_a_plan_the_part_is_blamed_before_the_search_and_a_cut_search_before_the_reach():
+    cut, bent = NoPlanError("x: no leaf comes within 3.0 mm"), job_of(l_shape().tolist())
+    assert no_plan(bent, cut).kind == reasons.ALIKE
+    assert no_plan(job_of(notched(6.0)), cut).kind == reasons.REACH
+    cut.cut = True
+    assert no_plan(bent, cut).kind == reasons.TIME
+    assert no_plan(job_of(notched(6.0)), cut).kind == reasons.TIME
+    assert no_plan(job_of(notched(0.1)), cut).kind == reasons.BELOW
+    start = NoPlanError("x: no first squeeze is free of collision")
+    assert no_plan(bent, start).kind == reasons.NO_START
 
 
 def test_the_first_cause_that_applies_is_told():
