@@ -82,10 +82,14 @@ class FitError(JobError):
 
 
 class NoPlanError(PlannerError):
-    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1."""
+    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1.
+
+    `cut_short` tells that it was not done: a longer one may find a plan.
+    """
 
     exit_code = 9
     success = 0.0
+    cut_short = False
 
 
 class ClusterError(PlannerError):

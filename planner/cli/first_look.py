@@ -137,8 +137,11 @@ def _try(arguments: argparse.Namespace) -> int:
             dump(plan.table, files.table)
             _draw(answer.job, plan, imported, files.picture, report)
     except (FitError, NoPlanError) as error:
-        reason = {"locatable": False, "verdict": "poor", "reason": str(error)}
-        return _show(arguments, {**told, **reason}, ["", f"Can it be located by squeezing? No: {error}."])
+        known = not getattr(error, "cut_short", False)
+        reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
+        short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
+        lines = ["", f"Can it be located by squeezing? {short}"]
+        return _show(arguments, {**told, **reason, "reason": str(error)}, lines)
     seconds = time.monotonic() - started
     told |= {
         "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.found.sentence,

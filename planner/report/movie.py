@@ -29,7 +29,7 @@ class Squeeze(NamedTuple):
     node: int
     hand: Array  # (3,) in the world
     states: Array  # (CLOSING, 4) of the part in the world and the width, at equal times
-    count: int  # that the encoder reads
+    reading: int  # count of the encoder
 
 
 class Story(NamedTuple):
@@ -127,8 +127,8 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                 "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
                 "seen": _seen(begun, begun + ARRIVE_S, shut, shut + OPEN_S, total_s),
                 "told": _seen(float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s),
-                "angle": math.degrees(squeeze.hand[2]), "count": squeeze.count,
-                "width": Calibration.linear(table.gripper).width_um(squeeze.count) / 1e3,
+                "angle": math.degrees(squeeze.hand[2]), "count": squeeze.reading,
+                "width": Calibration.linear(table.gripper).width_um(squeeze.reading) / 1e3,
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(
