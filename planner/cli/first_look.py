@@ -36,7 +36,7 @@ QUICK = {"particles": 8000, "search_particles": 200}  # of [search]: a rough tre
 TRIALS = 4000
 WORLD_TRIALS = 1000
 LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
-NARROW_TURN_DEG = 20.0  # where no gripper opens wide enough for any angle
+TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
 LARGEST = 1  # number of the contour that is taken
 DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
 ANSWERS = {
@@ -45,6 +45,7 @@ ANSWERS = {
     "poor": "Not well enough: see what limits it.",
     "cut": "Yes, as far as the search came; plan for longer to know the rest.",
 }
+WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
 
 
@@ -71,7 +72,7 @@ def parser() -> Parser:
     shell.add_drawing(built.add_argument_group("the drawing"))
     add = built.add_argument_group("in place of defaults").add_argument
     add("--radius", type=number, metavar="MM", help="the part's centre lies in a disc of this radius")
-    add("--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)")
+    add("--turn", type=number, metavar="DEG", help=f"it is turned by at most this (default: {TURN_DEG:g})")
     add("--gripper", choices=GRIPPERS, help="which one (default: the first that opens wide enough)")
     add("--fingers", choices=FINGERS, help="what they are faced with (default: rubber)")
     add(
@@ -167,8 +168,10 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
             WORLD_TRIALS, plan.seed, Threads(), report,
         )
     )  # fmt: skip
-    limits = [plan.cut.line()] if plan.cut else advise(plan.table, plan.evaluation, job).lines()
     open_share = plan.cut.open_share if plan.cut else 0.0
+    limits = advise(plan.table, plan.evaluation, job).lines()
+    if plan.cut and open_share >= WORTH_TELLING:
+        limits = [plan.cut.line()]
     figures, longest = plan.evaluation.summary(), plan.table.limits.max_depth
     return plan, Answer(job, figures, weakest(lines), limits, open_share, longest)
 
@@ -217,12 +220,9 @@ def _defaults(arguments: argparse.Namespace, imported: Imported) -> tuple[Answer
     pads = FINGERS[fingers]
     if arguments.fingers is None:
         taken.append(f"{pads.told}, friction {pads.low:g} to {pads.high:g} (--fingers)")
-    turn = arguments.turn
-    if turn is None and rooms[gripper] < LEAST_ROOM_MM:
-        turn = NARROW_TURN_DEG
-        taken.append(f"turned by at most {turn:g} degrees, for the part is long for the jaws (--turn)")
-    elif turn is None:
-        taken.append("at any angle (--turn)")
+    turn = TURN_DEG if arguments.turn is None else arguments.turn
+    if arguments.turn is None:
+        taken.append(f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)")
     radius = arguments.radius
     if radius is None:
         radius = proposed_radius_mm(imported, GRIPPERS[gripper])
