@@ -3,6 +3,7 @@
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +33,7 @@ from runtime.table import dump
 NAME = "plan-try"
 ANSWER_S = 45.0  # from the start to the answer, the picture aside
 LEAST_SEARCH_S = 8.0
+SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 QUICK = {"particles": 8000, "search_particles": 200}  # of [search]: a rough tree in the time there is
 TRIALS = 4000
 WORLD_TRIALS = 1000
@@ -159,9 +161,8 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
     make(job, seed=0).squeeze((0.0, 0.0, 0.0))
     quick = job.replaced(search=QUICK)
     left_s = ANSWER_S - (time.monotonic() - started)
-    limit = Limit(arguments.budget or max(LEAST_SEARCH_S, left_s))
-    with shell.stopping(limit, NAME):
-        plan = compile_job(quick, None, TRIALS, report, limit)
+    budgets = [arguments.budget] if arguments.budget else [max(LEAST_SEARCH_S, left_s), SLOW_S]
+    plan = _within(quick, budgets, report)
     lines = list(
         sweep(
             plan.table, quick, assumption_cases(job), lambda real: ContactWorlds.of_job(real, plan.seed),
@@ -174,6 +175,22 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
         limits = [plan.cut.line()]
     figures, longest = plan.evaluation.summary(), plan.table.limits.max_depth
     return plan, Answer(job, figures, weakest(lines), limits, open_share, longest)
+
+
+def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
+    """The plan within the first of some times [s] that is enough for one.
+
+    Raises:
+        NoPlanError: none is, or there is no plan.
+    """
+    limit = Limit(budgets[0])
+    try:
+        with shell.stopping(limit, NAME):
+            return compile_job(job, None, TRIALS, report, limit)
+    except NoPlanError as error:
+        if not error.cut_short or limit.asked or len(budgets) == 1:
+            raise
+    return _within(job, budgets[1:], report)
 
 
 def _draw(job: Job, plan: Plan, imported: Imported, path: Path, report: Report) -> None:
