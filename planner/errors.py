@@ -84,12 +84,12 @@ class FitError(JobError):
 class NoPlanError(PlannerError):
     """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1.
 
-    `cut` tells that it was cut short.
+    `cut_short` tells that it was not done: a longer one may find a plan.
     """
 
     exit_code = 9
     success = 0.0
-    cut = False
+    cut_short = False
 
 
 class ClusterError(PlannerError):

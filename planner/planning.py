@@ -280,5 +280,5 @@ def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> 
         reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
         problem = f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less"
         error = NoPlanError("; ".join([problem, *reasons]))
-    error.success, error.cut = float(np.mean(evaluation.within)), cut is not None
+    error.success, error.cut_short = float(np.mean(evaluation.within)), cut is not None
     return error

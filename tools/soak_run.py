@@ -16,14 +16,13 @@ from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
-from runtime.execution import strokes
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Phase
 from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Handling
 from runtime.execution.session import sight
 from runtime.journal.replay import Replay
-from runtime.table import PPM, Table, dumps
+from runtime.table import PPM, Table, dumps, profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -198,7 +197,8 @@ class Soak:
         path = math.hypot(x_max - x_min, y_max - y_min)
         path += math.tau * 1000 * TURN_RADIUS_MM
         path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / strokes.SLOWEST_UM_S
+        slowest_um_s = profile_of(self.table.gripper.model).speed_um_s[0]
+        seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / slowest_um_s
         return 3.0 * seconds + SQUEEZE_S
 
 

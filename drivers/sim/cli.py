@@ -118,7 +118,7 @@ def _audit_extra(name: str) -> Any:
         return import_module(f"drivers.sim.camera.{name}")
     except ModuleNotFoundError as error:
         raise SimulationError(
-            f"the camera needs the audit extra ({error.name} is missing); pip install 'squeezetree[audit]'"
+            f"the camera needs the audit extra ({error.name} is missing); install squeezetree[audit]"
         ) from error
 
 

@@ -3,6 +3,7 @@
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,11 +33,12 @@ from runtime.table import dump
 NAME = "plan-try"
 ANSWER_S = 45.0  # from the start to the answer, the picture aside
 LEAST_SEARCH_S = 8.0
+SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 QUICK = {"particles": 8000, "search_particles": 200}  # of [search]: a rough tree in the time there is
 TRIALS = 4000
 WORLD_TRIALS = 1000
 LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
-NARROW_TURN_DEG = 20.0  # where no gripper opens wide enough for any angle
+TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
 LARGEST = 1  # number of the contour that is taken
 DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
 ANSWERS = {
@@ -45,6 +47,7 @@ ANSWERS = {
     "poor": "Not well enough: see what limits it.",
     "cut": "Yes, as far as the search came; plan for longer to know the rest.",
 }
+WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
 
 
@@ -71,7 +74,7 @@ def parser() -> Parser:
     shell.add_drawing(built.add_argument_group("the drawing"))
     add = built.add_argument_group("in place of defaults").add_argument
     add("--radius", type=number, metavar="MM", help="the part's centre lies in a disc of this radius")
-    add("--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)")
+    add("--turn", type=number, metavar="DEG", help=f"it is turned by at most this (default: {TURN_DEG:g})")
     add("--gripper", choices=GRIPPERS, help="which one (default: the first that opens wide enough)")
     add("--fingers", choices=FINGERS, help="what they are faced with (default: rubber)")
     add(
@@ -137,8 +140,11 @@ def _try(arguments: argparse.Namespace) -> int:
             dump(plan.table, files.table)
             _draw(answer.job, plan, imported, files.picture, report)
     except (FitError, NoPlanError) as error:
-        reason = {"locatable": False, "verdict": "poor", "reason": str(error)}
-        return _show(arguments, {**told, **reason}, ["", f"Can it be located by squeezing? No: {error}."])
+        known = not getattr(error, "cut_short", False)
+        reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
+        short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
+        lines = ["", f"Can it be located by squeezing? {short}"]
+        return _show(arguments, {**told, **reason, "reason": str(error)}, lines)
     seconds = time.monotonic() - started
     told |= {
         "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.found.sentence,
@@ -155,19 +161,36 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
     make(job, seed=0).squeeze((0.0, 0.0, 0.0))
     quick = job.replaced(search=QUICK)
     left_s = ANSWER_S - (time.monotonic() - started)
-    limit = Limit(arguments.budget or max(LEAST_SEARCH_S, left_s))
-    with shell.stopping(limit, NAME):
-        plan = compile_job(quick, None, TRIALS, report, limit)
+    budgets = [arguments.budget] if arguments.budget else [max(LEAST_SEARCH_S, left_s), SLOW_S]
+    plan = _within(quick, budgets, report)
     lines = list(
         sweep(
             plan.table, quick, assumption_cases(job), lambda real: ContactWorlds.of_job(real, plan.seed),
             WORLD_TRIALS, plan.seed, Threads(), report,
         )
     )  # fmt: skip
-    limits = [plan.cut.line()] if plan.cut else advise(plan.table, plan.evaluation, job).lines()
     open_share = plan.cut.open_share if plan.cut else 0.0
+    limits = advise(plan.table, plan.evaluation, job).lines()
+    if plan.cut and open_share >= WORTH_TELLING:
+        limits = [plan.cut.line()]
     figures, longest = plan.evaluation.summary(), plan.table.limits.max_depth
     return plan, Answer(job, figures, weakest(lines), limits, open_share, longest)
+
+
+def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
+    """The plan within the first of some times [s] that is enough for one.
+
+    Raises:
+        NoPlanError: none is, or there is no plan.
+    """
+    limit = Limit(budgets[0])
+    try:
+        with shell.stopping(limit, NAME):
+            return compile_job(job, None, TRIALS, report, limit)
+    except NoPlanError as error:
+        if not error.cut_short or limit.asked or len(budgets) == 1:
+            raise
+    return _within(job, budgets[1:], report)
 
 
 def _draw(job: Job, plan: Plan, imported: Imported, path: Path, report: Report) -> None:
@@ -214,12 +237,9 @@ def _defaults(arguments: argparse.Namespace, imported: Imported) -> tuple[Answer
     pads = FINGERS[fingers]
     if arguments.fingers is None:
         taken.append(f"{pads.told}, friction {pads.low:g} to {pads.high:g} (--fingers)")
-    turn = arguments.turn
-    if turn is None and rooms[gripper] < LEAST_ROOM_MM:
-        turn = NARROW_TURN_DEG
-        taken.append(f"turned by at most {turn:g} degrees, for the part is long for the jaws (--turn)")
-    elif turn is None:
-        taken.append("at any angle (--turn)")
+    turn = TURN_DEG if arguments.turn is None else arguments.turn
+    if arguments.turn is None:
+        taken.append(f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)")
     radius = arguments.radius
     if radius is None:
         radius = proposed_radius_mm(imported, GRIPPERS[gripper])

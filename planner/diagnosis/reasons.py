@@ -71,9 +71,9 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
 
 def no_plan(job: Job, error: NoPlanError) -> Reason:
     """Why there is no plan at all."""
-    if found := likeness(job, error.cut):
+    if found := likeness(job, error.cut_short):
         return found
-    if error.cut:
+    if error.cut_short:
         return Reason(TIME, str(error))
     return Reason(NO_START if "first squeeze" in str(error) else ALIKE, str(error))
 

@@ -73,6 +73,10 @@ def check_conflicts(values: Values) -> None:
         FitError: the part is wider than the jaws open, however it lies.
     """
     _check_symmetry(values["part"])
+    if values["part"]["picks"] is not None and values["part"]["datum"] is None:
+        raise _conflict(
+            "part", "picks", "need a datum, in whose frame they are; state it, [0, 0, 0] if need be"
+        )
     _check_dof(values["pressure"])
     _check_friction(values["friction"])
     _check_gripper(values["gripper"], values["cell"])
@@ -163,6 +167,21 @@ def _check_choices(actions: dict[str, Any], gripper: dict[str, Any], cell: dict[
         raise _conflict("actions", "forces_n", problem)
 
 
+def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:
+    """Where the hand takes the part, in its frame [mm]: as stated, or the place of one of its picks."""
+    name, picks = delivery["grasp"], part["picks"] or {}
+    if name is None:
+        x, y = delivery["grasp_mm"]
+        return float(x), float(y)
+    if name not in picks:
+        problem = f"is {name!r}, none of [part] picks: {', '.join(picks) or 'there are none'}"
+        raise _conflict("delivery", "grasp", problem)
+    x, y, angle = part["datum"]
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    across, along, _ = picks[name]
+    return x + c * across - s * along, y + s * across + c * along
+
+
 def _check_delivery(values: Values) -> None:
     """The hand must come down within its area, with the part in one of the turns that look the same."""
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
@@ -177,7 +196,7 @@ def _check_delivery(values: Values) -> None:
         raise _conflict("delivery", "area_mm", problem)
     order = values["part"]["symmetry"]
     turns = math.radians(delivery["drop_angle_deg"]) + np.arange(order) * math.tau / order
-    x, y = delivery["grasp_mm"]
+    x, y = _grasp(delivery, values["part"])
     across = np.column_stack([np.cos(turns) * x - np.sin(turns) * y, np.sin(turns) * x + np.cos(turns) * y])
     hands = delivery["drop_mm"] + across
     if not ((low <= hands) & (hands <= high)).all(axis=1).any():

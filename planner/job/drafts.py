@@ -50,6 +50,7 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
         order=imported.symmetry,
         height=thickness,
         tips=tips_height_mm(thickness),
+        datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
         vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],

@@ -118,7 +118,29 @@ class Numbers:
         return "of [x, y] pairs" if self.columns == 2 else f"of rows of {self.columns} numbers"
 
 
-Field: TypeAlias = Number | Integer | Text | Numbers
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses [x, y, angle] by name; mm, mm, degrees, each number within `item`."""
+
+    item: Number
+    most: int = 100
+    default: Any = REQUIRED
+
+    def read(self, value: Any) -> dict[str, list[float]]:
+        """The poses, in the order of their names."""
+        if not isinstance(value, dict) or not 1 <= len(value) <= self.most:
+            raise ValueRangeError(f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}")
+        row = Numbers(self.item, least=3, most=3)
+        found = {}
+        for name in sorted(value):
+            try:
+                found[Text().read(name)] = row.read(value[name]).tolist()
+            except ValueRangeError as error:
+                raise ValueRangeError(f"{shown(name)} {error}") from None
+        return found
+
+
+Field: TypeAlias = Number | Integer | Text | Numbers | Poses
 
 
 def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[str, Any]:

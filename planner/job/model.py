@@ -145,6 +145,9 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     values = documents.checked(document)
     part, actions, cell = values["part"], values["actions"], values["cell"]
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
+    if part["datum"] is not None:
+        part["datum"] = part["datum"] + np.array([*shift, 0.0])
+        part["datum"].setflags(write=False)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
     surface_file.resolve(values["pressure"], where, drawn)

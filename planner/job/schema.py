@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
 
 from planner.arrays import Array
-from planner.job.fields import Field, Integer, Number, Numbers, Text
+from planner.job.fields import Field, Integer, Number, Numbers, Poses, Text
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 
@@ -25,6 +25,10 @@ class Part:
     symmetry: Annotated[int, Integer(1, 10_000, default="auto", word="auto")]
     # From the table to the part's top where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
+    # (3,) the drawing's datum: x, y [mm] and angle [deg] in the frame of the outline; None: not stated.
+    datum: Annotated[Array | None, Numbers(PLACE, least=3, most=3, default=None)] = None
+    # Named points to take the part at: x, y [mm] and angle [deg] of the hand in the datum's frame.
+    picks: Annotated[dict[str, list[float]] | None, Poses(PLACE, default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +175,8 @@ class Delivery:
     # (2,) the hand's centre in the part's frame, and the hand's angle there.
     grasp_mm: Annotated[Array, Numbers(PLACE, least=2, most=2, default=[0.0, 0.0])]
     grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
+    # Instead of both, the name of one of [part] picks.
+    grasp: Annotated[str | None, Text(default=None)]
     # What the fingers then have to read (None: anything but nothing), and how far off that they may read.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     width_tolerance_mm: Annotated[float, Number(0, MM, above=True, default=1.5)]

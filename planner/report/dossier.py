@@ -66,6 +66,7 @@ def page(
     nodes = node_details(table, beliefs)
     data = {
         "outline": points(job.part.outline_mm),
+        "datum": None if job.part.datum is None else job.part.datum.tolist(),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,

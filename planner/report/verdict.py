@@ -62,8 +62,15 @@ def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict
         f"finds a {described(job)} lying {belief(job)} {aim(job)} in {percent(success)} of trials, "
         f"{figures['mean_squeezes']:.1f} squeezes, about {figures['mean_seconds']:.1f} s"
     )
-    leaning = f"; weakest assumption: {worst.text()}" if worst else ""
-    return Verdict(grade, found + leaning, error_text(figures["error_mm"]))
+    return Verdict(grade, found + _leaning(job, worst), error_text(figures["error_mm"]))
+
+
+def _leaning(job: Job, worst: Weakest | None) -> str:
+    if worst is None:
+        return ""
+    if worst.wrong < GOOD_WRONG and worst.success >= job.goal.confidence:
+        return f"; it holds where assumptions fail one by one, least with {worst.text()}"
+    return f"; weakest assumption: {worst.text()}"
 
 
 def error_text(error_mm: dict[str, float] | None) -> str:

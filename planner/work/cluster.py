@@ -53,7 +53,7 @@ class Cluster:
         try:
             from distributed import Client
         except ImportError as error:
-            hint = "install it with: pip install 'squeezetree[cluster]'"
+            hint = "install squeezetree[cluster]; in a clone: pip install '.[cluster]'"
             raise UsageError(
                 f"--scheduler needs the cluster extra ({error.name} is missing); {hint}"
             ) from error

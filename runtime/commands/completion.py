@@ -69,8 +69,8 @@ def parser() -> Parser:
 def _print_script(_: argparse.Namespace) -> int:
     if find_spec("shtab") is None:
         raise ArgumentsError(
-            "needs the completion extra (shtab is missing); install it with: "
-            "pip install 'squeezetree[completion]'"
+            "needs the completion extra (shtab is missing); install squeezetree[completion]; "
+            "in a clone: pip install '.[completion]'"
         )
     print(script(dict(parsers())))
     return 0

@@ -97,7 +97,9 @@ def _check_views(arguments: argparse.Namespace) -> None:
 
         server.parse(arguments.http)
     if views(arguments).terminal is not None and find_spec("rich") is None:
-        raise ArgumentsError("--watch needs rich; install it with: pip install 'squeezetree[watch]'")
+        raise ArgumentsError(
+            "--watch needs rich; install squeezetree[watch]; in a clone: pip install '.[watch]'"
+        )
 
 
 def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from runtime.errors import ArgumentsError
 from runtime.table import Pose2
+from runtime.traversal.answer import frames_in
 
 KEYS = {
     "drop_mm": 2,
@@ -84,7 +85,19 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
         ArgumentsError: a key of it is wrong.
     """
     keys = (job or {}).get("delivery")
-    return None if keys is None else from_keys(keys, "the job's section delivery")
+    if keys is None:
+        return None
+    where = "the job's section delivery"
+    if not isinstance(keys, Mapping) or keys.get("grasp") is None:
+        return from_keys(keys, where)
+    name = keys["grasp"]
+    picks = frames_in((job or {}).get("part")).picks
+    if name not in picks:
+        raise ArgumentsError(f"{where}: grasp {name!r} is none of [part] picks: {', '.join(picks) or 'none'}")
+    others = {
+        key: value for key, value in keys.items() if key not in ("grasp", "grasp_mm", "grasp_angle_deg")
+    }
+    return replace(from_keys(others, where), grasp=picks[name])
 
 
 def from_keys(keys: object, where: str) -> Delivery:

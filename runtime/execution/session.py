@@ -76,6 +76,8 @@ def run_journalled(
                 scene.next_part()
             result = executor.run_part(number, resumed)
             seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
+            if seen is not None and seen.true is not None:
+                cell.journal.record("truth", {"part": number, **truth_fields(seen)})
             console.part(result, seen)
             tally.add(result, seen)
             if options.policy.ends_run(result.outcome):
@@ -132,6 +134,15 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
     shown_mm = None if goal.kind == "orientation" else off_mm
     return Sighting(true, shown_mm, meets(goal, leaf, true), truth.crashes)
+
+
+def truth_fields(seen: Sighting) -> dict[str, object]:
+    """Where a simulated part really lay, as a journal record holds it."""
+    assert seen.true is not None
+    x_mm, y_mm, theta_rad = seen.true
+    pose = {"x_um": round(1e3 * x_mm), "y_um": round(1e3 * y_mm), "theta_urad": round(1e6 * theta_rad)}
+    off = None if seen.error_mm is None else round(1e3 * seen.error_mm)
+    return {**pose, "error_um": off, "within_goal": seen.within}
 
 
 def _reason(error: BaseException) -> str:

@@ -6,8 +6,9 @@ line before. So a changed, missing or inserted line shows.
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
 broke off. In between, for each part: `part`, then a `placed` and a `squeeze` for each squeeze, `audit` and
-`delivery` where there is one, `outcome`; after a crash `resume` and `freed`; instead of parts `put_down`; and
-anywhere `link`, a retry or a failure on the way to the gripper.
+`delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; after a crash
+`resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
+gripper.
 """
 
 import base64

@@ -101,7 +101,7 @@ def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kin
     except ImportError as error:
         raise ArgumentsError(
             "Parquet needs pyarrow, which a cell controller does not have; "
-            "pip install squeezetree[parquet] where you evaluate, or export to .csv"
+            "install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
     listed = list(found)
     try:

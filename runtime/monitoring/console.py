@@ -8,7 +8,8 @@ from pathlib import Path
 from runtime.execution.events import Sighting, Tally
 from runtime.shell.command import say
 from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose
-from runtime.traversal.geometry import placement
+from runtime.traversal import answer
+from runtime.traversal.geometry import compose, placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -16,7 +17,7 @@ class Lines:
     """Plain lines for people, on standard output."""
 
     def __init__(self, table: Table) -> None:
-        self._table = table
+        self._table, self._frames = table, answer.frames_of(table)
 
     def note(self, sentence: str) -> None:
         """Print a sentence."""
@@ -38,6 +39,8 @@ class Lines:
             leaf = self._table.leaves[result.leaf]
             success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
             told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
+            if self._frames.datum is not None and leaf.resolved:
+                told += f", datum {_pose(compose(predicted_pose(leaf), self._frames.datum))}"
             if (error := _expected_error(leaf)) is not None:
                 told += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
@@ -90,6 +93,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "position_counts": [step.position_counts for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
+        **_in_the_drawing(table, result),
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
@@ -104,6 +108,15 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "exit_code": result.exit_code,
         "journal": str(journal),
     }
+
+
+def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
+    """The datum and the picks of a located part, where the job names them."""
+    frames = answer.frames_of(table)
+    if frames.datum is None or result.leaf is None:
+        return {}
+    told = answer.told(table, result.leaf, frames)
+    return {"datum_pose": told["datum"], "picks": told["picks"]}
 
 
 def _goal(goal: GoalSpec) -> str:

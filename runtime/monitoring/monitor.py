@@ -4,12 +4,14 @@ import os
 import socket
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
 from runtime.monitoring.status import Status
 from runtime.table import TableFile
+from runtime.traversal import answer
 from runtime.traversal.results import PartResult, Step
 
 if TYPE_CHECKING:
@@ -32,7 +34,10 @@ class Monitor:
 
     def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
         self._console, self._table, self._name = console, loaded.table, str(name)
-        self._status = Status(self._name, loaded.digest, self._table.predicted.success_ppm)
+        self._status = Status(
+            self._name, loaded.digest, self._table.predicted.success_ppm,
+            partial(answer.told, self._table, frames=answer.frames_of(self._table)),
+        )  # fmt: skip
         self._views = views or Views()
         self._view: View | None = None
         self._stack = ExitStack()

@@ -2,7 +2,7 @@
 
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from runtime.execution.events import Phase
@@ -15,7 +15,15 @@ RECENT = 10  # parts that a snapshot remembers one by one
 class Status:
     """The snapshot of a table, by its name and digest, fed by the loop and read by any thread."""
 
-    def __init__(self, table: str, table_sha256: str, predicted_ppm: int) -> None:
+    def __init__(
+        self,
+        table: str,
+        table_sha256: str,
+        predicted_ppm: int,
+        answer: Callable[[int], dict[str, object]] | None = None,
+    ) -> None:
+        """Begin without a part; `answer` tells what a leaf says, in words of `runtime.traversal.answer`."""
+        self._answer = answer
         self._lock = threading.Lock()
         self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
@@ -45,7 +53,10 @@ class Status:
         """A part's end."""
         with self._lock:
             self._outcomes[result.outcome] += 1
-            self._recent.append(result.fields())
+            answer = None
+            if self._answer is not None and result.leaf is not None and result.outcome is Outcome.LEAF:
+                answer = self._answer(result.leaf)
+            self._recent.append({**result.fields(), "answer": answer})
             if result.leaf is not None:
                 self._leaves[result.leaf] += 1
             if result.audit is not None:
@@ -55,7 +66,8 @@ class Status:
         """The snapshot for machines.
 
         `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
-        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest.
+        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
+        of a located part is its pose.
         """
         with self._lock:
             return {

@@ -99,7 +99,7 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
         missing = (error.name or module).split(".")[0]
         if missing in OURS:
             raise
-        hint = f"install it with: pip install 'squeezetree[{extra}]'"
+        hint = f"install squeezetree[{extra}]; in a clone: pip install '.[{extra}]'"
         tell(name, f"needs the {extra} extra ({missing} is missing); {hint}")
         return USAGE
     except KeyboardInterrupt:

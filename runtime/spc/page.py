@@ -94,7 +94,10 @@ def _verdict(summary: Summary) -> Iterator[str]:
 
 def _alarms(summary: Summary) -> Iterator[str]:
     if not summary.alarms:
-        yield '<p class="good">All charts are in control.</p>'
+        if summary.judged:
+            yield '<p class="good">All charts are in control.</p>'
+        else:
+            yield "<p>No alarm, but no part was judged: this says nothing of how right the answers are.</p>"
         return
     yield f"<h2>Alarms</h2>\n<p>{len(summary.alarms)} in all; the first of each chart:</p>"
     first = {alarm.chart: alarm for alarm in reversed(summary.alarms)}

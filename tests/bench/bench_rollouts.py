@@ -132,7 +132,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
     options = parser.parse_args()
     if "cluster" in options.only and find_spec("distributed") is None:
-        parser.error("the cluster needs: pip install 'squeezetree[cluster]'; else --only generate sweep")
+        parser.error("the cluster needs: pip install '.[cluster]'; else --only generate sweep")
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     for name in options.only:
         results[name] = benches[name](options.count)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from planner.cli import compile as compile_
-from planner.cli import evaluate, simulate
+from planner.cli import evaluate, report, simulate
 from runtime.table import load
 
 ROOT = Path(__file__).parents[2]
@@ -350,3 +350,12 @@ def test_a_full_disk_is_one_line_and_leaves_no_part_of_a_file(tmp_path, monkeypa
     assert "out.csv" in err
     assert "free the disk" in err
     assert [path.name for path in tmp_path.iterdir()] == ["in.csv"]
+
+
+def test_outputs_of_another_kind_are_told_what_is_written(tmp_path):
+    code, _, err = inside(compile_, JOB, "-o", tmp_path / "x.svg")
+    assert (code, "what is written is a table" in err) == (2, True)
+    code, _, err = inside(report, TABLE, "-o", tmp_path / "x.svg")
+    assert (code, "what is written is a page" in err) == (2, True)
+    code, _, err = inside(evaluate, JOB)
+    assert (code, "it is a job file: squeezetree plan" in err) == (30, True)

@@ -135,9 +135,10 @@ def _visible(document: Drawing, space: Modelspace, only: str | None) -> Iterator
 
 
 def _layers(document: Drawing) -> dict[str, str]:
-    """The layers on which something is drawn, those of blocks included, by their names in lower case."""
-    names = [str(entity.dxf.get("layer", "0")) for entity in document.entitydb.values() if entity.is_alive]
-    return {name.lower(): name for name in sorted(set(names))}
+    """The layers on which something is drawn, in blocks or not, by their names in lower case."""
+    spaces = [document.modelspace(), *document.blocks]
+    names = {str(entity.dxf.get("layer", "0")) for space in spaces for entity in space}
+    return {name.lower(): name for name in sorted(names)}
 
 
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:

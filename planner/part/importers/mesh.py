@@ -16,7 +16,7 @@ def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None
         import trimesh
     except ModuleNotFoundError as error:
         raise UsageError(
-            f"{where}: STL files need trimesh; install it with: pip install 'squeezetree[mesh]'"
+            f"{where}: STL files need trimesh; install squeezetree[mesh]; in a clone: pip install '.[mesh]'"
         ) from error
     if unit_mm is None:
         raise need_units(where, "is an STL file, which never says its units")

@@ -174,6 +174,11 @@ function nodeDetails(index, mark) {
     make("div", {class: "wide", tabindex: "0", role: "region", "aria-label": "Branches"}, make("table", {}, make("thead", {}, make("tr", {}, ...heads.map(text => make("th", {scope: "col"}, text)))), make("tbody", {}, ...rows))),
   ];
 }
+function datumAt(pose) {
+  const [x, y, turn] = poseOf(pose), [dx, dy, angle] = data.datum;
+  const across = x + Math.cos(turn) * dx - Math.sin(turn) * dy, up = y + Math.sin(turn) * dx + Math.cos(turn) * dy;
+  return `${across.toFixed(2)}, ${up.toFixed(2)} mm, ${(turn * 180 / Math.PI + angle).toFixed(1)}\u00b0`;
+}
 function leafDetails(index) {
   const leaf = data.leaves[index], [x, y, turn] = leaf.pose, up = parents.get(~index);
   const outline = (pose, kind) => shape("use", {href: "#part", class: `predicted ${kind}`, transform: placed(poseOf(pose))});
@@ -184,6 +189,7 @@ function leafDetails(index) {
     facts([
       ["says", leaf.resolved ? "the part is located" : "unresolved: it does not know"],
       ["pose", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`],
+      ...(data.datum ? [["datum", datumAt(leaf.pose)]] : []),
       ["spread", `${(Math.sqrt(xx) / 10).toFixed(2)}, ${(Math.sqrt(yy) / 10).toFixed(2)} mm, ${(Math.sqrt(tt) * 0.57296).toFixed(1)}\u00b0`],
       ["success", leaf.trials ? `${percent(leaf.success / 1e6)} of ${leaf.trials}` : "untried"],
       ["95 % interval", `${percent(leaf.interval[0])} to ${percent(leaf.interval[1])}`],

@@ -141,11 +141,21 @@ def _part(part: dict[str, Any]) -> Text:
     squeezes = "1 squeeze" if len(part["path"]) == 1 else f"{len(part['path'])} squeezes"
     told = Text.assemble(f"part {part['part']}: ", (part["outcome"].upper() + leaf, _style(part["outcome"])))
     more = [
+        _pose(part.get("answer")),
         squeezes,
         part["audit"] and f"audit {part['audit']}",
         part["delivery"] and f"delivery {part['delivery']}",
     ]
     return told.append("".join(f", {word}" for word in [*more, part["reason"]] if word))
+
+
+def _pose(answer: dict[str, Any] | None) -> str:
+    """Where the part lies; where its drawing's datum lies, if the job names one."""
+    if answer is None:
+        return ""
+    shown = answer["datum"] or answer
+    name = " (datum)" if answer["datum"] else ""
+    return f"({shown['x_mm']:.2f}, {shown['y_mm']:.2f}) mm, {shown['angle_deg']:.1f} deg{name}"
 
 
 def _style(outcome: str) -> str:

@@ -219,7 +219,12 @@ function list(parts) {
   const state = parts.map(part => part.part).join();
   if (byId("recent").dataset.state === state) return;
   byId("recent").dataset.state = state;
-  byId("recent").replaceChildren(...parts.toReversed().map(part => make("tr", {}, make("th", {scope: "row"}, String(part.part)), ...[part.outcome, part.leaf ?? "", part.path.length, part.audit ?? "", part.reason ?? ""].map(cell => make("td", {}, String(cell))))));
+  byId("recent").replaceChildren(...parts.toReversed().map(part => make("tr", {}, make("th", {scope: "row"}, String(part.part)), ...[part.outcome, poseText(part.answer), part.leaf ?? "", part.path.length, part.audit ?? "", part.reason ?? ""].map(cell => make("td", {}, String(cell))))));
+}
+function poseText(answer) {
+  if (!answer) return "";
+  const pose = answer.datum ?? answer;
+  return `${pose.x_mm.toFixed(2)}, ${pose.y_mm.toFixed(2)} mm, ${pose.angle_deg.toFixed(1)}\u00b0${answer.datum ? " (datum)" : ""}`;
 }
 function take(state) {
   steps = state.steps;
@@ -234,6 +239,7 @@ function take(state) {
   put("squeezes", String(state.squeezes));
   count(state.outcomes);
   list(state.recent_parts);
+  put("answer", poseText(state.recent_parts.findLast(part => part.answer)?.answer) || "\u2013");
   draw();
   if (follow.checked) choose(now);
   else choose(chosen);

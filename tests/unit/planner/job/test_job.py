@@ -241,7 +241,7 @@ def test_the_runtime_reads_the_delivery_that_a_job_states():
 
 
 def test_job_and_runtime_know_the_same_keys_of_a_delivery():
-    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS}
+    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS, "grasp"}  # a name, which stands for two of them
     for key, count in delivery.KEYS.items():
         field = schema.FIELDS["delivery"][key]
         assert (field.least if isinstance(field, fields.Numbers) else 0) == count
@@ -292,3 +292,15 @@ def test_a_limit_on_wrong_answers_is_optional_and_leaves_other_jobs_what_they_we
     for wrong in (0, 2.5, 100_001, "few"):
         with pytest.raises(errors.ValueRangeError, match="wrong_ppm"):
             job.parse(TEXT, changes={"goal": {"wrong_ppm": wrong}})
+
+
+def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
+    stated = "datum = [1.0, 2.0, 30.0]\npicks = {rim = [5, 0, 90]}\noutline_mm = ["
+    made = job.parse(TEXT.replace("outline_mm = [", stated, 1))
+    shift = made.part.outline_mm[0] - np.array(tomllib.loads(TEXT)["part"]["outline_mm"][0])
+    assert np.allclose(made.part.datum, [1.0 + shift[0], 2.0 + shift[1], 30.0])
+    again = job.from_canonical(made.canonical())
+    assert again.canonical() == made.canonical()
+    assert again.part.picks == {"rim": [5.0, 0.0, 90.0]}
+    with pytest.raises(errors.ValueRangeError, match="need a datum"):
+        job.parse(TEXT.replace("outline_mm = [", stated.partition("\n")[2], 1))

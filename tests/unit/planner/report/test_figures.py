@@ -9,13 +9,14 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from planner.job import model as job_file
-from planner.report import canvas, charts, paper_figures
+from planner.report import canvas, charts, movie, paper_figures
 from planner.report.comparison import table_rows
 from planner.report.replay import replay
 from runtime.table import load
@@ -26,7 +27,7 @@ ROOT = Path(__file__).parents[4]
 TREES = ROOT / "trees"
 RESULTS = ROOT / "tests" / "bench" / "results"
 PICTURES = ROOT / "tools" / "docs" / "pictures"
-NAMES = ("fig1", "fig2", "fig3", "fig4", "fig6", "table1", "speed")
+NAMES = ("fig1", "fig2", "fig3", "fig4", "fig6", "squeezes", "table1", "speed")
 RADII = {row.part: 10.0 for row in table_rows(TREES)}
 
 
@@ -211,3 +212,18 @@ def test_wrong_input_is_answered_with_a_line(arguments, status, said):
     done = figures(*arguments)
     assert (done.returncode, said in done.stderr) == (status, True), done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_moving_picture_shows_a_part_that_the_table_locates(planned):
+    table, job, beliefs = planned
+    drawn = ElementTree.fromstring(movie.picture(table, job, beliefs))
+    moves = [part for part in drawn.iter() if part.tag.endswith(("animate", "animateTransform"))]
+    assert len({move.get("dur") for move in moves}) == 1
+    for move in moves:
+        keys = [float(key) for key in move.get("keyTimes").split(";")]
+        assert keys == sorted(keys)
+        assert (keys[0], keys[-1]) == (0.0, 1.0)
+        assert len(keys) == len(move.get("values").split(";"))
+    told = " ".join(drawn.itertext())
+    assert told.count("the encoder reads") == 3
+    assert float(re.search(r"off by (\S+) mm", told)[1]) < job.goal.distance_mm

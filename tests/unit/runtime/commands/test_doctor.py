@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,9 +14,10 @@ import pytest
 from fake_cell import FakeClock, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
+from runtime import cli
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
-from runtime.commands.doctor import _failed, findings, parser, run
+from runtime.commands.doctor import MARKS, _failed, findings, parser, run
 from runtime.errors import CellCheckError
 from runtime.table import Calibration, dump
 
@@ -234,3 +236,19 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
     with pytest.raises(CellCheckError):
         run(given, Drivers(TimeoutError("silence")))
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
+
+
+def test_a_simulated_cell_is_looked_at_like_a_real_one(capsys: pytest.CaptureFixture[str]) -> None:
+    tree = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+    assert cli.doctor(["--port", "sim", "--tree", str(tree)]) == 0
+    out = capsys.readouterr().out
+    assert "BAD" not in out
+    assert "The arm answers" in out
+    assert cli.doctor(["--port", "sim"]) == 2
+    assert "needs --tree" in capsys.readouterr().err
+
+
+def test_the_page_of_commissioning_uses_the_marks_that_are_printed() -> None:
+    page = (Path(__file__).parents[4] / "tools" / "docs" / "commissioning.md").read_text()
+    told = set(re.findall(r"what it marks (\w+); know why for each (\w+)", page)[0])
+    assert told <= {mark.strip() for mark in MARKS.values()}

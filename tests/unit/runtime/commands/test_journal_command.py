@@ -127,7 +127,7 @@ def test_parquet_without_pyarrow_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
-    assert "pip install squeezetree[parquet]" in capsys.readouterr().err
+    assert "install squeezetree[parquet]" in capsys.readouterr().err
 
 
 def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> None:

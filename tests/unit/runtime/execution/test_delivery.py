@@ -87,3 +87,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         with pytest.raises(ArgumentsError, match=rf"{name}\.toml") as refused:
             from_file(tmp_path / f"{name}.toml")
         assert "\n" not in str(refused.value)
+
+
+def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
+    part = {"datum": [10.0, 0.0, 90.0], "picks": {"handle": [5.0, 0.0, 0.0]}}
+    made = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
+    assert made is not None
+    assert made.grasp == pytest.approx((10.0, 5.0, pi / 2))
+    with pytest.raises(ArgumentsError, match="none of"):
+        from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})

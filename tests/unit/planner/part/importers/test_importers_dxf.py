@@ -312,3 +312,53 @@ def test_missing_files_and_other_suffixes(tmp_path):
         read(tmp_path / "part.dwg")
     with pytest.raises(UsageError, match="--tolerance"):
         read(drawn(tmp_path, lambda m, d: polyline(m)), tolerance_mm=0.0)
+
+
+def on_layers(space, _):
+    space.add_lwpolyline(RECTANGLE, close=True, dxfattribs={"layer": "part"})
+    space.add_lwpolyline([(x + 100, y) for x, y in RECTANGLE], close=True, dxfattribs={"layer": "tool"})
+
+
+def test_one_layer_alone_is_read(tmp_path):
+    path = drawn(tmp_path, on_layers)
+    is_rectangle(read(path, layer="Part"))
+    with pytest.raises(UsageError, match="2 contours"):
+        read(path)
+    with pytest.raises(UsageError, match=r"choose --layer of: .*part, tool"):
+        read(path, layer="rim")
+
+
+@pytest.mark.parametrize("sheet", [(297, 210), (420 - 30, 297 - 20)])
+def test_the_frame_of_a_sheet_is_left_out(tmp_path, sheet):
+    def draw(space, _):
+        polyline(space, [(x + 40, y + 40) for x, y in RECTANGLE])
+        polyline(space, [(0, 0), (sheet[0], 0), sheet, (0, sheet[1])])
+
+    found = read(drawn(tmp_path, draw))
+    is_rectangle(found)
+    assert any("frame of a sheet" in note for note in found.notes)
+
+
+def test_a_plate_as_large_as_a_sheet_but_empty_is_a_part(tmp_path):
+    plate = [(0, 0), (297, 0), (297, 210), (0, 210)]
+    assert sorted(read(drawn(tmp_path, lambda m, d: polyline(m, plate))).size_mm) == [210, 297]
+
+
+def test_an_open_outline_about_a_closed_hole_is_told_with_its_gap(tmp_path):
+    def draw(space, _):
+        lines(space, gap=0.5)
+        space.add_circle((15, 10), 3)
+
+    with pytest.raises(OutlineError, match=r"open at .* 0\.5 mm away; close it"):
+        read(drawn(tmp_path, draw))
+
+
+def test_holes_lie_in_the_outline_and_the_origin_is_the_drawings(tmp_path):
+    def draw(space, _):
+        polyline(space, [(x + 7, y - 3) for x, y in RECTANGLE])
+        space.add_circle((7 + 5, -3 + 6), 2)
+
+    found = read(drawn(tmp_path, draw))
+    assert np.allclose(found.origin_mm, (-7 - 15, 3 - 10.5))
+    (hole,) = found.holes_mm
+    assert np.allclose(hole.mean(axis=0), (5 - 15, 6 - 10.5), atol=0.05)

@@ -174,5 +174,5 @@ def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
     options.check_usage(given)  # in a pipe it is not needed
     monkeypatch.setattr("sys.stdout", Screen())
-    with pytest.raises(ArgumentsError, match=r"pip install 'squeezetree\[watch\]'"):
+    with pytest.raises(ArgumentsError, match=r"install squeezetree\[watch\]"):
         options.check_usage(given)

@@ -1,0 +1,167 @@
+"""One part being squeezed until it is located, as an SVG that moves by itself (SMIL), for a README."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.particles import subsample
+from planner.evaluation.trials import placement_of
+from planner.frames import to_hand, to_world
+from planner.job.model import Job
+from planner.mechanics.simulator import Simulator
+from planner.report import canvas, trajectory
+from planner.report.replay import Replay
+from planner.report.templating import template
+from runtime.table import Calibration, Table, decide, decision_map, error_mm, poses_of
+
+MU = 0.5
+OUTLINES = 30  # most outlines of one belief
+ARRIVE_S, CLOSE_S, READ_S, OPEN_S, END_S = 0.5, 1.3, 1.1, 0.4, 2.8
+CLOSING = 14  # moments of a closing that are drawn
+TOUCH = 0.4  # share of it until the part moves
+
+
+class Squeeze(NamedTuple):
+    """One squeeze of the part that is shown."""
+
+    node: int
+    hand: Array  # (3,) in the world
+    states: Array  # (CLOSING, 4) of the part in the world and the width, at equal times
+    reading: int  # count of the encoder
+
+
+class Story(NamedTuple):
+    """What happens to one part."""
+
+    squeezes: list[Squeeze]
+    leaf: int
+    error_mm: float  # of the leaf's pose
+
+
+def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
+    """The SVG's text: of the parts replayed, the first that needs so many squeezes and is located.
+
+    Raises:
+        ValueError: none does.
+    """
+    simulator = Simulator.of_job(job, workers=1)
+    for pose in beliefs.visits[0].before:
+        story = followed(table, simulator, pose, squeezes)
+        if story is not None:
+            return _drawn(table, job, beliefs, story)
+    raise ValueError(f"no part is located with {squeezes} squeezes")
+
+
+def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
+    """The way of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
+    surface = simulator.nominal(1, MU).surfaces[0]
+    calibration, target, found = Calibration.linear(table.gripper), 0, list[Squeeze]()
+    while target >= 0 and len(found) < squeezes:
+        node = table.nodes[target]
+        hand = placement_of(node.squeeze)
+        states, _ = simulator.trace(to_hand(pose, hand), surface, MU)
+        begun, end = trajectory.touch(states), float(states[-1, 3])
+        closing = round(TOUCH * CLOSING)
+        widths = np.concatenate(
+            [
+                np.linspace(states[0, 3], begun, closing, endpoint=False),
+                np.linspace(begun, end, CLOSING - closing),
+            ]
+        )
+        seen = trajectory.along(states, widths)
+        world = np.column_stack([to_world(seen[:, :3], hand), seen[:, 3]])
+        count = calibration.count(round(1e3 * end))
+        branch = decide(decision_map(node, calibration), count, end > 0.0)
+        if branch < 0 or node.release is not None:
+            return None
+        found.append(Squeeze(target, hand, world, count))
+        pose, target = world[-1, :3], node.branches[branch].target
+    if target >= 0 or len(found) < squeezes or not table.leaves[~target].resolved:
+        return None
+    x, y, angle = map(float, pose)
+    off = min(
+        error_mm(table.goal, told, (x, y, angle)) for told in poses_of(table.goal, table.leaves[~target])
+    )
+    return Story(found, ~target, off)
+
+
+class Track(NamedTuple):
+    """A value at moments, for an animation."""
+
+    times: list[float]  # [s]
+    values: list[str]
+
+    def keys(self, total_s: float) -> str:
+        """The moments as SMIL's keyTimes."""
+        return ";".join(f"{min(time / total_s, 1.0):.4f}" for time in self.times)
+
+    def text(self) -> str:
+        """The values as SMIL's."""
+        return ";".join(self.values)
+
+
+def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
+    """Puts the squeezes one after the other."""
+    each_s = ARRIVE_S + CLOSE_S + READ_S + OPEN_S
+    total_s = each_s * len(story.squeezes) + END_S
+    moving, hands = list[tuple[float, Array]](), []
+    for k, squeeze in enumerate(story.squeezes):
+        begun, opening = k * each_s, table.nodes[squeeze.node].squeeze.opening_um / 1e3
+        closing = begun + ARRIVE_S + np.linspace(0.0, CLOSE_S, CLOSING)
+        moving += [(begun, squeeze.states[0]), *zip(closing.tolist(), squeeze.states, strict=True)]
+        shut = float(closing[-1]) + READ_S
+        times = [0.0, begun, *closing.tolist(), shut, shut + OPEN_S, total_s]
+        widths = [
+            opening,
+            opening,
+            *squeeze.states[:, 3].tolist(),
+            float(squeeze.states[-1, 3]),
+            opening,
+            opening,
+        ]
+        hands.append(
+            {
+                "pose": squeeze.hand, "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
+                "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
+                "seen": _seen(begun, begun + ARRIVE_S, shut, shut + OPEN_S, total_s),
+                "told": _seen(float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s),
+                "angle": math.degrees(squeeze.hand[2]), "count": squeeze.reading,
+                "width": Calibration.linear(table.gripper).width_um(squeeze.reading) / 1e3,
+                "belief": _belief(beliefs.visits[squeeze.node].before),
+                "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
+                "believed": _seen(
+                    begun - 0.3 if k else 0.0, begun if k else 0.0, float(closing[-1]),
+                    float(closing[-1]) + 0.6, total_s,
+                ),
+            }
+        )  # fmt: skip
+    end_s = total_s - END_S
+    moving.append((total_s, story.squeezes[-1].states[-1]))
+    times = [time for time, _ in moving]
+    turns = np.degrees(np.unwrap([state[2] for _, state in moving]))
+    leaf = beliefs.leaves[story.leaf]
+    jaws = Simulator.of_job(job, workers=1).jaws
+    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    return template("movie.svg").render(
+        job=job, total=total_s, hands=hands, length=float(jaws[1]), thickness=float(jaws[2]),
+        half=0.5 * float(jaws[0]) + float(jaws[2]) + 1.0, reach=reach, error=story.error_mm,
+        shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
+        turn=Track(times, [f"{angle:.1f}" for angle in turns]), colors=vars(canvas),
+        leaf={
+            "belief": _belief(leaf), "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
+            "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]), "number": story.leaf,
+            "success": table.leaves[story.leaf].success,
+        },
+    )  # fmt: skip
+
+
+def _belief(poses: Array) -> dict[str, object]:
+    few = subsample(poses, OUTLINES)
+    return {"poses": few, "opacity": round(canvas.overlay_opacity(len(few), 0.75), 4)}
+
+
+def _seen(begin: float, full: float, fading: float, gone: float, total_s: float) -> Track:
+    """An opacity that rises once and falls once."""
+    return Track([0.0, begin, full, fading, gone, total_s], ["0", "0", "1", "1", "0", "0"])
