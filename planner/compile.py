@@ -12,8 +12,9 @@ import numpy as np
 
 from planner.arrays import BoolArray
 from planner.belief.metric import metric_of
-from planner.belief.observation import encoder_of
-from planner.belief.particles import initial_with_friction
+from planner.belief.observation import encoder_of, resolution_of
+from planner.belief.particles import Belief, initial_with_friction
+from planner.belief.partition import Estimate, Rule
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
@@ -161,7 +162,11 @@ class _Planning:
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
         metric = self.growth.objective.metric
-        beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
+        last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
+        beliefs = {
+            k: Belief.of(evaluation.poses[evaluation.leaf == k], last[evaluation.leaf == k])
+            for k in range(len(table.leaves))
+        }
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
         short = learn(self.root, beliefs, self.growth, self._reopen, against)
         runs = stressed(table, self.job, attempt, self.scheduler or Threads(self.workers))
@@ -234,12 +239,11 @@ def _no_plan(table: Table, evaluation: Evaluation, job: Job) -> NoPlanError:
 
 def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
-    objective = Objective(
-        metric_of(job, radius_of_gyration(job.part.outline_mm)),
-        confidence=1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence),
-        costs=costs_of(job),
-        params=PARAMS,
-    )
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    costs = costs_of(job)
+    estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
+    rule = Rule(metric, estimate, resolution_of(encoder_of(job)))
+    objective = Objective(rule, costs, PARAMS)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

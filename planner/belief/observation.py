@@ -13,8 +13,9 @@ smallest number of clusters within which widths scatter little enough; then
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -98,8 +99,6 @@ class Partition(NamedTuple):
         low: (k,) least count read in it.
         high: (k,) greatest count read in it.
         size: (k,) how many readings it holds.
-        merged: (m, 2) mean counts of the pairs of clusters that were made one, in the order of merging: the
-            wider first.
     """
 
     label: IntArray
@@ -107,7 +106,20 @@ class Partition(NamedTuple):
     low: IntArray
     high: IntArray
     size: IntArray
-    merged: Array
+
+    @classmethod
+    def of(cls, readings: Sequence[IntArray]) -> Self:
+        """Clusters of the readings (n,) of each, n >= 1, in their order."""
+        label = np.full(COUNTS, -1, np.int64)
+        for k, counts in enumerate(readings):
+            label[counts] = k
+        return cls(
+            label,
+            mean=np.array([counts.mean() for counts in readings]),
+            low=np.array([counts.min() for counts in readings]),
+            high=np.array([counts.max() for counts in readings]),
+            size=np.array([len(counts) for counts in readings]),
+        )
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
@@ -115,23 +127,6 @@ def resolution_of(encoder: Encoder) -> Resolution:
     noise = encoder.noise_mm / encoder.mm_per_count
     apart = max(SIGMAS * math.sqrt(noise**2 + 1.0 / 12.0), 3.0)
     return Resolution(apart, encoder.count_closed - math.ceil(0.5 * SIGMAS * noise))
-
-
-def partition(counts: IntArray, resolution: Resolution = RESOLUTION) -> Partition:
-    """Clusters encoder counts, as many as it takes for widths to scatter little within them.
-
-    Args:
-        counts: (n,) readings, 0 to 255, n >= 1.
-        resolution: of the encoder; that of a 2F-85 with 0.15 mm of noise unless stated.
-    """
-    weight = np.bincount(counts, minlength=COUNTS)
-    apart = resolution.apart
-    bounds, merged = cut(weight, resolution.free, SPREAD * apart, 0.0, apart, HOLE * apart)
-    k = len(bounds) - 1
-    label = np.full(COUNTS, -1, np.int64)
-    mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
-    describe(weight, bounds, label, mean, low, high, size)
-    return Partition(label, mean, low, high, size, merged)
 
 
 def cut(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import BoolArray
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import ROUGH, SLIPPERY, Belief
 from planner.evaluation.cases import stress_cases
@@ -105,7 +105,7 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     for leaf in sorted({leaf for run in runs for leaf in doubtful(run, len(ends))}):
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        wrong = np.concatenate([run.poses[(run.leaf == leaf) & run.wrong] for run in runs])
+        wrong = Belief.joined([_ended(run, (run.leaf == leaf) & run.wrong) for run in runs])
         node.belief = Belief.joined([node.belief, _amplified(wrong, len(node.belief))])
         node.mode = metric.mode(node.belief.poses)
     return found
@@ -121,7 +121,13 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
             node.belief, node.mode = belief, mode
 
 
-def _amplified(wrong: Array, among: int) -> Belief:
-    """Poses (n, 3) as particles, repeated until they count among so many others."""
+def _ended(run: Evaluation, rows: BoolArray) -> Belief:
+    """Where some of the parts of a run ended, and what was read there last."""
+    last = run.counts[np.arange(len(rows)), run.squeezes - 1]
+    return Belief.of(run.poses[rows], last[rows])
+
+
+def _amplified(wrong: Belief, among: int) -> Belief:
+    """Particles repeated until they count among so many others."""
     times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return Belief.of(np.tile(wrong, (times, 1)))
+    return wrong[np.tile(np.arange(len(wrong)), times)]

@@ -25,7 +25,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import Belief, subsample
 from planner.search.params import Objective
-from planner.search.ranking import Choice, Options, Ranking, distinct, squeezes_left
+from planner.search.ranking import Choice, Options, Ranking, distinct
 
 
 class _Followed(NamedTuple):
@@ -138,8 +138,9 @@ class LookAhead:
         params = self.objective.params
         ratio = np.array([self.objective.metric.mode(belief.poses).ratio for belief in beliefs])
         short = np.flatnonzero(ratio < self.objective.confidence)
-        ratio = ratio - params.shrinkage / np.array([len(belief) for belief in beliefs])
-        cost_to_go = squeezes_left(ratio, params)
+        size = np.array([len(belief) for belief in beliefs])
+        cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)
+        ratio = ratio - params.shrinkage / size
         if depth == 0:
             return cost_to_go, ratio
         options = [self.ranking.candidates(beliefs[i], beliefs[i]) for i in short]

@@ -15,7 +15,8 @@ from planner.arrays import Array
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish
-from planner.belief.transition import MotionModel
+from planner.belief.partition import recut
+from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.params import Objective
@@ -148,25 +149,30 @@ def grow(
         out_of_time: asked before each node; the tree stays as it is once it says so.
         reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
     """
-    leaves = [node for node in breadth_first(root) if not node.children]
-    open_ones = [leaf for leaf in leaves if growth.worth_growing(leaf, reopen)]
-    waiting = [(-node.unlocated_mass, node.path, node) for node in open_ones]
+    inner = [node for node in breadth_first(root) if node.children]
+    pairs = [(child, node) for node in inner for child in node.children] or [(root, None)]
+    waiting = [
+        (-leaf.unlocated_mass, leaf.path, leaf, parent)
+        for leaf, parent in pairs
+        if not leaf.children and growth.worth_growing(leaf, reopen)
+    ]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
-        _, path, node = heapq.heappop(waiting)
+        _, path, node, parent = heapq.heappop(waiting)
         done += 1
         if node.mode.ratio < growth.objective.confidence:
-            _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
-            for child in node.children:
-                heapq.heappush(waiting, (-child.unlocated_mass, child.path, child))
+            for leaf, above in _expand(
+                node, parent, growth, np.random.default_rng([*seed, len(path), *path])
+            ):
+                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
         if progress is not None:
             progress(done, len(waiting))
 
 
 def learn(
     root: TreeNode,
-    beliefs: dict[int, Array],
+    beliefs: dict[int, Belief],
     growth: Growth,
     confidence: float,
     against: Collection[int] = (),
@@ -175,7 +181,7 @@ def learn(
 
     Args:
         root: the tree, modified in place.
-        beliefs: poses (n, 3) by the leaf's number, breadth first.
+        beliefs: what lay there by the leaf's number, breadth first.
         growth: how it was grown.
         confidence: mode ratio that leaves must have.
         against: the leaves that the evaluation refutes.
@@ -186,12 +192,12 @@ def learn(
     short = 0.0
     leaves = [node for node in breadth_first(root) if not node.children]
     for number, node in enumerate(leaves):
-        poses = beliefs.get(number)
-        if poses is None or not len(poses):
+        found = beliefs.get(number)
+        if found is None or not len(found):
             continue
         met = node.mode.ratio >= confidence
         node.refuted = number in against
-        node.belief = Belief.joined([node.belief, Belief.of(poses)])
+        node.belief = Belief.joined([node.belief, found])
         node.mode = growth.objective.metric.mode(node.belief.poses)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
@@ -199,34 +205,112 @@ def learn(
     return short
 
 
-def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
-    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything."""
+def _expand(
+    node: TreeNode, parent: TreeNode | None, growth: Growth, rng: np.random.Generator
+) -> list[tuple[TreeNode, TreeNode]]:
+    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything.
+
+    Returns:
+        New leaves, each with its parent.
+    """
     params = growth.objective.params
     may = node.depth < growth.max_depth and node.squeezes_without_gain < params.most_without_gain
     choices = growth.look_ahead.choose(node.belief, rng, 1 + params.alternatives, node.share) if may else []
-    if choices:
-        squeeze_at(node, choices[0].placement, growth, rng)
-        node.alternatives = [choice.placement for choice in choices[1:]]
-    else:
+    if not choices:
         node.exhausted = node.mode.ratio
+        return []
+    node.alternatives = [choice.placement for choice in choices[1:]]
+    return squeeze_at(node, parent, choices[0].placement, growth, rng)
 
 
-def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator) -> None:
+def squeeze_at(
+    node: TreeNode, parent: TreeNode | None, placement: Array, growth: Growth, rng: np.random.Generator
+) -> list[tuple[TreeNode, TreeNode]]:
     """Squeezes a node's belief, and adds a child for each cluster of outcomes.
+
+    Where the squeeze shows that the readings which led here had better been told apart, the node becomes
+    several children of its parent; the squeeze is the heaviest one's.
 
     Args:
         node: a leaf of the tree, modified in place.
+        parent: its parent, likewise; None for the root.
         placement: (3,) the hand frame in the world.
         growth: how the tree is grown.
         rng: source of randomness.
+
+    Returns:
+        New leaves, each with its parent.
     """
-    metric, _, costs, params = growth.objective
-    belief = replenish(growth.handling.clear(node.belief, placement), params.least_particles)
-    outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
+    found = _squeezed(node, placement, growth, rng)
+    others = []
+    if parent is not None:
+        others = _separated(node, parent, found, growth)
+        if others:
+            found = _squeezed(node, placement, growth, rng)
+    _attach(node, placement, found, growth)
+    leaves = [(child, node) for child in node.children]
+    return leaves + [(other, parent) for other in others if parent is not None]
+
+
+def _squeezed(
+    node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator
+) -> tuple[Belief, Squeezed]:
+    """What a node's squeeze begins with, and what it makes of that."""
+    belief = replenish(growth.handling.clear(node.belief, placement), growth.objective.params.least_particles)
+    return belief, growth.reference.squeeze([(belief, placement)], rng)[0]
+
+
+def _separated(
+    node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed], growth: Growth
+) -> list[TreeNode]:
+    """Cuts a node in several where that leaves fewer squeezes; it becomes the heaviest, the others are returned."""
+    before, after = found[0].reading, found[1].belief
+    belief, metric, share = node.belief, growth.objective.metric, node.share
+    piece = np.searchsorted(
+        recut(after.poses, before, after.reading, growth.objective.rule), belief.reading, side="right"
+    )
+    names, size = np.unique(piece, return_counts=True)
+    if len(names) < 2:
+        return []
+    number = max(child.path[-1] for child in parent.children)
+    pieces = []
+    for k in names[::-1]:  # the widest first: counts fall as widths rise
+        part = belief[piece == k]
+        if k == names[np.argmax(size)]:
+            node.belief, node.share, node.mode = (
+                part,
+                share * len(part) / len(belief),
+                metric.mode(part.poses),
+            )
+            pieces.append(node)
+        else:
+            number += 1
+            path = (*parent.path, number)
+            mode = metric.mode(part.poses)
+            pieces.append(
+                TreeNode(part, share * len(part) / len(belief), mode, path, node.squeezes_without_gain)
+            )
+    replace_child(parent, node, pieces)
+    return [other for other in pieces if other is not node]
+
+
+def replace_child(parent: TreeNode, child: TreeNode, pieces: list[TreeNode]) -> None:
+    """Puts nodes that stand for disjoint readings in the place of one child."""
+    assert parent.squeeze is not None
+    at = next(i for i, other in enumerate(parent.children) if other is child)
+    parent.children[at : at + 1] = pieces
+    clusters = Partition.of([other.belief.reading for other in parent.children])
+    parent.squeeze = parent.squeeze._replace(clusters=clusters)
+
+
+def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed], growth: Growth) -> None:
+    """Adds a squeeze's outcomes to a node."""
+    metric, params = growth.objective.metric, growth.objective.params
+    outcomes = Outcomes.of(found[1], growth.objective.rule)
     release = growth.handling.release(outcomes)
     node.squeeze = PlannedSqueeze(
         placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,
-        release, costs.of(outcomes),
+        release, growth.objective.costs.of(outcomes),
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
     modes = [metric.mode(child.poses) for child in beliefs]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from planner.belief.metric import Metric
+from planner.belief.partition import Rule
 from planner.belief.transition import Costs
 
 
@@ -90,13 +91,21 @@ class Objective(NamedTuple):
     """What a plan is to reach.
 
     Attributes:
-        metric: the goal.
-        confidence: mode ratio at which a belief needs no further squeeze.
+        rule: how readings are cut into branches; knows the goal and J of a belief.
         costs: c of a squeeze.
         params: settings of the search.
     """
 
-    metric: Metric
-    confidence: float
+    rule: Rule
     costs: Costs
     params: SearchParams = SearchParams()
+
+    @property
+    def metric(self) -> Metric:
+        """The goal."""
+        return self.rule.metric
+
+    @property
+    def confidence(self) -> float:
+        """Mode ratio at which a belief needs no further squeeze."""
+        return self.rule.estimate.confidence
