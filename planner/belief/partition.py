@@ -72,6 +72,7 @@ class Rule(NamedTuple):
     estimate: Estimate
     resolution: Resolution
     doubt: float = float(__import__("os").environ.get("X_DOUBT", 0.05))
+    astray: float = float(__import__('os').environ.get('X_ASTRAY', 0.05))
     reach: float = float(__import__("os").environ.get("X_REACH", 2.7))
     branch: float = float(__import__("os").environ.get("X_BRANCH", 3.0))
 
@@ -89,7 +90,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     bounds = np.empty(COUNTS + 1, np.int64)
     k = _cut(
         np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.doubt, rule.reach, rule.branch, bounds,
+        metric.modes, np.array(rule.estimate), rule.doubt, rule.astray, rule.reach, rule.branch, bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
@@ -116,9 +117,18 @@ def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntAr
     made = _recut(
         np.ascontiguousarray(poses[order]), before[order], np.bincount(counts, minlength=COUNTS),
         rule.resolution.free, metric.weights(), metric.order, metric.modes, np.array(rule.estimate),
-        rule.doubt, rule.reach, rule.branch, cuts,
+        rule.doubt, rule.astray, rule.reach, rule.branch, cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
+
+
+@kernel
+def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
+    """How likely a belief misses the goal of which `hits` particles of `size` lie within; the share that does not."""
+    total = size + inside + outside
+    share = (hits + inside) / total
+    deviation = math.sqrt(share * (1.0 - share) / total)
+    return 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
 
 
 @kernel
@@ -126,12 +136,9 @@ def squeezes_left(
     hits: float, size: float, confidence: float, failure: float, inside: float, outside: float
 ) -> float:
     """J of a belief of which `hits` particles of `size` lie within the goal of its modes."""
-    total = size + inside + outside
-    share = (hits + inside) / total
-    deviation = math.sqrt(share * (1.0 - share) / total)
-    missed = 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0)))
-    further = 1.0 + 1.0 - share
-    return missed * further + (1.0 - missed) * min(failure * (1.0 - share), further)
+    open_still, rest = missed(hits, size, confidence, inside, outside)
+    further = 1.0 + rest
+    return open_still * further + (1.0 - open_still) * min(failure * rest, further)
 
 
 @kernel
@@ -167,59 +174,64 @@ def _candidates(
 
 @kernel
 def _least_cost(
-    hits: IntArray, size: IntArray, counts: IntArray, m: int, apart: BoolArray, modes: int, estimate: Array,
-    doubt: float, reach: float, branch: float, start: IntArray,
+    hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
+    apart: BoolArray, modes: int, estimate: Array, doubt: float, astray: float, branch: float, start: IntArray,
 ) -> float:  # fmt: skip
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
     Args:
         hits: (c, m + 1) particles within the goal of each candidate, summed over counts.
         size: (m + 1,) particles, likewise.
-        counts: (m,) rising.
-        m: how many.
+        more_hits: (c, m + 1) the same of particles that are here if the encoder is off.
+        more_size: (m + 1,) likewise.
+        low: (m + 1,) the first count within reach of the i-th.
+        high: (m + 1,) the first count beyond reach of the one before the j-th.
         apart: (c, c) candidates of which no particle can be near both; empty for one mode.
         modes: how many a belief may have.
         estimate: of J.
         doubt: see `Rule`.
-        reach: see `Rule`.
         branch: see `Rule`.
         start: (m + 1,) receives where the last interval of the first j counts begins.
     """
+    m = size.shape[0] - 1
     least = np.full(m + 1, np.inf)
     least[0] = 0.0
+    confidence, failure, inside, outside = estimate[0], estimate[1], estimate[2], estimate[3]
     for i in range(m):
         if size[i + 1] == size[i]:
             least[i + 1] = min(least[i + 1], least[i])  # nothing there
             continue
-        risk = branch
-        if size[i] > 0:
-            risk += doubt * _near(size, counts, m, i, reach)
         for j in range(i + 1, m + 1):
             here = size[j] - size[i]
-            best = 0
+            strange = size[high[j]] - size[j] + size[i] - size[low[i]] + more_size[j] - more_size[i]
+            best, chosen = 0, 0
             if modes > 1:
                 best = _best_modes(hits, i, j, modes, apart)
             else:
                 for k in range(hits.shape[0]):
-                    best = max(best, hits[k, j] - hits[k, i])
-            left = squeezes_left(best, here, estimate[0], estimate[1], estimate[2], estimate[3])
-            cost = least[i] + risk + here * left
+                    if hits[k, j] - hits[k, i] > best:
+                        best, chosen = hits[k, j] - hits[k, i], k
+                strange -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+                strange -= more_hits[chosen, j] - more_hits[chosen, i]
+            open_still, rest = missed(best, here, confidence, inside, outside)
+            further = 1.0 + rest
+            left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
+            wrong = strange * (astray * open_still + (1.0 - open_still) * failure * doubt)
+            cost = least[i] + branch + here * left + wrong
             if cost < least[j]:
                 least[j], start[j] = cost, i
     return least[m]
 
 
 @kernel
-def _near(size: IntArray, counts: IntArray, m: int, i: int, reach: float) -> int:
-    """Particles that read near a cut before the i-th count."""
-    low = i
-    while low > 0 and size[low] == size[i]:
-        low -= 1
-    border, near = 0.5 * (counts[low] + counts[i]), 0
-    for a in range(m):
-        if abs(counts[a] - border) < reach:
-            near += size[a + 1] - size[a]
-    return near
+def _within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
+    """Fills in, for m rising counts, which are the first within reach below and the first beyond above."""
+    for i in range(m + 1):
+        low[i], high[i] = i, i
+        while i < m and low[i] > 0 and counts[i] - counts[low[i] - 1] <= reach:
+            low[i] -= 1
+        while i > 0 and high[i] < m and counts[high[i]] - counts[i - 1] <= reach:
+            high[i] += 1
 
 
 @kernel
@@ -238,7 +250,7 @@ def _occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) ->
 @kernel
 def _cut(
     poses: Array, weight: IntArray, free: int, weights: Array, order: int, modes: int, estimate: Array,
-    doubt: float, reach: float, branch: float, bounds: IntArray,
+    doubt: float, astray: float, reach: float, branch: float, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
 
@@ -256,8 +268,13 @@ def _cut(
             here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
             hits[c, a + 1] = hits[c, a] + here
     apart = _apart(found if modes > 1 else found[:0], weights, period)
-    start = np.zeros(m + 1, np.int64)
-    _least_cost(hits, first, counts, m, apart, modes, estimate, doubt, reach, branch, start)
+    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    _within_reach(counts, m, reach, low, high)
+    none = np.zeros((hits.shape[0], m + 1), np.int64)
+    _least_cost(
+        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, doubt, astray, branch,
+        start,
+    )  # fmt: skip
     k = 0
     if weight[max(free, 0) :].sum() > 0:
         bounds[0] = n
@@ -274,7 +291,7 @@ def _cut(
 @kernel
 def _recut(
     poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, order: int, modes: int,
-    estimate: Array, doubt: float, reach: float, branch: float, cuts: IntArray,
+    estimate: Array, doubt: float, astray: float, reach: float, branch: float, cuts: IntArray,
 ) -> int:  # fmt: skip
     """Cuts of the readings before a squeeze, given what it shows; `cuts` in place; returns how many.
 
@@ -323,38 +340,34 @@ def _recut(
             for k in range(c):
                 hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
     apart = _apart(found if modes > 1 else found[:0], weights, period)
-    start = np.zeros(m + 1, np.int64)
+    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    _within_reach(counts, m, reach, low, high)
+    old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
+    _within_reach(old, rows, reach, old_low, old_high)
+    cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows
     left, made = 1, 0
     while left > 0:
         left -= 1
         i, j = waiting[left, 0], waiting[left, 1]
-        whole = _least_cost(
-            hits[j] - hits[i],
-            size[j] - size[i],
-            counts,
-            m,
-            apart,
-            modes,
-            estimate,
-            doubt,
-            reach,
-            branch,
-            start,
-        )
-        best, at = whole, -1
-        for s in range(i + 1, j):
-            risk = branch + doubt * _near(old_first[i : j + 1] - old_first[i], old[i:j], j - i, s - i, reach)
-            parts = risk
-            for low, high in ((i, s), (s, j)):
-                parts += _least_cost(
-                    hits[high] - hits[low], size[high] - size[low], counts, m, apart, modes, estimate,
-                    doubt, reach, branch, start,
-                )  # fmt: skip
+        best, at = np.inf, -1
+        for s in range(i, j):
+            parts = 0.0
+            for a, b in ((i, s), (s, j)):
+                if a == b:
+                    continue
+                if cost[a, b] < 0.0:
+                    p, q = old_low[a], old_high[b]
+                    cost[a, b] = _least_cost(
+                        hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
+                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, doubt, astray, branch,
+                        start,
+                    )  # fmt: skip
+                parts += cost[a, b]
             if parts < best:
                 best, at = parts, s
-        if at >= 0:
+        if at > i:
             cuts[made] = old[at]
             made += 1
             waiting[left, 0], waiting[left, 1] = i, at
