@@ -72,7 +72,7 @@ class Rule(NamedTuple):
     estimate: Estimate
     resolution: Resolution
     doubt: float = float(__import__("os").environ.get("X_DOUBT", 0.05))
-    astray: float = float(__import__('os').environ.get('X_ASTRAY', 0.05))
+    astray: float = float(__import__('os').environ.get('X_ASTRAY', 0.15))
     reach: float = float(__import__("os").environ.get("X_REACH", 2.7))
     branch: float = float(__import__("os").environ.get("X_BRANCH", 3.0))
 
@@ -204,20 +204,20 @@ def _least_cost(
         for j in range(i + 1, m + 1):
             here = size[j] - size[i]
             strange = size[high[j]] - size[j] + size[i] - size[low[i]] + more_size[j] - more_size[i]
-            best, chosen = 0, 0
+            wrong, best, chosen = strange, 0, 0
             if modes > 1:
                 best = _best_modes(hits, i, j, modes, apart)
             else:
                 for k in range(hits.shape[0]):
                     if hits[k, j] - hits[k, i] > best:
                         best, chosen = hits[k, j] - hits[k, i], k
-                strange -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
-                strange -= more_hits[chosen, j] - more_hits[chosen, i]
+                wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+                wrong -= more_hits[chosen, j] - more_hits[chosen, i]
             open_still, rest = missed(best, here, confidence, inside, outside)
             further = 1.0 + rest
             left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
-            wrong = strange * (astray * open_still + (1.0 - open_still) * failure * doubt)
-            cost = least[i] + branch + here * left + wrong
+            harm = astray * open_still * strange + (1.0 - open_still) * failure * doubt * wrong
+            cost = least[i] + branch + here * left + harm
             if cost < least[j]:
                 least[j], start[j] = cost, i
     return least[m]

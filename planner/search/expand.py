@@ -152,20 +152,20 @@ def grow(
     inner = [node for node in breadth_first(root) if node.children]
     pairs = [(child, node) for node in inner for child in node.children] or [(root, None)]
     waiting = [
-        (-leaf.unlocated_mass, leaf.path, leaf, parent)
+        (-leaf.unlocated_mass, leaf.path, id(leaf), leaf, parent)
         for leaf, parent in pairs
         if not leaf.children and growth.worth_growing(leaf, reopen)
     ]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
-        _, path, node, parent = heapq.heappop(waiting)
+        _, path, _, node, parent = heapq.heappop(waiting)
         done += 1
         if node.mode.ratio < growth.objective.confidence:
             for leaf, above in _expand(
                 node, parent, growth, np.random.default_rng([*seed, len(path), *path])
             ):
-                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
+                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, id(leaf), leaf, above))
         if progress is not None:
             progress(done, len(waiting))
 
