@@ -8,76 +8,59 @@ port), `tcp://host:port` (Modbus TCP), `can:channel` (CANopen, see `drivers.robo
 A device of another make is one more line in `GRIPPERS` or `ARMS`: a scheme, and the function that opens it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from drivers.clock import Pace, WallClock
+from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.robotiq.link import Report, no_report
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from drivers.ports import Arm, Gripper
-    from drivers.robotiq.modbus import Answered, ModbusLink
-    from drivers.sim.physics.scene_protocol import Scene
+from drivers.ports import Answered, Arm, Gripper, Report, Scene
+from drivers.robotiq.link import no_report
 
 TTY = "tty"  # the scheme of a port without one
 
 # Scheme -> module:function. Imported when first used: a program that opens no gripper loads no pymodbus.
 # A gripper's function takes (port, pace, report, *, read_only), an arm's (host, number, pace, setup).
-GRIPPERS = {
-    TTY: "drivers.connect:robotiq_gripper",
-    "rtu+tcp": "drivers.connect:robotiq_gripper",
-    "tcp": "drivers.connect:robotiq_gripper",
-    "can": "drivers.robotiq.canopen:gripper",
-}
+GRIPPERS = dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.connect:robotiq_gripper")
+GRIPPERS["can"] = "drivers.robotiq.canopen:gripper"
 ARMS = {"tcp": "drivers.abb.arm:connect"}
 
 
 def gripper(
-    port: str,
-    *,
-    time_scale: float = 1.0,
-    read_only: bool = False,
-    report: Report = no_report,
-) -> "Gripper":
+    port: str, *, time_scale: float = 1.0, read_only: bool = False, report: Report = no_report
+) -> Gripper:
     """Open a gripper; reads its state, writes nothing.
 
-    Args:
-        port: see above.
-        time_scale: device seconds per wall second; 1 for hardware.
-        read_only: give it a link that cannot write.
-        report: told of every retry and failure on the link, as (kind, fields): a journal's `record` fits.
+    With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
 
     Raises:
         PortError: the port cannot be opened.
         LinkError: nothing answers there.
     """
-    pace = Pace(WallClock(), time_scale)
-    opened: Gripper = _opener(GRIPPERS, port)(port, pace, report, read_only=read_only)
+    opened: Gripper = _opener(GRIPPERS, port)(port, Pace(Clock(), time_scale), report, read_only=read_only)
     return opened
 
 
-def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> "Gripper":
+def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
     """A Robotiq 2F on a tty, behind a serial device server, or with Modbus TCP."""
-    from drivers.robotiq.gripper import over
-
-    return over(_modbus_link(port, pace, report), pace, report, read_only=read_only)
-
-
-def _modbus_link(port: str, pace: Pace, report: Report) -> "ModbusLink":
     from drivers.robotiq import modbus
+    from drivers.robotiq.gripper import over
+    from drivers.stream import SerialStream, Stream, open_tcp
 
-    if "://" not in port:
-        return modbus.open_serial(port, pace, report)
-    scheme, host, number = _address(port)
-    return modbus.open_tcp_link(host, number, pace, rtu=scheme == "rtu+tcp", report=report)
+    stream: Stream
+    open_link = modbus.rtu_link
+    if "://" in port:
+        scheme, host, number = _address(port)
+        stream = open_tcp(host, number, port, "check address, cable and power")
+        if scheme == "tcp":
+            open_link = modbus.tcp_link
+    else:
+        stream = SerialStream(port, modbus.BAUD)
+    return over(open_link(stream, pace, report), pace, report, read_only=read_only)
 
 
-def scan(port: str) -> "Iterator[Answered]":
+def scan(port: str) -> Iterator[Answered]:
     """Who answers on a serial port, at which baud rate; reads only.
 
     Raises:
@@ -88,16 +71,11 @@ def scan(port: str) -> "Iterator[Answered]":
     return modbus.scan(port)
 
 
-def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> "Arm":
+def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
     """Connect to an arm (open_abb server); sends its settings, moves nothing.
 
-    Args:
-        url: `tcp://host:port`; frames and limits (`drivers.abb.reach.Setup`) may follow as
-            `?tool=x,y,z&work_object=...&base=...` (mm, and a quaternion after them if it is not the unit),
-            `&area=` with six numbers in mm, and `&wrist=` with the least and greatest angle of the last axis
-            in degrees.
-        time_scale: arm seconds per wall second; 1 for hardware.
-        read_only: send no setting, refuse every motion.
+    Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
+    every motion refused.
 
     Raises:
         PortError: nobody accepts the connection, or the address is not understood.
@@ -109,26 +87,23 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> "Arm":
     setup = Setup(**_settings(url, query), read_only=read_only)
     open_arm = _opener(ARMS, plain)
     _, host, number = _address(plain)
-    opened: Arm = open_arm(host, number, Pace(WallClock(), time_scale), setup)
+    opened: Arm = open_arm(host, number, Pace(Clock(), time_scale), setup)
     return opened
 
 
-def scene(url: str) -> "Scene":
+def scene(url: str) -> Scene:
     """Connect to the scene of a simulated cell: its feeder and the ground truth.
 
     Raises:
         PortError: nobody accepts the connection.
     """
-    from drivers.sim.physics.scene_protocol import Scene
+    from drivers.sim.physics import scene_protocol
 
-    if not url.startswith("tcp://"):
-        raise _not_understood(url, ["tcp"])
     _, host, number = _address(url)
-    return Scene(host, number)
+    return scene_protocol.Scene(host, number)
 
 
 def _opener(makes: dict[str, str], port: str) -> Callable[..., Any]:
-    """The function that opens a port, by its scheme."""
     scheme = "can" if port.startswith("can:") else port.partition("://")[0] if "://" in port else TTY
     if scheme not in makes:
         raise _not_understood(port, list(makes))
@@ -138,7 +113,6 @@ def _opener(makes: dict[str, str], port: str) -> Callable[..., Any]:
 
 
 def _address(url: str) -> tuple[str, str, int]:
-    """Split `scheme://host:port`."""
     try:
         parts = urlsplit(url)
         number = parts.port or 0
@@ -151,11 +125,10 @@ def _address(url: str) -> tuple[str, str, int]:
 
 def _not_understood(url: str, schemes: list[str]) -> PortError:
     written = " or ".join(f"{scheme}://host:port" for scheme in schemes if scheme not in (TTY, "can"))
-    return PortError(f"port {url} is not understood; write it as {written}", url)
+    return PortError(f"port {url} is not understood; write it as {written}")
 
 
 def _settings(url: str, query: str) -> dict[str, Any]:
-    """Frames and limits from an arm's address."""
     from drivers.abb.codec import IDENTITY, Pose
 
     settings: dict[str, Any] = {}
@@ -167,12 +140,11 @@ def _settings(url: str, query: str) -> dict[str, Any]:
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
             rotation = tuple(numbers[3:]) or IDENTITY.rotation
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
-        elif (name, len(numbers)) == ("area", 6) or (name == "wrist" and len(numbers) == 2):
+        elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
             settings[name] = tuple(numbers)
         else:
             raise PortError(
                 f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees",
-                url,
+                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees"
             )
     return settings

@@ -11,8 +11,7 @@
     RuntimeError
      +- GripperFault           21  the gripper answers and reports a fault, or does not do as told
 
-Every library error leaves a driver as one of these, raised from its cause. `exit_code` is what a command
-returns.
+Every library error leaves a driver as one of these. `exit_code` is what a command returns.
 """
 
 from typing import NamedTuple
@@ -22,10 +21,6 @@ class LinkError(ConnectionError):
     """The gripper cannot be reached: port unplugged, connection lost, refused request."""
 
     exit_code = 20
-
-    def __init__(self, message: str, endpoint: str = "") -> None:
-        super().__init__(message)
-        self.endpoint = endpoint
 
 
 class LinkTimeout(LinkError, TimeoutError):  # noqa: N818 - it is a TimeoutError, and named as one
@@ -68,19 +63,15 @@ def fault_text(code: int) -> FaultText:
 
 
 class GripperFault(RuntimeError):  # noqa: N818 - the manual calls it a fault
-    """The gripper reports a fault, or does not follow a request; `code` is gFLT (0: none reported)."""
+    """The gripper reports a fault, or does not follow a request."""
 
     exit_code = 21
-
-    def __init__(self, message: str, code: int = 0) -> None:
-        super().__init__(message)
-        self.code = code
 
     @classmethod
     def from_code(cls, code: int, doing: str) -> "GripperFault":
         """The fault for a gFLT code met while `doing` something."""
         text = fault_text(code)
-        return cls(f"gripper fault 0x{code:02X} while {doing}: {text.sentence}; {text.remedy}", code)
+        return cls(f"gripper fault 0x{code:02X} while {doing}: {text.sentence}; {text.remedy}")
 
 
 class ArmError(ConnectionError):
@@ -88,20 +79,11 @@ class ArmError(ConnectionError):
 
     exit_code = 22
 
-    def __init__(self, message: str, command: str = "", reply: str = "") -> None:
-        super().__init__(message)
-        self.command = command
-        self.reply = reply
-
 
 class PortError(OSError):
     """A port cannot be opened: no such device, no permission, in use, or nobody listening."""
 
     exit_code = 23
-
-    def __init__(self, message: str, port: str = "") -> None:
-        super().__init__(message)
-        self.port = port
 
 
 class ReadOnlyError(RuntimeError):

@@ -1,4 +1,4 @@
-"""What a gripper and an arm of any make have to offer; a new make is one new file and one line in `connect`.
+"""What the devices of a cell offer, of any make; a new make is one new file and one line in `connect`.
 
 A driver satisfies these Protocols without inheriting from them. `tests/contract/` runs the same tests against
 every make that is listed there; a new one adds itself.
@@ -15,66 +15,39 @@ Rules that a type cannot express:
   layer that knows a question from a command, by `drivers.errors.ReadOnlyError`.
 """
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
 
 PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
 TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
 
+# Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
+Report = Callable[[str, Mapping[str, object]], None]
 
-class GripperState(Protocol):
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
     """One reading. Positions are counts of 0 (open) to 255 (closed), whatever the device counts in."""
 
-    @property
-    def activated(self) -> bool:
-        """Whether it may be moved."""
-
-    @property
-    def moving(self) -> bool:
-        """Whether the fingers are on their way."""
-
-    @property
-    def fault(self) -> int:
-        """0, or the fault's code (`drivers.errors.FAULTS`)."""
-
-    @property
-    def object_flag(self) -> int:
-        """0 moving, 1 contact while opening, 2 contact while closing, 3 at the requested position."""
-
-    @property
-    def echo_counts(self) -> int:
-        """The requested position as the device repeats it."""
-
-    @property
-    def position_counts(self) -> int:
-        """Where the fingers are."""
-
-    @property
-    def current_ma(self) -> int:
-        """Motor current; 0 where the device does not tell."""
+    activated: bool  # whether it may be moved
+    moving: bool  # whether the fingers are on their way
+    fault: int  # 0, or the fault's code (`drivers.errors.FAULTS`)
+    # 0 moving, 1 contact while opening, 2 contact while closing, 3 at the requested position
+    object_flag: int
+    echo_counts: int  # the requested position as the device repeats it
+    position_counts: int  # where the fingers are
+    current_ma: int  # motor current; 0 where the device does not tell
 
 
-class Settled(Protocol):
+class Settled(NamedTuple):
     """How a move ended: all of it from readings after the fingers came to rest."""
 
-    @property
-    def position_counts(self) -> int:
-        """Where the fingers rest."""
-
-    @property
-    def object_flag(self) -> int:
-        """1 contact while opening, 2 contact while closing, 3 at the requested position."""
-
-    @property
-    def current_ma(self) -> int:
-        """Motor current."""
-
-    @property
-    def echo_counts(self) -> int:
-        """The request this reading belongs to."""
-
-    @property
-    def seconds(self) -> float:
-        """Device seconds since the move was asked for."""
+    position_counts: int  # where the fingers rest
+    object_flag: int  # 1 contact while opening, 2 contact while closing, 3 at the requested position
+    current_ma: int  # motor current
+    echo_counts: int  # the request this reading belongs to
+    seconds: float  # device seconds since the move was asked for
 
 
 @runtime_checkable
@@ -152,9 +125,51 @@ class Arm(Protocol):
         """Give the link up."""
 
 
-class ArmSetup(Protocol):
-    """What an arm is opened with; a make that has frames takes more (`drivers.abb.reach`)."""
+class Truth(NamedTuple):
+    """What only a simulated cell knows of its part."""
 
-    @property
-    def read_only(self) -> bool:
-        """Send no setting and no motion."""
+    x_mm: float  # its pose in the world; NaN where the cell's world has none
+    y_mm: float
+    theta_rad: float
+    squeezes: int  # how often it was squeezed
+    crashes: int  # times open fingers were placed onto it
+    status: str  # what the last squeeze came to
+    covered: bool = False  # whether a camera would see nothing
+
+
+class Scene(Protocol):
+    """Stand-in for the feeder, and ground truth; only a simulated cell has one."""
+
+    def next_part(self) -> int:
+        """Take the part away, bring the next and return its number."""
+
+    def truth(self) -> Truth:
+        """Read where the part really lies."""
+
+    def close(self) -> None:
+        """Give the link up."""
+
+
+class Answered(NamedTuple):
+    """Who answered a scan: slave id and baud rate."""
+
+    unit: int
+    baud: int
+
+
+class Drivers(Protocol):
+    """What opens devices; `drivers.connect`, which says what the addresses are."""
+
+    def gripper(
+        self, port: str, *, time_scale: float = 1.0, read_only: bool = False, report: Report = ...
+    ) -> Gripper:
+        """Connect to a gripper, moving nothing."""
+
+    def arm(self, url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
+        """Connect to an arm, moving nothing."""
+
+    def scene(self, url: str) -> Scene:
+        """Connect to a simulated cell's scene."""
+
+    def scan(self, port: str) -> Iterator[Answered]:
+        """Who answers on a serial port."""

@@ -1,16 +1,12 @@
-"""Bytes to and from one device: a serial port, a TCP connection, or a simulated cell's line.
-
-What is above a stream does not know which one it has; that is how the same drivers run in a simulated cell on
-a virtual clock.
-"""
+"""Bytes to and from one device: a serial port, a TCP connection, or a simulated cell's line."""
 
 import contextlib
 import errno
-import fcntl
 import os
 import select
 import socket
 import stat
+from pathlib import Path
 from typing import Protocol
 
 import serial
@@ -27,30 +23,17 @@ class Stream(Protocol):
     endpoint: str
 
     def send(self, data: bytes) -> None:
-        """Send in one piece.
-
-        Raises:
-            OSError: the connection is gone.
-        """
+        """Send in one piece."""
 
     def receive(self, seconds: float) -> bytes:
-        """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came.
-
-        Raises:
-            OSError: the connection is gone.
-        """
+        """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came."""
 
     def close(self) -> None:
         """Give the connection up; closing twice is harmless."""
 
 
 class TcpStream:
-    """A TCP connection that sends at once.
-
-    Args:
-        connection: a connected socket, owned from now on.
-        endpoint: the port as the user named it.
-    """
+    """A TCP connection that sends at once; owns its socket. `endpoint` is the port as the user named it."""
 
     def __init__(self, connection: socket.socket, endpoint: str) -> None:
         self.endpoint = endpoint
@@ -78,23 +61,13 @@ class TcpStream:
 class SerialStream:
     """A serial port, 8N1, held exclusively.
 
-    Args:
-        path: the tty.
-        baud: its speed.
-
     Raises:
         PortError: no such device, no permission, not a serial port, or in use.
     """
 
     def __init__(self, path: str, baud: int) -> None:
         self.endpoint = path
-        _probe_tty(path)
-        try:
-            self._port = serial.Serial(path, baud, timeout=0, exclusive=True)
-        except OSError as error:
-            raise PortError(
-                f"port {path} cannot be opened as a serial port ({error}); check that it is one", path
-            ) from error
+        self._port = _opened(path, baud)
         # An FTDI adapter keeps what it received for 16 ms otherwise; other ports do not know the request.
         with contextlib.suppress(ValueError, OSError):
             self._port.set_low_latency_mode(True)
@@ -105,10 +78,7 @@ class SerialStream:
 
     def receive(self, seconds: float) -> bytes:
         """What has come by then."""
-        try:
-            file = self._port.fileno()
-        except serial.PortNotOpenError as error:
-            raise OSError(errno.EBADF, "the port was closed") from error
+        file = self._port.fileno()
         if not select.select([file], [], [], max(seconds, 0.0))[0]:
             return b""
         if data := os.read(file, CHUNK):
@@ -121,13 +91,7 @@ class SerialStream:
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
-    """Connect.
-
-    Args:
-        host: name or address.
-        port: TCP port.
-        endpoint: the port as the user named it, for messages.
-        hint: what to check if nobody accepts.
+    """Connect; `hint` says what to check if nobody accepts.
 
     Raises:
         PortError: nobody accepts the connection.
@@ -136,36 +100,31 @@ def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
         connection = socket.create_connection((host, port), timeout=CONNECT_S)
     except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
         reason = getattr(error, "strerror", None) or error
-        raise PortError(f"nobody accepts a connection at {endpoint} ({reason}); {hint}", endpoint) from error
+        raise PortError(f"nobody accepts a connection at {endpoint} ({reason}); {hint}") from error
     return TcpStream(connection, endpoint)
+
+
+def _opened(path: str, baud: int) -> serial.Serial:
+    try:
+        if stat.S_ISCHR(Path(path).stat().st_mode):
+            return serial.Serial(path, baud, timeout=0, exclusive=True)
+    except OSError as error:
+        raise port_error(path, error) from error
+    raise PortError(f"{path} is not a serial port; name a device such as /dev/ttyUSB0")
 
 
 def port_error(path: str, error: OSError) -> PortError:
     """Why a port cannot be opened, as a sentence."""
-    if isinstance(error, FileNotFoundError):
+    if error.errno == errno.ENOENT:
         told = f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"
-    elif isinstance(error, PermissionError):
+    elif error.errno in (errno.EACCES, errno.EPERM):
         told = (
             f"no permission to open port {path}; add this user to its group (often dialout) and log in again"
         )
     elif error.errno in (errno.EBUSY, errno.EAGAIN):
         told = f"port {path} is in use by another program; stop that program first"
+    elif error.errno is not None:
+        told = f"port {path} cannot be opened ({os.strerror(error.errno)}); check that it is the right one"
     else:
-        told = f"port {path} cannot be opened ({error.strerror}); check that it is the right one"
-    return PortError(told, path)
-
-
-def _probe_tty(path: str) -> None:
-    """Find out why a port cannot be opened, which pyserial does not tell."""
-    try:
-        descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    except OSError as error:
-        raise port_error(path, error) from error
-    try:
-        if not stat.S_ISCHR(os.fstat(descriptor).st_mode):
-            raise PortError(f"{path} is not a serial port; name a device such as /dev/ttyUSB0", path)
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise port_error(path, error) from error
-    finally:
-        os.close(descriptor)
+        told = f"port {path} cannot be opened as a serial port ({error}); check that it is one"
+    return PortError(told)

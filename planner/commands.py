@@ -1,7 +1,5 @@
 """The entry points of the planner's commands; without the planner extra they say what to install."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

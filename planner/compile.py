@@ -14,7 +14,7 @@ from planner.arrays import BoolArray
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
 from planner.belief.particles import Belief, initial_with_friction
-from planner.belief.partition import Estimate, Rule
+from planner.belief.partition import Estimate
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
@@ -242,7 +242,7 @@ def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: Motio
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
-    rule = Rule(metric, estimate, resolution_of(encoder_of(job)))
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)))
     objective = Objective(rule, costs, PARAMS)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)

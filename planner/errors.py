@@ -33,31 +33,18 @@ class UsageError(PlannerError):
 
 
 class JobError(PlannerError):
-    """The job file cannot be used as it stands.
+    """The job file cannot be used as it stands: file, section ("": the top level), key and problem."""
 
-    Attributes:
-        problem: what is wrong and what to do, without the place.
-        where: the file, or what stands for it.
-        section: section of the file, "" for the top level or the file as a whole.
-        key: key in the section, "" if the section as a whole is meant.
-        value: what was found there.
-    """
-
-    def __init__(
-        self, problem: str, *, where: str = "", section: str = "", key: str = "", value: object = None
-    ) -> None:
+    def __init__(self, problem: str, *, where: str = "", section: str = "", key: str = "") -> None:
         # All but `problem` have defaults, so that the error survives pickling between worker processes.
         place = f"[{section}] {key}".strip() if section else key
         super().__init__(": ".join(part for part in (where, place, problem) if part))
-        self.problem = problem
-        self.where = where
-        self.section = section
-        self.key = key
-        self.value = value
+        self.problem, self.where, self.section, self.key = problem, where, section, key
 
-    def at(self, where: str, section: str, key: str) -> Self:
-        """Return the same error with its place in the file added."""
-        return type(self)(self.problem, where=where, section=section, key=key, value=self.value)
+    def at(self, where: str = "", section: str = "", key: str = "") -> Self:
+        """The same error with its place added; what it has already stays."""
+        place = {"where": self.where or where, "section": self.section or section, "key": self.key or key}
+        return type(self)(self.problem, **place)
 
 
 class InputFileError(JobError):
@@ -67,27 +54,15 @@ class InputFileError(JobError):
 
 
 class TomlError(JobError):
-    """The text is not valid TOML: a bracket missing, a key written twice.
-
-    Attributes:
-        line: line of the mistake, from 1; 0 if the parser does not say.
-        column: column of the mistake, from 1; 0 if the parser does not say.
-    """
+    """The text is not valid TOML: a bracket missing, a key written twice."""
 
     exit_code = 4
-    line = 0
-    column = 0
 
 
 class KeyNameError(JobError):
-    """A key or section is not known here, or one that must be stated is missing.
-
-    Attributes:
-        names: the unknown name, or all the missing ones.
-    """
+    """A key or section is not known here, or one that must be stated is missing."""
 
     exit_code = 5
-    names: tuple[str, ...] = ()
 
 
 class ValueRangeError(JobError):
@@ -109,11 +84,7 @@ class FitError(JobError):
 
 
 class NoPlanError(PlannerError):
-    """The search ended without a tree that reaches the goal.
-
-    Attributes:
-        success: the best success rate found, 0 to 1.
-    """
+    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1."""
 
     exit_code = 9
     success = 0.0

@@ -8,22 +8,14 @@ from planner.arrays import Array
 
 
 def to_hand(poses: Array, placement: Array) -> Array:
-    """Poses in the frame of a hand.
-
-    Args:
-        poses: (..., 3) in the world [mm, mm, rad].
-        placement: (3,) the hand frame in the world.
-
-    Returns:
-        (..., 3) in the hand frame.
-    """
+    """Poses (..., 3) in the world [mm, mm, rad], seen from a hand placed at `placement` (3,)."""
     c, s = np.cos(placement[2]), np.sin(placement[2])
     dx, dy = poses[..., 0] - placement[0], poses[..., 1] - placement[1]
     return np.stack([c * dx + s * dy, c * dy - s * dx, poses[..., 2] - placement[2]], axis=-1)
 
 
 def to_world(poses: Array, placement: Array) -> Array:
-    """Poses in the world, the inverse of `to_hand`; arguments alike."""
+    """Poses (..., 3) in the world, of poses seen from a hand placed at `placement` (3,)."""
     c, s = np.cos(placement[2]), np.sin(placement[2])
     x, y = poses[..., 0], poses[..., 1]
     return np.stack(

@@ -1,8 +1,7 @@
 """The one place that compiles kernels: numba, cached on disk.
 
-Numba notices a change in the file of a cached function, but not in the files of the functions it calls. The
-cache folder is therefore named after the content of all kernels (and numba's version): stale machine code
-cannot be picked up, and an installation that is not writable still caches, in the user's cache folder.
+Numba does not notice a change in the files of the functions that a cached one calls. So the cache folder is
+named after the content of all kernels and numba's version.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ def cache_folder() -> Path:
 
 
 def _fingerprint() -> str:
-    """Digest of everything the machine code depends on."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         text = source.read_bytes()

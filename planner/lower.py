@@ -1,80 +1,53 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
-from __future__ import annotations
-
 import math
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric, metric_of
+from planner.belief.metric import metric_of
 from planner.belief.observation import Encoder, Partition, encoder_of
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
-from runtime.table import (
-    PPM,
-    Branch,
-    GoalSpec,
-    GripperSpec,
-    Leaf,
-    Limits,
-    Node,
-    Prediction,
-    Squeeze,
-    Table,
+from runtime import table as tables
+
+MARGIN_MM = (
+    1.0  # a branch's interval reaches beyond the widths seen, at most half a gap: rare or a little off
 )
 
-MARGIN_MM = 1.0
-"""A branch reaches so far beyond the widths seen in planning, where no other is near: rare, not strange, or
-read by an encoder that is a little off."""
 
-
-def lower(root: TreeNode, job: Job) -> Table:
-    """Numbers the tree breadth first and writes it down, without evaluation figures yet.
-
-    Args:
-        root: an expanded node.
-        job: the job it was planned for.
-    """
+def lower(root: TreeNode, job: Job) -> tables.Table:
+    """Numbers an expanded tree of a job breadth first and writes it down, without evaluation figures yet."""
     encoder = encoder_of(job)
-    inner, leaves = _number(root)
-    nodes = tuple(_node(node, inner, leaves, job, encoder) for node in breadth_first(root) if node.children)
-    ends = tuple(_leaf(node, job) for node in breadth_first(root) if not node.children)
-    return Table(
+    nodes = [node for node in breadth_first(root) if node.children]
+    leaves = [node for node in breadth_first(root) if not node.children]
+    targets = {id(node): index for index, node in enumerate(nodes)}
+    targets |= {id(leaf): ~index for index, leaf in enumerate(leaves)}
+    return tables.Table(
         tool=_tool(),
         job_digest=job.digest(),
         gripper=_gripper(job),
         goal=_goal(job),
-        limits=_limits(job, max(node.depth for node in breadth_first(root))),
-        nodes=nodes,
-        leaves=ends,
-        predicted=Prediction(0, 0, 0),
+        limits=_limits(job, max(leaf.depth for leaf in leaves)),
+        nodes=tuple(_node(node, targets, job, encoder) for node in nodes),
+        leaves=tuple(_leaf(leaf, job) for leaf in leaves),
+        predicted=tables.Prediction(0, 0, 0),
         job=job.canonical(),
     )
 
 
-def _number(root: TreeNode) -> tuple[dict[int, int], dict[int, int]]:
-    """Indices of inner nodes and of leaves by identity, both breadth first."""
-    inner: dict[int, int] = {}
-    leaves: dict[int, int] = {}
-    for node in breadth_first(root):
-        numbers = inner if node.children else leaves
-        numbers[id(node)] = len(numbers)
-    return inner, leaves
-
-
-def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Job, encoder: Encoder) -> Node:
+def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
     assert node.squeeze is not None
     placement, opening_mm, clearance_mm, clusters, unstable, release_mm, _ = node.squeeze
-    x, y, angle = placement
-    squeeze = Squeeze(
-        x_um=round(1e3 * x),
-        y_um=round(1e3 * y),
-        angle_urad=round(1e6 * float(wrap(angle))),
+    x_um, y_um, angle_urad = pose_of(placement)
+    squeeze = tables.Squeeze(
+        x_um=x_um,
+        y_um=y_um,
+        angle_urad=angle_urad,
         opening_um=round(1e3 * opening_mm),
         speed_um_s=round(1e3 * job.gripper.speed_mm_s),
         force_mn=round(1e3 * handling_of(job).force_n(unstable)),
@@ -83,17 +56,16 @@ def _node(node: TreeNode, inner: dict[int, int], leaves: dict[int, int], job: Jo
     total = float(clusters.size.sum())
     branches, reach = [], _reach(clusters, encoder)
     for k, child in enumerate(node.children):
-        target = inner[id(child)] if child.children else ~leaves[id(child)]
         low, high = _interval(*reach[k], encoder)
         expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
-        share = round(PPM * float(clusters.size[k]) / total)
-        branches.append(Branch(low, expected, high, share, target))
+        share = round(tables.PPM * float(clusters.size[k]) / total)
+        branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
     release = None if release_mm is None else (round(1e3 * release_mm[0]), round(1e3 * release_mm[1]))
-    return Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
+    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The counts of each branch: what was read in it and `MARGIN_MM` to either side, half of a narrower gap."""
+    """The counts of each branch: what was read in it and the margin to either side, at most half a gap."""
     margin = math.ceil(MARGIN_MM / encoder.mm_per_count)
     gap = clusters.low[:-1] - clusters.high[1:] - 1  # counts fall as widths rise
     above = np.concatenate([[margin], np.minimum(margin, gap // 2)])
@@ -108,14 +80,14 @@ def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, i
     return round(1e3 * least), round(1e3 * greatest)
 
 
-def _leaf(node: TreeNode, job: Job) -> Leaf:
+def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
     x_um, y_um, theta_urad = pose_of(node.mode.pose)
-    leaf = Leaf(
+    leaf = tables.Leaf(
         x_um=x_um,
         y_um=y_um,
         theta_urad=theta_urad,
         covariance=(0, 0, 0, 0, 0, 0),
-        success_ppm=round(PPM * node.mode.ratio),
+        success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
         resolved=node.mode.ratio >= job.goal.confidence,
         alternatives=tuple(map(pose_of, node.mode.others)),
@@ -129,20 +101,18 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def covariance_of(poses: Array, leaf: Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+def covariance_of(poses: Array, leaf: tables.Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
     """Second moments of poses about the leaf's pose: xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad."""
-    offset = poses - np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
+    offset = poses - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
     scaled = offset * np.array([10.0, 10.0, 100.0])
-    moments = scaled.T @ scaled / max(len(scaled), 1)
-    xx, xy, yy = moments[0, 0], moments[0, 1], moments[1, 1]
-    xt, yt, tt = moments[0, 2], moments[1, 2], moments[2, 2]
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
     return round(xx), round(xy), round(yy), round(xt), round(yt), round(tt)
 
 
-def _gripper(job: Job) -> GripperSpec:
+def _gripper(job: Job) -> tables.GripperSpec:
     gripper = job.gripper
-    return GripperSpec(
+    return tables.GripperSpec(
         model=gripper.model,
         opening_um=round(1e3 * gripper.opening_mm),
         finger_length_um=round(1e3 * gripper.finger_length_mm),
@@ -153,31 +123,29 @@ def _gripper(job: Job) -> GripperSpec:
     )
 
 
-def _goal(job: Job) -> GoalSpec:
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
-    return GoalSpec(
+def _goal(job: Job) -> tables.GoalSpec:
+    rho_mm = radius_of_gyration(job.part.outline_mm)
+    metric = metric_of(job, rho_mm)
+    x, y, theta = (
+        round(scale * value) for scale, value in zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
+    )
+    # Tolerances that the kind of goal does not look at are zero.
+    tolerance = {"tolerances": (x, y, theta), "orientation": (0, 0, theta)}.get(metric.kind, (0, 0, 0))
+    return tables.GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
-        confidence_ppm=round(PPM * job.goal.confidence),
-        rho_um=round(1e3 * radius_of_gyration(job.part.outline_mm)),
+        confidence_ppm=round(tables.PPM * job.goal.confidence),
+        rho_um=round(1e3 * rho_mm),
         symmetry=job.part.symmetry,
         kind=metric.kind,
-        tolerance=_tolerance(metric),
+        tolerance=tolerance,
         modes=metric.modes,
     )
 
 
-def _tolerance(metric: Metric) -> tuple[int, int, int]:
-    """The tolerances that the kind of goal looks at, um and urad; zero for the others."""
-    x, y, theta = metric.tolerance
-    if metric.kind == "tolerances":
-        return round(1e3 * x), round(1e3 * y), round(1e6 * theta)
-    return 0, 0, round(1e6 * theta) if metric.kind == "orientation" else 0
-
-
-def _limits(job: Job, depth: int) -> Limits:
+def _limits(job: Job, depth: int) -> tables.Limits:
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
-    return Limits(
+    return tables.Limits(
         max_depth=depth,
         max_force_mn=round(1e3 * cell.max_force_n),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),

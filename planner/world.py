@@ -1,10 +1,7 @@
 """Worlds squeeze parts. The stochastic contact world is the model's own idea of reality; cells use it too.
 
-`make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`. A world knows nothing
-of the plan: it squeezes one part and says where the part and the fingers ended.
+`make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
-
-from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
@@ -29,8 +26,7 @@ SEED_COPY = 0x434F5059
 class World(Protocol):
     """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Two methods more are used where a world has them: `squeeze_many(poses (n, 3))`, which returns `poses`,
-    `width_mm` and `status` as `RollOut` does, and `collides(pose_hand, opening_mm)`.
+    Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -40,8 +36,7 @@ class World(Protocol):
 class Worlds(ABC):
     """A supply of equal worlds, one for each chunk of trials, so that chunks may run side by side.
 
-    What a chunk comes to depends on its number alone, never on who ran it or what ran beside it. Instances
-    are sent to other processes: they must pickle.
+    What a chunk comes to depends on its number alone. Instances go to other processes: they must pickle.
     """
 
     @abstractmethod
@@ -65,10 +60,7 @@ class ContactWorld:
         return world
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """Closes the fingers on the part.
-
-        Args:
-            pose_hand: the part in the hand frame, jaws open [mm, mm, rad].
+        """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
 
         Returns:
             The final pose in the hand frame, the true width [mm] and the status.
@@ -97,15 +89,10 @@ class ContactWorld:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactWorlds(Worlds):
-    """Stochastic contact worlds of one job.
+    """Stochastic contact worlds of one job."""
 
-    Attributes:
-        simulator: what they squeeze with; one worker, since the chunks already share the cores.
-        seed: of all their randomness.
-    """
-
-    simulator: Simulator
-    seed: int
+    simulator: Simulator  # what they squeeze with; one worker, since the chunks already share the cores
+    seed: int  # of all their randomness
 
     @classmethod
     def of_job(cls, job: Job, seed: int) -> Self:
@@ -117,29 +104,16 @@ class ContactWorlds(Worlds):
         return ContactWorld.of_simulator(self.simulator, [self.seed, chunk])
 
 
-def make(job: Job, seed: int) -> ContactWorld:
-    """The world factory.
-
-    Args:
-        job: the parsed job.
-        seed: of all the world's randomness.
-    """
-    return ContactWorld(job, seed)
+make = ContactWorld  # the world factory: `make(job, seed)`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedWorlds(Worlds):
-    """Copies of a world by name: the factory is called for every chunk, each time with another seed.
+    """Copies of a world by name: the factory is called for every chunk, each time with another seed."""
 
-    Attributes:
-        name: "module:factory".
-        job: handed to the factory.
-        seed: the chunks' seeds are drawn from it.
-    """
-
-    name: str
-    job: Job
-    seed: int
+    name: str  # "module:factory"
+    job: Job  # handed to the factory
+    seed: int  # the chunks' seeds are drawn from it
 
     def world(self, chunk: int) -> World:
         """The world of a chunk."""
@@ -148,17 +122,10 @@ class NamedWorlds(Worlds):
 
 
 def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worlds:
-    """What an evaluation squeezes in.
+    """What an evaluation squeezes in, by its name "module:factory".
 
-    The contact world comes in copies, one for each chunk of trials: it is cheap to make. A world from
-    elsewhere is made once and runs all trials one after another, since nobody knows what it costs to make and
-    whether two of them may run side by side; `copies` says that they may.
-
-    Args:
-        name: "module:factory".
-        job: what the parts and the gripper in this world are like.
-        seed: of the world.
-        copies: whether a world from elsewhere may be made for every chunk.
+    The contact world comes in copies, one for each chunk of trials. A world from elsewhere is made once and
+    runs all trials one after another, unless `copies` says that two of them may run side by side.
 
     Raises:
         UsageError: as `load_world`.
@@ -169,12 +136,7 @@ def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worl
 
 
 def load_world(name: str, job: Job, seed: int) -> World:
-    """Makes the world of that name; modules in the current folder are found too.
-
-    Args:
-        name: "module:factory".
-        job: handed to the factory.
-        seed: handed to the factory.
+    """Makes the world "module:factory" of a job; modules in the current folder are found too.
 
     Raises:
         UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.

@@ -15,14 +15,7 @@ from runtime.shell.interrupts import StopRequests
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `grasp-runtime`.
-
-    Args:
-        argv: its arguments, without the program's name; None for the process's own.
-
-    Returns:
-        The exit code.
-    """
+    """Run `grasp-runtime`; returns its exit code."""
     from runtime.commands import arguments, run
 
     return guarded(arguments.parser(), argv, lambda given: run.run(given, connect))
@@ -57,10 +50,10 @@ def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.
 
 
 def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Run a command's body, until a stop request ends it.
+    """Run a command's body.
 
     Raises:
-        StoppedError: it did.
+        StoppedError: a stop request ended it.
     """
     try:
         with interrupts.stoppable():

@@ -1,26 +1,7 @@
-"""Errors of the cell controller, each with its exit code.
+"""Errors of the cell controller.
 
-```
-CellError
-├── ArgumentsError             2   arguments that contradict one another
-├── TableFileError         3   the table file is missing or cannot be read
-├── PartRejectedError     10   a part was rejected: no width of the table matches
-├── PartUnresolvedError   11   a part stayed unresolved: the table cannot tell its pose
-├── PartNotDeliveredError 12   a localised part was not where the last grasp looked for it
-├── GripperStateError     21   the gripper is not in a state to move, or its reading is not fresh
-├── MotionRefusedError    22   a motion was refused before it was sent
-├── PortBusyError         23   another grasp-runtime owns the port
-├── JournalError          24   the journal cannot be written, or does not verify
-├── BrokenRunError        25   the last run broke off and is not to be resumed, or cannot be
-├── CellCheckError        26   grasp-doctor found something that has to be put right first
-├── TableError            30   the table's content is refused
-├── CalibrationError      33   the gripper's calibration is refused, or does not fit the table
-├── CellStartError        31   the simulated cell did not start
-└── StoppedError          40   the operator stopped the run
-```
-
-Every class carries `exit_code`, the process exit code of the command that ends with it. Errors of the drivers
-are not listed: the runtime knows them by their built-in parents and by the same attribute.
+Every class carries `exit_code`, the process exit code of the command that ends with it: decision 0003 lists
+them. Errors of the drivers are known to the runtime by their built-in parents and by the same attribute.
 """
 
 from pathlib import Path
@@ -33,49 +14,28 @@ class CellError(Exception):
 
 
 class TableFileError(CellError):
-    """The table file is missing or unreadable: a wrong path, a directory, no permission.
-
-    Attributes:
-        path: the file asked for.
-    """
+    """The table file is missing or unreadable: a wrong path, a directory, no permission."""
 
     exit_code = 3
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"table {path}: {reason}")
-        self.path = path
 
 
 class TableError(CellError):
-    """A table that must not be executed: damaged, of another format, or not proved.
-
-    Attributes:
-        reason: what is wrong and what to do, without the file's name.
-        path: the file it was read from, or None for a table in memory.
-    """
+    """A table that must not be executed: damaged, of another format, or not proved."""
 
     exit_code = 30
 
-    def __init__(self, reason: str, path: Path | None = None) -> None:
-        super().__init__(reason if path is None else f"table {path.name}: {reason}")
-        self.reason = reason
-        self.path = path
-
 
 class JournalError(CellError):
-    """The journal cannot be written, or one of its lines does not verify.
-
-    Attributes:
-        path: the journal file.
-        line: the line's number, from 1, or None if the file as a whole is meant.
-    """
+    """The journal cannot be written, or its line of this number, from 1, does not verify."""
 
     exit_code = 24
 
     def __init__(self, path: Path, reason: str, line: int | None = None) -> None:
         where = f"journal {path}" if line is None else f"journal {path}, line {line}"
         super().__init__(f"{where}: {reason}")
-        self.path = path
         self.line = line
 
 

@@ -1,5 +1,6 @@
 """What every test needs of its process."""
 
+import os
 import signal
 
 import pytest
@@ -8,6 +9,11 @@ import pytest
 # hand that down. The tests send both to themselves and to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+# The tests have other work for every core; threads of linear algebra would wait for one another, spinning.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Commands are tested as users start them: with it, nothing is ever left over that could be lost at the end.
+os.environ.pop("PYTHONUNBUFFERED", None)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -30,6 +30,13 @@ from runtime.traversal.results import Outcome, PartResult, Step
 FRESH_S = 0.5  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
+SUMMED = (
+    *("parts", "squeezes", "transactions", "crashes", "delivered"),
+    "halts",  # of the arm's controller
+    "leaves_outside_goal",  # whose prediction was farther off than the goal
+    "predicted_outside",  # how many of them the leaves' own success rates predict
+    "simulated_s",
+)
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
 SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeeze, and for the safe sequence
 
@@ -118,15 +125,17 @@ class WatchedLink:
     """The gripper's link with a watch on it."""
 
     def __init__(self, link: Link, watch: Watch) -> None:
-        self.endpoint, self.counters = link.endpoint, link.counters
+        self.endpoint, self.transactions = link.endpoint, 0
         self._link, self._watch = link, watch
 
     def read(self) -> bytes:
+        self.transactions += 1
         block = self._link.read()
         self._watch.read(block)
         return block
 
     def write(self, block: bytes) -> None:
+        self.transactions += 1
         self._watch.written(block)
         self._link.write(block)
 
@@ -155,19 +164,11 @@ class Records:
 
 @dataclass
 class Told:
-    """What one run came to."""
+    """What one run came to, or many of them."""
 
     seed: int
-    parts: int = 0
-    transactions: int = 0
-    squeezes: int = 0
-    crashes: int = 0
-    delivered: int = 0
-    halts: int = 0  # of the arm's controller
+    sums: Counter[str] = field(default_factory=Counter)  # of what `SUMMED` names
     wrist_deg: tuple[float, float] = (math.inf, -math.inf)
-    outside: int = 0  # leaves whose prediction was farther off than the goal
-    expected: float = 0.0  # how many of them the leaves' own success rates predict
-    virtual_s: float = 0.0
     silent_s: float = 0.0  # the longest that the watchdog was not fed
     outcomes: Counter[str] = field(default_factory=Counter)
     met: Counter[str] = field(default_factory=Counter)
@@ -222,17 +223,19 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
     for _ in range(soak.parts):
         if _run_part(soak, cell, executor, told) is Outcome.FAULT:
             break
-    if not soak.faults and (told.outcomes["fault"] or told.crashes):
-        told.findings.append(f"without faults: {told.outcomes['fault']} faults, {told.crashes} crashes")
+    if not soak.faults and (told.outcomes["fault"] or told.sums["crashes"]):
+        crashes = told.sums["crashes"]
+        told.findings.append(f"without faults: {told.outcomes['fault']} faults, {crashes} crashes")
     if pulse.longest_s > WATCHDOG_S:
         told.findings.append(f"the watchdog was not fed for {pulse.longest_s:.0f} s")
     told.silent_s = pulse.longest_s
-    told.transactions = link.counters.transactions
     told.met.update(cell.works.desk.met)
     watch.look_at_wrist()
-    told.wrist_deg, told.halts = watch.wrist_deg, int(bool(cell.works.arm.halted))
+    told.wrist_deg = watch.wrist_deg
+    told.sums["transactions"] += link.transactions
+    told.sums["halts"] += bool(cell.works.arm.halted)
+    told.sums["simulated_s"] += cell.clock.now()
     told.findings += watch.findings + records.findings
-    told.virtual_s = cell.clock.now()
     told.digest = records.digest.hexdigest()
     return told
 
@@ -256,21 +259,19 @@ def _unobserved(part: int, step: Step) -> None:
 
 def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> None:
     """Add up a part; a leaf whose prediction is off too, and what the table predicts of it."""
-    told.parts += 1
-    told.squeezes += len(result.steps)
-    told.outcomes[result.outcome.value] += 1
     truth = cell.scene.truth()
-    told.crashes += truth.crashes
-    told.delivered += result.delivery == "done"
+    told.sums.update(
+        parts=1, squeezes=len(result.steps), crashes=truth.crashes, delivered=result.delivery == "done"
+    )
+    told.outcomes[result.outcome.value] += 1
     told.last = result
-    if result.outcome is not Outcome.LEAF or not truth.known or result.delivery is not None:
+    if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:
         return
-    told.outside += sight(table, cell.scene, result).within is False
-    told.expected += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
+    told.sums["leaves_outside_goal"] += sight(table, cell.scene, result).within is False
+    told.sums["predicted_outside"] += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
 
 
 def _judge(soak: Soak, part: int, result: PartResult, seconds: float) -> list[str]:
-    """What is wrong with how a part ended."""
     findings = []
     squeezes = len(result.steps) + (1 if result.delivery is None else 3)
     if seconds > (limit := squeezes * soak.squeeze_s() + PART_S):

@@ -25,7 +25,6 @@ QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows
 LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
 MOST_TURN_RAD = 3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
 CONNECT_TRIES = 3
-NOTHING_OWED = Reply(codec.PING, True, ())
 
 
 class _CutOffError(ArmError):
@@ -33,10 +32,7 @@ class _CutOffError(ArmError):
 
 
 class ArmPose(NamedTuple):
-    """Where the hand is in the work object frame: mm, and its turn about the vertical in rad.
-
-    The angle counts whole turns: one that is larger by 2 pi is the same pose, with the wrist once more round.
-    """
+    """Where the hand is, work object frame: mm, and its turn about the vertical, whole turns counted."""
 
     x_mm: float
     y_mm: float
@@ -45,17 +41,14 @@ class ArmPose(NamedTuple):
 
     @property
     def frame(self) -> Pose:
-        """The same as the pose of a hand that points down."""
+        """The pose of a hand that points down there."""
         return Pose(self.x_mm, self.y_mm, self.z_mm, codec.hand_rotation(self.angle_rad))
 
 
 class Arm:
-    """An arm on an open connection; `connect` opens one.
+    """An arm on an open connection, which it owns; `connect` opens one.
 
-    Args:
-        stream: the connection; owned from now on.
-        pace: deadlines in the arm's own seconds.
-        setup: frames, sent on every connection, and limits, checked before every move.
+    The setup's frames are sent on every connection, its limits checked before every move.
 
     Raises:
         ArmError: it does not answer as an open_abb server.
@@ -76,53 +69,43 @@ class Arm:
         self._wrist: Wrist | None = None
         self._wrist_is_fresh = False
         self._drain()
-        self._ask(codec.PING, (), ANSWER_S)
-        if not setup.read_only:
-            self._send_settings(setup)
-
-    def _send_settings(self, setup: Setup) -> None:
+        self._ask(codec.PING)
+        if setup.read_only:
+            return
         # All settings outlive a client: the server still has those of whoever was here before.
-        self._ask(codec.SET_TOOL, codec.pose_numbers(setup.tool), ANSWER_S)
-        self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(setup.work_object), ANSWER_S)
+        self._ask(codec.SET_TOOL, codec.pose_numbers(setup.tool))
+        self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(setup.work_object))
         self._set_speed(100.0)
-        self._ask(codec.SET_ZONE, ("1", "0", "0", "0"), ANSWER_S)  # fine: acknowledged when it stands
+        self._ask(codec.SET_ZONE, ("1", "0", "0", "0"))  # fine: acknowledged when it stands
 
     def pose(self) -> ArmPose:
-        """Read where the hand is (0.01 mm, about 1 mrad).
-
-        Raises:
-            ArmError: the arm is silent, or its hand does not point down.
-        """
-        reply = self._ask(codec.READ_POSE, (), ANSWER_S)
+        """Read where the hand is (0.01 mm, about 1 mrad)."""
+        reply = self._ask(codec.READ_POSE)
         if self._late_s > 0.0:  # it tells of a moment that is too long ago
-            reply = self._ask(codec.READ_POSE, (), ANSWER_S)
+            reply = self._ask(codec.READ_POSE)
         if self._late_s > 0.0:
             raise ArmError(
                 f"arm at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine",
-                str(codec.READ_POSE),
+                f"{self._late_s:.1f} s too late; take load off this machine"
             )
-        with self._understood(codec.READ_POSE):
-            seen = codec.parse_pose(reply)
-            angle_rad = codec.hand_angle(seen.rotation)
+        with self._understood():
+            x_mm, y_mm, z_mm, *rotation = codec.parse_numbers(reply)
+            angle_rad = codec.hand_angle(rotation)
         if self._angle_rad is None:
             # Counted so that axis 6 near its middle gives angles near zero; the joints tell the whole turns.
             whole_rad = angle_rad + math.radians(self._joints()[5])
             turns = math.tau * math.floor((1.5 * math.pi - whole_rad) / math.tau)
-            self._wrist = Wrist(whole_rad + turns, seen.x_mm, seen.y_mm)
+            self._wrist = Wrist(whole_rad + turns, x_mm, y_mm)
             self._angle_rad, self._wrist_is_fresh = angle_rad + turns, True
         else:
             self._angle_rad += math.remainder(angle_rad - self._angle_rad, math.tau)
-        self._at = ArmPose(seen.x_mm, seen.y_mm, seen.z_mm, self._angle_rad)
+        self._at = ArmPose(x_mm, y_mm, z_mm, self._angle_rad)
         return self._at
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Least and greatest angle that the hand can be turned to at a place, whole turns counted, rad.
 
         Reads the joints if the arm has moved since they were read.
-
-        Raises:
-            ArmError: the arm is silent, or its wrist stands whole turns off what was counted.
         """
         here, counted = self._at or self.pose(), self._wrist
         assert counted is not None  # since the first pose
@@ -131,42 +114,35 @@ class Arm:
             if abs(counted.moved(here.x_mm, here.y_mm, self._setup) - seen.whole_rad) > math.pi:
                 raise ArmError(
                     f"arm at {self.endpoint}: the wrist stands whole turns off what was counted; find out "
-                    "who else moves the arm, then connect again",
-                    str(codec.READ_JOINTS),
+                    "who else moves the arm, then connect again"
                 )
             self._wrist, self._wrist_is_fresh, counted = seen, True, seen
         return counted.turn_range(x_mm, y_mm, self._setup)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
+        """Why a straight way cannot be gone; empty where nothing is known against it."""
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup)
 
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        """Move the hand in a straight line and return when it stands.
+        """Move the hand, pointing down, in a straight line and return when it stands (`ports.Arm`).
 
-        Args:
-            x_mm: the point midway between the finger tips, work object frame.
-            y_mm: the same.
-            z_mm: the same.
-            angle_rad: the hand's turn about the vertical, whole turns counted as in `pose`; it points down.
-            speed_mm_s: speed along the path, and of a point `TURN_RADIUS_MM` off the hand's axis as it turns.
-
-        Raises:
-            ArmError: the target cannot be sent or reached (nothing is sent then), the arm refuses it, or
-                does not arrive in time; then its state is unknown and every further call is refused.
+        Nothing is sent where the target cannot be sent or reached; of an arm that does not arrive in time the
+        state is unknown, and every further call is refused.
         """
         target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
         try:
             numbers = codec.pose_numbers(target.frame)
         except (ProtocolError, ValueError) as error:
-            raise ArmError(f"arm not moved: {error}", str(codec.MOVE_LINEAR)) from error
+            raise ArmError(f"arm not moved: {error}") from error
         start = self._at or self.pose()
         if reason := self.obstacle(start, target) or self._overturn(start, target):
             told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
-            raise ArmError(f"arm not moved: the way to {told} is {reason}", str(codec.MOVE_LINEAR))
+            raise ArmError(f"arm not moved: the way to {told} is {reason}")
         self._set_speed(speed_mm_s)
         self._at, self._wrist_is_fresh = None, False
-        self._ask(codec.MOVE_LINEAR, numbers, travel_s(start, target, speed_mm_s) * 1.5 + MOVE_MARGIN_S)
+        path_mm, turn_rad = math.dist(start[:3], target[:3]), abs(target.angle_rad - start.angle_rad)
+        travel_s = max(path_mm, TURN_RADIUS_MM * turn_rad) / speed_mm_s
+        self._ask(codec.MOVE_LINEAR, numbers, travel_s * 1.5 + MOVE_MARGIN_S)
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
@@ -181,17 +157,16 @@ class Arm:
         return f"farther round than the wrist turns ({least:g} to {most:g} deg)"
 
     def _joints(self) -> tuple[float, ...]:
-        """Read the joints, deg."""
-        reply = self._ask(codec.READ_JOINTS, (), ANSWER_S)
-        with self._understood(codec.READ_JOINTS):
+        reply = self._ask(codec.READ_JOINTS)
+        with self._understood():
             return codec.parse_numbers(reply)
 
     @contextlib.contextmanager
-    def _understood(self, code: int) -> Iterator[None]:
+    def _understood(self) -> Iterator[None]:
         try:
             yield
         except ProtocolError as error:
-            raise ArmError(f"arm at {self.endpoint}: {error}", str(code)) from error
+            raise ArmError(f"arm at {self.endpoint}: {error}") from error
 
     def close(self) -> None:
         """Hang up; the arm does not move. A silent one is left without a word."""
@@ -205,14 +180,14 @@ class Arm:
         if speed_mm_s == self._speed:
             return
         if not speed_mm_s > 0.0:
-            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one", str(codec.SET_SPEED))
+            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one")
+        turn_deg_s = math.degrees(speed_mm_s / TURN_RADIUS_MM)
         try:
-            turn_deg_s = math.degrees(speed_mm_s / TURN_RADIUS_MM)
             numbers = (codec.number(speed_mm_s, 3), codec.number(turn_deg_s, 3))
         except ProtocolError as error:
-            raise ArmError(f"arm speed: {error}", str(codec.SET_SPEED)) from error
+            raise ArmError(f"arm speed: {error}") from error
         self._speed = math.nan  # until it is acknowledged
-        self._ask(codec.SET_SPEED, numbers, ANSWER_S)
+        self._ask(codec.SET_SPEED, numbers)
         self._speed = speed_mm_s
 
     def _drain(self) -> None:
@@ -222,38 +197,34 @@ class Arm:
             try:
                 self._stream.receive(left)
             except OSError as error:
-                raise self._lose("the connection broke", b"", _CutOffError) from error
+                raise self._lose("the connection broke", _CutOffError) from error
 
-    def _ask(self, code: int, numbers: tuple[str, ...], budget_s: float) -> Reply:
-        """Send one command in one piece and wait for its own reply."""
+    def _ask(self, code: int, numbers: tuple[str, ...] = (), budget_s: float = ANSWER_S) -> Reply:
         if self._unknown:
             raise ArmError(
                 f"arm at {self.endpoint}: state unknown since {self._unknown}; "
                 "look at the arm, then connect again"
             )
         line = codec.command(code, *numbers)
+        told = repr(line.decode())
         if self._setup.read_only and code not in codec.HARMLESS:
-            raise ReadOnlyError(
-                f"a dry run was about to send {line.decode()!r} to the arm at {self.endpoint}"
-            )
+            raise ReadOnlyError(f"a dry run was about to send {told} to the arm at {self.endpoint}")
         try:
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
-            reply = self._await_reply(*self._owed) if self._owed else NOTHING_OWED
-            if reply is not None:
+            reply = None
+            if self._owed is None or self._await_reply(*self._owed) is not None:
                 self._owed = (code, self._pace.deadline(budget_s))
                 self._stream.send(line)
                 reply = self._await_reply(*self._owed)
         except OSError as error:
-            raise self._lose("the connection broke", line, _CutOffError) from error
+            raise self._lose("the connection broke", _CutOffError) from error
         except ProtocolError as error:
-            raise self._lose(f"an answer that does not fit: {error}", line) from error
+            raise self._lose(f"an answer that does not fit: {error}") from error
         if reply is None:
-            raise self._lose(f"{budget_s:.1f} s of silence after {line.decode()!r}", line)
+            raise self._lose(f"{budget_s:.1f} s of silence after {told}")
         self._owed = None
         if not reply.done:
-            raise ArmError(
-                f"arm at {self.endpoint} refused {line.decode()!r} as a bad message", line.decode()
-            )
+            raise ArmError(f"arm at {self.endpoint} refused {told} as a bad message")
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
@@ -276,19 +247,12 @@ class Arm:
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
 
-    def _lose(self, reason: str, line: bytes, kind: type[ArmError] = ArmError) -> ArmError:
+    def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
         self._unknown = reason
         self._stream.close()
         return kind(
-            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the arm and its program",
-            line.decode("ascii"),
+            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the arm and its program"
         )
-
-
-def travel_s(start: ArmPose, target: ArmPose, speed_mm_s: float) -> float:
-    """Seconds a straight move takes: the longer of path and turn."""
-    turn_mm = TURN_RADIUS_MM * abs(target.angle_rad - start.angle_rad)
-    return max(math.dist(start[:3], target[:3]), turn_mm) / speed_mm_s
 
 
 def connect(host: str, port: int, pace: Pace, setup: Setup) -> Arm:
@@ -309,16 +273,14 @@ def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
     again.
     """
-    for _ in range(CONNECT_TRIES - 1):
-        with contextlib.suppress(_CutOffError):
-            return _once(open_stream(), pace, setup)
+    tries = CONNECT_TRIES
+    while True:
+        stream = open_stream()
+        try:
+            return Arm(stream, pace, setup)
+        except BaseException as error:  # Ctrl-C, too, must not leave the socket open
+            stream.close()
+            tries -= 1
+            if not (tries and isinstance(error, _CutOffError)):
+                raise
         pace.pause(ACCEPT_S)
-    return _once(open_stream(), pace, setup)
-
-
-def _once(stream: Stream, pace: Pace, setup: Setup) -> Arm:
-    try:
-        return Arm(stream, pace, setup)
-    except BaseException:  # Ctrl-C, too, must not leave the socket open
-        stream.close()
-        raise

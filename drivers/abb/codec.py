@@ -6,6 +6,7 @@ formatted strictly.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 MAX_LINE = 80  # RAPID string limit of one SocketReceive \\Str
@@ -77,7 +78,7 @@ def pose_numbers(pose: Pose) -> tuple[str, ...]:
     Raises:
         ProtocolError: a number is not finite, or the quaternion not of unit length (RAPID would stop).
     """
-    length = math.sqrt(sum(part * part for part in pose.rotation))
+    length = math.hypot(*pose.rotation)
     if not abs(length - 1.0) < 1e-6:
         raise ProtocolError(f"quaternion {pose.rotation} has length {length}; normalise it")
     position = (number(value, 3) for value in (pose.x_mm, pose.y_mm, pose.z_mm))
@@ -89,8 +90,8 @@ def hand_rotation(angle_rad: float) -> Quaternion:
     return (0.0, math.cos(angle_rad / 2.0), math.sin(angle_rad / 2.0), 0.0)
 
 
-def hand_angle(rotation: Quaternion) -> float:
-    """Angle in (-pi, pi] of a hand that points down.
+def hand_angle(rotation: Sequence[float]) -> float:
+    """Angle in (-pi, pi] of a hand that points down, from its quaternion (w, x, y, z).
 
     Raises:
         ProtocolError: the hand does not point down (by more than about 2 degrees).
@@ -98,8 +99,7 @@ def hand_angle(rotation: Quaternion) -> float:
     w, x, y, z = rotation
     if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
         raise ProtocolError(f"the hand does not point down (quaternion {rotation}); jog it upright first")
-    angle = 2.0 * math.atan2(y, x)
-    return math.remainder(angle, 2.0 * math.pi)
+    return math.remainder(2.0 * math.atan2(y, x), math.tau)
 
 
 def parse_reply(text: str, code: int) -> Reply | None:
@@ -142,18 +142,8 @@ def drop_stale(text: str, code: int) -> str:
         text = rest[1]
 
 
-def parse_pose(reply: Reply) -> Pose:
-    """The pose in a reply to READ_POSE.
-
-    Raises:
-        ProtocolError: a field is not a number.
-    """
-    x, y, z, *q = parse_numbers(reply)
-    return Pose(x, y, z, (q[0], q[1], q[2], q[3]))
-
-
 def parse_numbers(reply: Reply) -> tuple[float, ...]:
-    """The numbers in a reply: of READ_JOINTS, six angles in degrees.
+    """The numbers in a reply: of READ_JOINTS six angles in degrees, of READ_POSE mm and a quaternion.
 
     Raises:
         ProtocolError: a field is not a number.

@@ -69,10 +69,9 @@ def between(a: Pose, b: Pose, share: float) -> Pose:
     half = turn_between(a.rotation, b.rotation) / 2.0
     near, far = 1.0 - share, share
     if half > 1e-9:
-        near, far = math.sin(near * half) / math.sin(half), math.sin(far * half) / math.sin(half)
+        near, far = (math.sin(part * half) / math.sin(half) for part in (near, far))
     mixed = [near * p + sign * far * q for p, q in zip(a.rotation, b.rotation, strict=True)]
-    length = math.sqrt(sum(part * part for part in mixed))
-    w, i, j, k = (part / length for part in mixed)
+    w, i, j, k = (part / math.hypot(*mixed) for part in mixed)
     x, y, z = (p + (q - p) * share for p, q in zip(a[:3], b[:3], strict=True))
     return Pose(x, y, z, (w, i, j, k))
 
@@ -112,17 +111,9 @@ def inverse(flange: Pose) -> Joints | None:
 
 
 def track(joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0) -> Iterator[Joints | None]:
-    """The joints along a straight way, turning the shortest way: whole turns of the wrist add up.
+    """The joints along a share of a straight way of the flange: whole turns of the wrist add up.
 
-    Args:
-        joints_deg: those at the start.
-        start: of the flange, in the base frame.
-        target: of the flange.
-        share: how much of the way.
-
-    Yields:
-        The joints, step by step, also where they leave their range; None and no more where the way leaves
-        the reach.
+    They are told also where they leave their range; None, and no more, where the way leaves the reach.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)

@@ -1,8 +1,4 @@
-"""What is refused before it is sent: the controller answers an unreachable target with silence.
-
-The reach is that of an IRB 120-3/0.58 whose base frame is known; the work area is a box in the work object
-frame.
-"""
+"""What is refused before it is sent: the controller answers an unreachable target with silence."""
 
 import math
 from typing import NamedTuple
@@ -20,32 +16,25 @@ Box = tuple[float, float, float, float, float, float]  # mm: x, y, z from, x, y,
 
 
 class Setup(NamedTuple):
-    """Where things are, and whether they may be moved.
+    """Where things are, and whether they may be moved."""
 
-    Attributes:
-        tool: tool frame in the flange frame: the point midway between the finger tips, z out of the flange.
-        work_object: the table's frame in the arm's world frame.
-        base: the arm's base frame in its world frame; None: not known, the reach is then not checked.
-        area: what the hand may not leave, in the work object frame; None: only the reach limits it.
-        wrist: least and greatest angle of the last axis, deg: the arm's own, or what the cables allow.
-        read_only: send no setting and refuse every command; poses are then in the frames the server has.
-    """
-
+    # tool frame in the flange frame: the point midway between the finger tips, z out of the flange
     tool: Pose = IDENTITY
-    work_object: Pose = IDENTITY
+    work_object: Pose = IDENTITY  # the table's frame in the arm's world frame
+    # the arm's base frame in its world frame; None: not known, the reach is then not checked
     base: Pose | None = None
+    # what the hand may not leave, in the work object frame; None: only the reach limits it
     area: Box | None = None
+    # least and greatest angle of the last axis, deg: the arm's own, or what the cables allow
     wrist: tuple[float, float] = LAST_AXIS_DEG
+    # send no setting and refuse every command; poses are then in the frames the server has
     read_only: bool = False
 
 
 def obstacle(start: Pose, target: Pose, setup: Setup) -> str:
-    """Why a straight way cannot be gone, or an empty string.
+    """Why the hand cannot go a straight way in the work object frame, or an empty string.
 
-    Args:
-        start: where the hand is, in the work object frame.
-        target: where it is to go.
-        setup: frames and limits.
+    The reach is that of an IRB 120-3/0.58, looked at where the base frame is known.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -68,15 +57,10 @@ class Wrist(NamedTuple):
 
     The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
     which looks down: but for axis 1, hand angle and last axis always add up to the same.
-
-    Attributes:
-        whole_rad: hand angle and last axis added up, the angle counted on over whole turns.
-        x_mm: where the hand was, work object frame.
-        y_mm: the same.
     """
 
-    whole_rad: float
-    x_mm: float
+    whole_rad: float  # hand angle and last axis added up, the angle counted on over whole turns
+    x_mm: float  # where the hand was, work object frame
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:

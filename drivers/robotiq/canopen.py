@@ -19,8 +19,9 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.ports import Report
 from drivers.robotiq.gripper import Gripper, over
-from drivers.robotiq.link import Report, ReportingLink, no_report
+from drivers.robotiq.link import ReportingLink, no_report
 from drivers.robotiq.registers import BLOCK_BYTES
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ STOP_ORDER = (ACTION, 5, 4, 2, 1, 3)
 
 # SDO command specifiers: the known client's write of one byte, the standard's read, and what answers them
 # (0x4F or the like, with the data in byte 4). The known client reads with 0x4F, which no standard has.
+# The library's own `download` would send a write that failed once more when its buffer is collected.
 WRITE_ONE, READ = 0x2F, 0x40
 ANSWER_MASK = 0xE2
 ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
@@ -54,12 +56,7 @@ class CanLink(ReportingLink):
     """A gripper's two register blocks on a CANopen node.
 
     Only bytes that change are written: the known client does so too, since the device dislikes many writes.
-
-    Args:
-        network: a connected network, owned from now on.
-        where: the map.
-        endpoint: the port as the user named it.
-        report: told of every retry and failure.
+    The connected network is owned from now on.
     """
 
     def __init__(
@@ -71,27 +68,20 @@ class CanLink(ReportingLink):
         self._network = network
         self._where = where
         self._written: list[int | None] = [None] * BLOCK_BYTES
-        node = canopen.RemoteNode(where.node, dictionary(where))
+        no_objects = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+        node = canopen.RemoteNode(where.node, no_objects)
         network.add_node(node)
         self._sdo = node.sdo
         self._sdo.RESPONSE_TIMEOUT = LINK_TIMEOUT_S
 
     def read(self) -> bytes:
-        """The input block; each byte tried up to 3 times.
-
-        Raises:
-            LinkTimeout: no valid answer. LinkError: the bus is gone, or the node refuses.
-        """
+        """The input block; each byte tried up to 3 times."""
         return bytes(
             self._repeated(partial(self._transact, self._where.input, byte)) for byte in range(BLOCK_BYTES)
         )
 
     def write(self, block: bytes) -> None:
-        """Write what differs from the last write, each byte once.
-
-        Raises:
-            LinkTimeout: whether it arrived is unknown. LinkError: the bus is gone, or the node refuses.
-        """
+        """Write what differs from the last write, each byte once."""
         for index in WRITE_ORDER if block[ACTION] & GOES else STOP_ORDER:
             if block[index] != self._written[index]:
                 self._written[index] = None  # until it is acknowledged
@@ -105,13 +95,11 @@ class CanLink(ReportingLink):
 
     def _transact(self, index: int, byte: int, data: int | None = None) -> int:
         """One expedited transfer: read a byte, or write `data` to it (CiA 301, 7.2.4)."""
-        self._check_open()
+        self._begin()
         command = READ if data is None else WRITE_ONE
-        self.counters.transactions += 1
         reply = self._ask(struct.pack("<BHBI", command, index, byte + 1, data or 0), index, byte)
         answered, *place, _ = struct.unpack("<BHBI", reply)
         if place != [index, byte + 1] or answered & ANSWER_MASK != ANSWERS[command]:
-            self.counters.stray_bytes += len(reply)
             raise self._silent(index, byte)
         return reply[4]
 
@@ -124,25 +112,20 @@ class CanLink(ReportingLink):
         except canopen.SdoAbortedError as error:
             raise LinkError(
                 f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({error}); the map is "
-                "not verified, set output and input in the port's name",
-                self.endpoint,
+                "not verified, set output and input in the port's name"
             ) from error
         except canopen.SdoCommunicationError as error:
             raise self._silent(index, byte) from error
         except (can.CanError, OSError) as error:
             self._lost = "the bus broke"
-            raise LinkError(
-                f"gripper link {self.endpoint} broke ({error}); check the bus", self.endpoint
-            ) from error
+            raise LinkError(f"gripper link {self.endpoint} broke ({error}); check the bus") from error
         return reply
 
     def _silent(self, index: int, byte: int) -> LinkTimeout:
-        self.counters.timeouts += 1
         self._tell("no answer", object=f"0x{index:04X}:{byte + 1}")
         return LinkTimeout(
             f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check power, bitrate "
-            f"and node {self._where.node}",
-            self.endpoint,
+            f"and node {self._where.node}"
         )
 
 
@@ -172,10 +155,11 @@ def parse(port: str) -> CanMap:
                 settings[key] = text if key == "interface" else int(text, 0)
         if key not in settings:
             known = ", ".join(CanMap._fields[1:])
-            raise PortError(f"port {port}: {key}={text} is not understood; there are {known}", port)
-    if not name or not 0 < settings.get("node", CanMap("").node) < 128:
-        raise PortError(f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11", port)
-    return CanMap(name, **settings)
+            raise PortError(f"port {port}: {key}={text} is not understood; there are {known}")
+    where = CanMap(name, **settings)
+    if not name or not 0 < where.node < 128:
+        raise PortError(f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11")
+    return where
 
 
 def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
@@ -183,7 +167,7 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         import can
         import canopen
     except ImportError as error:
-        raise PortError(f"port {port}: {error}; install squeezetree[can]", port) from error
+        raise PortError(f"port {port}: {error}; install squeezetree[can]") from error
     logging.getLogger("canopen").setLevel(logging.CRITICAL + 1)  # its failures reach the caller as ours
     network = canopen.Network()
     network.NOTIFIER_CYCLE = HEAR_S
@@ -191,24 +175,7 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
     try:
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
-        raise PortError(f"port {port} cannot be opened ({error}); check `ip link`", port) from error
+        raise PortError(f"port {port} cannot be opened ({error}); check `ip link`") from error
     if not read_only:  # the one thing sent before any request; it makes no node move
         network.send_message(0, bytes((1, where.node)))
     return network
-
-
-def dictionary(where: CanMap) -> "canopen.ObjectDictionary":
-    """The two objects of the map, each byte an unsigned 8."""
-    import canopen
-    from canopen import objectdictionary
-
-    made = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
-    for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
-        record = objectdictionary.ODRecord(name, index)
-        for sub in range(1, BLOCK_BYTES + 1):
-            variable = objectdictionary.ODVariable(f"byte {sub - 1}", index, sub)
-            variable.data_type = objectdictionary.UNSIGNED8
-            variable.access_type = access
-            record.add_member(variable)
-        made.add_object(record)
-    return made

@@ -5,6 +5,7 @@ echo suppression) or after an answer to somebody else; so an answer is looked fo
 """
 
 import logging
+import struct
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -34,19 +35,8 @@ RTU = Wiring(unit=9, output_address=0x03E8, input_address=0x07D0, read_function=
 TCP = Wiring(unit=2, output_address=0, input_address=0, read_function=4)  # [M200] p66-78
 
 
-class Found(NamedTuple):
-    """The answer in a buffer, and how many bytes before it belong to nobody."""
-
-    pdu: ModbusPDU
-    skipped: int
-
-
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request.
-
-    Attributes:
-        numbered: whether answers tell which request they belong to.
-    """
+    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request."""
 
     numbered = False
 
@@ -59,7 +49,7 @@ class RtuFraming:
         """The bytes of a request."""
         return self._framer.buildFrame(pdu)
 
-    def find(self, buffer: bytes, pdu: ModbusPDU) -> Found | None:
+    def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
         """The first answer by that unit, to that function and of the length asked for."""
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
@@ -67,7 +57,7 @@ class RtuFraming:
                 continue
             answer = self._decode(buffer[start:], pdu.dev_id)
             if answer is not None and is_answer(answer, pdu):
-                return Found(answer, start)
+                return answer
         return None
 
     def _decoded(self, frame: bytes, unit: int) -> ModbusPDU | None:
@@ -92,19 +82,18 @@ class TcpFraming:
         pdu.transaction_id = self._number
         return self._framer.buildFrame(pdu)
 
-    def find(self, buffer: bytes, pdu: ModbusPDU) -> Found | None:
+    def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
         """The answer with the number of the last request; answers to earlier ones are passed over."""
-        start = 0
-        while start < len(buffer):
+        while buffer:
             try:
-                used, answer = self._framer.handleFrame(buffer[start:], pdu.dev_id, pdu.transaction_id)
+                used, answer = self._framer.handleFrame(buffer, pdu.dev_id, pdu.transaction_id)
             except ModbusException:
                 return None
             if answer is None:
                 return None
             if answer.transaction_id == pdu.transaction_id and is_answer(answer, pdu):
-                return Found(answer, start)
-            start += used
+                return answer
+            buffer = buffer[used:]
         return None
 
 
@@ -123,10 +112,11 @@ def read_request(wiring: Wiring, count: int) -> ModbusPDU:
     return kind(address=wiring.input_address, count=count, dev_id=wiring.unit)
 
 
-def write_request(wiring: Wiring, registers: tuple[int, ...]) -> ModbusPDU:
-    """Write the first registers of the output block."""
+def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
+    """Write the first registers of the output block, high byte first."""
+    registers = list(struct.unpack(f">{len(block) // 2}H", block))
     return WriteMultipleRegistersRequest(
-        address=wiring.output_address, registers=list(registers), dev_id=wiring.unit
+        address=wiring.output_address, registers=registers, dev_id=wiring.unit
     )
 
 

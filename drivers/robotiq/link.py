@@ -1,52 +1,29 @@
-"""What every bus to the gripper offers, and the count of what went wrong on it."""
+"""What every bus to the gripper offers."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from drivers.errors import LinkError, LinkTimeout, ReadOnlyError
+from drivers.ports import Report
 
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
-Report = Callable[[str, Mapping[str, object]], None]
 Read = TypeVar("Read")
 
 
-@dataclass(slots=True)
-class LinkCounters:
-    """What a link has been through.
+class Link(Protocol):
+    """The two register blocks, on whatever bus.
 
-    Attributes:
-        transactions: requests sent.
-        timeouts: those without a valid answer.
-        retries: readings asked for again.
-        stray_bytes: noise, echoes and late answers that were thrown away.
+    Both ways a LinkTimeout says that there was no valid answer, and any other LinkError that the connection
+    is gone or the device refuses.
     """
 
-    transactions: int = 0
-    timeouts: int = 0
-    retries: int = 0
-    stray_bytes: int = 0
-
-
-class Link(Protocol):
-    """The two register blocks, on whatever bus."""
-
     endpoint: str
-    counters: LinkCounters
 
     def read(self) -> bytes:
-        """The input block, 6 bytes; may repeat itself.
-
-        Raises:
-            LinkTimeout: no valid answer. LinkError: the connection is gone.
-        """
+        """The input block, 6 bytes; may repeat itself."""
 
     def write(self, block: bytes) -> None:
-        """Write the output block, 6 bytes, exactly once.
-
-        Raises:
-            LinkTimeout: whether it arrived is unknown. LinkError: the connection is gone.
-        """
+        """Write the output block, 6 bytes, exactly once; whether it arrived is unknown after a timeout."""
 
     def close(self) -> None:
         """Give the link up without moving anything."""
@@ -57,59 +34,38 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 
 
 class ReportingLink:
-    """Base of the links: counts and reports what goes wrong, and repeats reads.
-
-    Args:
-        endpoint: the port as the user named it.
-        report: told of every retry and failure, as ("link", {"incident": ..., ...}).
-    """
+    """Base of the links: repeats reads; reports failures as ("link", {"incident": ..., ...})."""
 
     def __init__(self, endpoint: str, report: Report) -> None:
         self.endpoint = endpoint
-        self.counters = LinkCounters()
         self._report = report
+        self._transactions = 0
         self._lost = ""  # why the link cannot be used any more
 
-    def _check_open(self) -> None:
+    def _begin(self) -> None:
         if self._lost:
-            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}", self.endpoint)
+            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}")
+        self._transactions += 1
 
     def _repeated(self, read: Callable[[], Read]) -> Read:
         for attempt in range(1, READ_TRIES):
             try:
                 return read()
             except LinkTimeout:
-                self.counters.retries += 1
                 self._tell("read repeated", attempt=attempt)
         return read()
 
     def _tell(self, incident: str, **details: object) -> None:
-        self._report("link", {"incident": incident, "transaction": self.counters.transactions, **details})
+        self._report("link", {"incident": incident, "transaction": self._transactions, **details})
 
 
 class ReadOnlyLink:
-    """The two register blocks without a way to write; the frames of a write are never built.
-
-    Args:
-        link: the link to read through; owned from now on.
-    """
+    """The two register blocks without a way to write: frames of a write are never built. Owns the link."""
 
     def __init__(self, link: Link) -> None:
-        self.endpoint, self.counters = link.endpoint, link.counters
-        self._link = link
-
-    def read(self) -> bytes:
-        """The input block, 6 bytes."""
-        return self._link.read()
+        self.endpoint = link.endpoint
+        self.read, self.close = link.read, link.close
 
     def write(self, block: bytes) -> None:
-        """Refuse.
-
-        Raises:
-            ReadOnlyError: always.
-        """
+        """Refuse, by a ReadOnlyError."""
         raise ReadOnlyError(f"a dry run was about to write {block.hex()} to the gripper at {self.endpoint}")
-
-    def close(self) -> None:
-        """Give the link up without moving anything."""
-        self._link.close()

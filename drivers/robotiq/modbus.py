@@ -1,18 +1,18 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
-One transaction is tried once here, with a deadline of our own above pymodbus; `read` may be repeated, a write
-is not (the device logic reads the state first).
+Each transaction has a deadline of our own above pymodbus. `read` may be repeated; a write is not, the device
+logic reads the state first.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+import struct
+from collections.abc import Iterator
 
 import serial
-from pymodbus.framer import FramerRTU
 from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.ports import Answered, Report
 from drivers.robotiq.frames import (
     MAX_BUFFER,
     RTU,
@@ -24,9 +24,9 @@ from drivers.robotiq.frames import (
     read_request,
     write_request,
 )
-from drivers.robotiq.link import Report, ReportingLink, no_report
-from drivers.robotiq.registers import BLOCK_REGISTERS, to_bytes, to_registers
-from drivers.stream import SerialStream, Stream, open_tcp
+from drivers.robotiq.link import ReportingLink, no_report
+from drivers.robotiq.registers import BLOCK_BYTES
+from drivers.stream import Stream
 
 GAP_S = 0.005  # manuals ask for 5 ms between commands: the gripper refreshes at 200 Hz ([M16] p55)
 LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
@@ -36,19 +36,12 @@ SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M1
 SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
 SCAN_S = 0.06
 SCAN_BYTES = 7
-INPUT_REGISTERS = 8  # of the whole block; the last five are reserved ([M18] p62)
+# Registers asked for: those that tell something, or more of the block, whose rest is reserved ([M18] p62).
+LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
 class ModbusLink(ReportingLink):
-    """A gripper's two register blocks on one Modbus connection.
-
-    Args:
-        stream: the connection, owned from now on.
-        framing: how requests go onto it.
-        wiring: addresses and functions of this kind of link.
-        pace: clock of the gap between transactions.
-        report: told of every retry and failure, as ("link", {"incident": ..., ...}).
-    """
+    """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
 
     def __init__(
         self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report = no_report
@@ -61,25 +54,15 @@ class ModbusLink(ReportingLink):
         self._free_at = pace.now()
         self._out_of_step = False
         self._late_s = 0.0  # by how much the last answer was read too late
-        self._count = BLOCK_REGISTERS
+        self._count = LEAST_REGISTERS
 
     def read(self) -> bytes:
-        """The input block, 6 bytes; tried up to 3 times, since reading changes nothing.
-
-        Raises:
-            LinkTimeout: no valid answer to any try.
-            LinkError: the connection is gone, or the device refuses the request.
-        """
+        """The input block, 6 bytes; tried up to 3 times, since reading changes nothing."""
         return self._repeated(self._read_once)
 
     def write(self, block: bytes) -> None:
-        """Write the output block, 6 bytes, once.
-
-        Raises:
-            LinkTimeout: no valid answer; whether the write arrived is unknown: read the state before
-            repeating it. LinkError: the connection is gone, or the device refuses the request.
-        """
-        self._transact(write_request(self._wiring, to_registers(block)))
+        """Write the output block, 6 bytes, once."""
+        self._transact(write_request(self._wiring, block))
 
     def close(self) -> None:
         """Close the connection; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
@@ -91,15 +74,13 @@ class ModbusLink(ReportingLink):
         if self._late_s > 0.0:  # it tells of a moment that is too long ago; a write's answer stays true
             raise LinkTimeout(
                 f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine",
-                self.endpoint,
+                f"{self._late_s:.1f} s too late; take load off this machine"
             )
-        return to_bytes(tuple(reply.registers[:BLOCK_REGISTERS]))
+        return struct.pack(f">{len(reply.registers)}H", *reply.registers)[:BLOCK_BYTES]
 
     def _transact(self, request: ModbusPDU) -> ModbusPDU:
-        self._check_open()
+        self._begin()
         frame = self._framing.frame(request)
-        self.counters.transactions += 1
         try:
             self._wait_for_the_line()
             self._out_of_step = True  # until this transaction is answered, or after an interrupt
@@ -115,8 +96,7 @@ class ModbusLink(ReportingLink):
         if reply.isError():
             raise LinkError(
                 f"gripper at {self.endpoint} refused function {request.function_code} (exception "
-                f"{reply.exception_code}); check that the device is a Robotiq 2F gripper",
-                self.endpoint,
+                f"{reply.exception_code}); check that the device is a Robotiq 2F gripper"
             )
         return reply
 
@@ -126,8 +106,8 @@ class ModbusLink(ReportingLink):
         # Whatever lies there answers nothing that is still to be asked.
         quiet_s = LATE_S if self._out_of_step else 0.0
         until = self._pace.now() + DRAIN_S
-        while (data := self._stream.receive(quiet_s)) and self._pace.now() < until:
-            self.counters.stray_bytes += len(data)
+        while self._stream.receive(quiet_s) and self._pace.now() < until:
+            pass
 
     def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
         deadline = self._pace.now() + LINK_TIMEOUT_S
@@ -139,23 +119,19 @@ class ModbusLink(ReportingLink):
             data = self._stream.receive(max(left, 0.0))
             buffer = (buffer + data)[-MAX_BUFFER:]
             if data and (found := self._framing.find(buffer, request)) is not None:
-                self.counters.stray_bytes += found.skipped
                 self._late_s = max(self._pace.now() - deadline, 0.0)
-                return found.pdu
-        self.counters.stray_bytes += len(buffer)
+                return found
         return None
 
     def _silent(self, request: ModbusPDU) -> LinkTimeout:
-        self.counters.timeouts += 1
         if not self._framing.numbered:
             # From now on another count of registers is asked for, so that an answer to this request which is
             # merely late cannot be taken for the answer to a later one.
-            self._count = self._count + 1 if self._count < INPUT_REGISTERS else BLOCK_REGISTERS
+            self._count = self._count + 1 if self._count < MOST_REGISTERS else LEAST_REGISTERS
         self._tell("no answer", function=request.function_code)
         return LinkTimeout(
             f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check its power, "
-            f"slave id {self._wiring.unit} and wiring",
-            self.endpoint,
+            f"slave id {self._wiring.unit} and wiring"
         )
 
     def _broken(self, error: OSError) -> LinkError:
@@ -163,7 +139,7 @@ class ModbusLink(ReportingLink):
         self._lost = "the connection broke"
         self._stream.close()
         self._tell("connection broke", error=str(error))
-        return LinkError(f"gripper link {self.endpoint} broke; check cable, adapter and power", self.endpoint)
+        return LinkError(f"gripper link {self.endpoint} broke; check cable, adapter and power")
 
 
 def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
@@ -171,47 +147,13 @@ def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLi
     return ModbusLink(stream, RtuFraming(), RTU, pace, report)
 
 
-def open_serial(path: str, pace: Pace, report: Report = no_report) -> ModbusLink:
-    """Open a tty as Modbus RTU, 115200 8N1, slave 9.
-
-    Raises:
-        PortError: no such device, no permission, not a serial port, or in use.
-    """
-    return rtu_link(SerialStream(path, BAUD), pace, report)
-
-
-def open_tcp_link(host: str, port: int, pace: Pace, *, rtu: bool, report: Report = no_report) -> ModbusLink:
-    """Open a TCP connection that carries RTU frames (`rtu`) or Modbus TCP.
-
-    Raises:
-        PortError: nobody accepts the connection.
-    """
-    endpoint = f"{'rtu+tcp' if rtu else 'tcp'}://{host}:{port}"
-    stream = open_tcp(host, port, endpoint, "check address, cable and power")
-    if rtu:
-        return rtu_link(stream, pace, report)
+def tcp_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
+    """Modbus TCP."""
     return ModbusLink(stream, TcpFraming(), TCP, pace, report)
 
 
-class Answered(NamedTuple):
-    """Who answered: slave id and baud rate."""
-
-    unit: int
-    baud: int
-
-
-def scan(
-    path: str, units: Sequence[int] = SCAN_UNITS, bauds: Sequence[int] = SCAN_BAUDS
-) -> Iterator[Answered]:
-    """Try slave ids at baud rates, the usual ones first.
-
-    Args:
-        path: a tty.
-        units: slave ids.
-        bauds: rates.
-
-    Yields:
-        Each one that answers.
+def scan(path: str) -> Iterator[Answered]:
+    """Who answers on a tty: tries slave ids at baud rates, the usual ones first.
 
     Raises:
         PortError: the port cannot be opened.
@@ -219,19 +161,15 @@ def scan(
     try:
         port = serial.Serial(path, BAUD, timeout=SCAN_S, exclusive=True)
     except (serial.SerialException, ValueError) as error:
-        raise PortError(f"port {path} cannot be opened: {error}", path) from error
+        raise PortError(f"port {path} cannot be opened: {error}") from error
     with port:
-        for baud in bauds:
+        for baud in SCAN_BAUDS:
             port.baudrate = baud
-            yield from (Answered(unit, baud) for unit in units if _answers(port, unit))
+            yield from (Answered(unit, baud) for unit in SCAN_UNITS if _answers(port, unit))
 
 
 def _answers(port: serial.Serial, unit: int) -> bool:
+    framing, request = RtuFraming(), read_request(RTU._replace(unit=unit), 1)
     port.reset_input_buffer()
-    port.write(_framed(bytes((unit, 3)) + RTU.input_address.to_bytes(2, "big") + b"\x00\x01"))
-    reply = bytes(port.read(SCAN_BYTES))
-    return reply[:3] == bytes((unit, 3, 2)) and reply == _framed(reply[:-2])
-
-
-def _framed(body: bytes) -> bytes:
-    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+    port.write(framing.frame(request))
+    return framing.find(bytes(port.read(SCAN_BYTES)), request) is not None

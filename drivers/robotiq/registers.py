@@ -1,12 +1,15 @@
-"""The gripper's register map as data: 6 bytes each way, the same on every bus.
+"""The gripper's register map as data, 6 bytes each way, the same on every bus; and what a reading says.
 
 Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
-edition, p. 43 and 55; [SDK] Robotiq's C++ SDK, `status.hpp`, `command.hpp`. Byte 2k of a block is the high
-byte of register k.
+edition, p. 43 and 55; [SDK] Robotiq's C++ SDK. Byte 2k of a block is the high byte of register k.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
+
+from drivers import ports
 
 
 class Field(NamedTuple):
@@ -20,7 +23,6 @@ class Field(NamedTuple):
 
 
 BLOCK_BYTES = 6  # of 16; the rest is reserved and zero
-BLOCK_REGISTERS = BLOCK_BYTES // 2
 
 # Host -> gripper.
 OUTPUT_FIELDS = (
@@ -81,14 +83,33 @@ def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int
     return {field.name: block[field.byte] >> field.shift & (1 << field.width) - 1 for field in fields}
 
 
-def to_registers(block: bytes) -> tuple[int, ...]:
-    """Pair bytes into 16-bit registers, high byte first."""
-    return tuple([block[i] << 8 | block[i + 1] for i in range(0, len(block), 2)])
+@dataclass(frozen=True, slots=True)
+class GripperState(ports.GripperState):
+    """One reading of a 2F gripper."""
+
+    enabled: bool  # gACT, the echo of rACT
+    activating: bool  # whether it sweeps
+    going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it
 
 
-def to_bytes(registers: tuple[int, ...]) -> bytes:
-    """Split 16-bit registers into bytes, high byte first."""
-    return b"".join([register.to_bytes(2, "big") for register in registers])
+@lru_cache(1024)  # a gripper at rest says the same over and over
+def decode(block: bytes) -> GripperState:
+    """What an input block says."""
+    fields = unpack(INPUT_FIELDS, block)
+    enabled = fields["gACT"] == 1
+    going = fields["gGTO"] == 1
+    return GripperState(
+        activated=enabled and fields["gSTA"] == STA_ACTIVE,
+        activating=enabled and fields["gSTA"] == STA_ACTIVATING,
+        enabled=enabled,
+        going=going,
+        moving=going and fields["gOBJ"] == OBJ_MOVING,
+        fault=fields["gFLT"],
+        object_flag=fields["gOBJ"],
+        echo_counts=fields["gPR"],
+        position_counts=fields["gPO"],
+        current_ma=fields["gCU"] * CURRENT_MA_PER_COUNT,
+    )
 
 
 def speed_mm_s(speed_counts: int) -> float:

@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
+from drivers.robotiq.frames import TCP
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.devices.arm_logger import ArmLogger
-from drivers.sim.devices.arm_server import ArmServer
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.devices.arm_server import ArmLogger, ArmServer
+from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
 from drivers.sim.physics.tabletop import Look
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Server, SimulatedTime
 from drivers.sim.workcell import ARM_BASE, Workcell
 
 if TYPE_CHECKING:
@@ -44,45 +44,33 @@ class Cell:
         rig: "Rig | None" = None,
     ) -> None:
         self.stopped = threading.Event()
-        self.world = setting.world
         self._lock = threading.RLock()
         self._time = SimulatedTime(time_scale, self.stopped)
         self.works = Workcell(setting, seed, self._time.now, faults)
-        device, now = self.works.device, self._time.now
-        self._pty = PtyPort(
-            RtuSlave(GripperRegisters(device, now), self.works.line()), self._lock, self._time
-        )
-        self._rtu_tcp = TcpPort(rtu_over_tcp(device, now, self.works.line()), self._lock, self._time)
-        self._modbus_tcp = TcpPort(
-            modbus_tcp(device, now, self.works.line(checked=False)),
-            self._lock,
-            self._time,
-            lambda: stop_jaws(device, now),
-        )
-        self._arm_server = ArmServer(self.works.controller, self._lock, self._time, self._locked_arm_stands)
-        self._logger = ArmLogger(self._look_at_arm, self._time)
-        self._scene_server = SceneServer(self._answer, self.stopped)
-        self._camera = None if rig is None else CameraServer(rig.watcher(self._look, seed))
-        self._servers = (
-            *(self._pty, self._rtu_tcp, self._modbus_tcp),
-            *(self._arm_server, self._logger, self._scene_server),
-            *(() if self._camera is None else (self._camera,)),
-        )
-
-    @property
-    def endpoints(self) -> dict[str, str]:
-        """Where its devices are, as `drivers.connect` takes them."""
-        base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
-        found = {
+        device, now = self.works.gripper, self._time.now
+        registers = GripperRegisters(device, now)
+        self._pty = PtyPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
+        rtu_tcp = TcpPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
+        slave = MbapSlave(GripperRegisters(device, now, TCP), self.works.line(checked=False))
+        tcp = TcpPort(slave, self._lock, self._time, lambda: stop_jaws(device, now))
+        arm = ArmServer(self.works.arm, self._lock, self._time, self.works.arm_stands)
+        logger = ArmLogger(self._look_at_arm, self._time)
+        scene = SceneServer(self._answer, self.stopped)
+        self._servers: list[Server | CameraServer] = [self._pty, rtu_tcp, tcp, arm, logger, scene]
+        # Where its devices are, as `drivers.connect` takes them.
+        self.endpoints = {
             "gripper": self._pty.path,
-            "arm": f"{self._arm_server.url}?base={base}",
-            "scene": self._scene_server.url,
-            "world": self.world,
-            "arm_logger": self._logger.url,
-            "gripper_tcp": self._modbus_tcp.url,
-            "gripper_rtu_tcp": f"rtu+{self._rtu_tcp.url}",
+            "arm": f"{arm.url}?base={','.join(f'{value:g}' for value in ARM_BASE[:3])}",
+            "scene": scene.url,
+            "world": setting.world,
+            "arm_logger": logger.url,
+            "gripper_tcp": tcp.url,
+            "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
         }
-        return found if self._camera is None else found | {"camera": self._camera.url}
+        if rig is not None:
+            camera = CameraServer(rig.watcher(self._look, seed))
+            self._servers.append(camera)
+            self.endpoints["camera"] = camera.url
 
     def __enter__(self) -> "Cell":
         for server in self._servers:
@@ -93,10 +81,6 @@ class Cell:
         self.stopped.set()
         for server in self._servers:
             server.close()
-
-    def _locked_arm_stands(self) -> None:
-        with self._lock:
-            self.works.arm_stands()
 
     def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
         with self._lock:
@@ -110,9 +94,6 @@ class Cell:
     def _answer(self, what: str) -> Mapping[str, object]:
         with self._lock:
             said = self.works.answer(what)
-        if said is not None:
-            return said
-        if what == "quit":
-            self.stopped.set()
+        if said is None and what == "quit":
             return {"quit": True}
-        return {"error": f"cannot {what}; next_part, truth and quit are known"}
+        return said or {"error": f"cannot {what}; next_part, truth and quit are known"}

@@ -43,33 +43,19 @@ def parser() -> Parser:
     source = made.add_mutually_exclusive_group(required=True)
     source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job")
     source.add_argument("--job", type=Path, metavar="JOB.toml", help="part and world from a job file")
-    made.add_argument(
-        "--world",
-        metavar="MODULE:FACTORY",
-        help=f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})",
-    )
-    made.add_argument("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
-    made.add_argument(
-        "--time-scale",
-        type=positive,
-        default=1.0,
-        metavar="S",
-        help="simulated seconds per second (default: 1)",
-    )
-    made.add_argument(
-        "--faults",
-        metavar="SCHEDULE",
-        help="what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)",
-    )
-    made.add_argument("--camera", action="store_true", help="serve what a camera under the table sees")
-    made.add_argument(
-        "--camera-views",
-        type=Path,
-        metavar="DIR",
-        help="instead of serving, write the pictures to calibrate that camera from, and the commands for it",
-    )
+    add = made.add_argument
+    world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
+    add("--world", metavar="MODULE:FACTORY", help=world)
+    add("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
+    scale = "simulated seconds per second (default: 1)"
+    add("--time-scale", type=positive, default=1.0, metavar="S", help=scale)
+    faults = "what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)"
+    add("--faults", metavar="SCHEDULE", help=faults)
+    add("--camera", action="store_true", help="serve what a camera under the table sees")
+    views = "instead of serving, write the pictures to calibrate that camera from, and the commands for it"
+    add("--camera-views", type=Path, metavar="DIR", help=views)
     made.add_common()
-    made.add_argument("--until-stdin-closes", action="store_true", help="end when standard input does")
+    add("--until-stdin-closes", action="store_true", help="end when standard input does")
     return made
 
 
@@ -87,12 +73,23 @@ def serve(options: argparse.Namespace) -> int:
     if options.world is None and not setting.truthful:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
-        return write_views(options)
+        rig = _audit_extra("rig").standard_rig()
+        for words in _audit_extra("album").write(rig, options.camera_views, options.seed):
+            print(f"grasp-calibrate {words}", flush=True)
+        return 0
     rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
     failures: list[str] = []
     with Cell(setting, options.seed, options.time_scale, faults, rig) as cell:
-        threading.excepthook = lambda failed: _give_up(failed, failures, cell.stopped, debug=options.debug)
+
+        def give_up(failed: threading.ExceptHookArgs) -> None:
+            """A server thread failed, most likely in the world: end the cell, no device is left mute."""
+            failures.append(one_line(failed.exc_value))
+            if options.debug:
+                threading.__excepthook__(failed)
+            cell.stopped.set()
+
+        threading.excepthook = give_up
         signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
         if options.until_stdin_closes:
             threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
@@ -107,24 +104,12 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def camera(setting: Setting) -> Any:
-    """The camera under the table.
-
-    Raises:
-        SimulationError: OpenCV is missing, or the world knows no poses to take pictures of.
-    """
+    """The camera under the table; SimulationError without OpenCV, or where the world knows no poses."""
     if not setting.truthful:
         raise SimulationError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
         )
     return _audit_extra("rig").standard_rig()
-
-
-def write_views(options: argparse.Namespace) -> int:
-    """Write the pictures that calibrate the camera, and print what to do with them."""
-    album, rig = _audit_extra("album"), _audit_extra("rig").standard_rig()
-    for words in album.write(rig, options.camera_views, options.seed):
-        print(f"grasp-calibrate {words}", flush=True)
-    return 0
 
 
 def _audit_extra(name: str) -> Any:
@@ -135,16 +120,6 @@ def _audit_extra(name: str) -> Any:
         raise SimulationError(
             f"the camera needs the audit extra ({error.name} is missing); pip install 'squeezetree[audit]'"
         ) from error
-
-
-def _give_up(
-    failed: threading.ExceptHookArgs, failures: list[str], stopped: threading.Event, *, debug: bool
-) -> None:
-    """A server thread failed, most likely in the world: end the cell rather than leave a device mute."""
-    failures.append(one_line(failed.exc_value))
-    if debug:
-        threading.__excepthook__(failed)
-    stopped.set()
 
 
 def _watch_stdin(stopped: threading.Event) -> None:

@@ -1,8 +1,4 @@
-"""What can go wrong in a simulated cell: the classes, and schedules that say when; FAULTS.md tells the rest.
-
-A fault is counted in events of its own channel since the part was fed (requests on the gripper's line,
-instructions to the arm, closings of the jaws), so that a schedule means the same at any speed.
-"""
+"""What can go wrong in a simulated cell: the classes, and schedules that say when, as FAULTS.md has them."""
 
 import random
 import tomllib
@@ -24,23 +20,14 @@ class Channel(StrEnum):
 
 
 class Kind(NamedTuple):
-    """A class of faults.
+    """A class of faults."""
 
-    Attributes:
-        name: as schedules write it.
-        channel: what it is counted in.
-        low: least `value` that a random schedule draws.
-        high: largest.
-        lasts: the longest that one lasts in a random schedule, in events.
-        meaning: what it does; `value` is the number it depends on.
-    """
-
-    name: str
-    channel: Channel
-    low: float
-    high: float
-    lasts: int
-    meaning: str
+    name: str  # as schedules write it
+    channel: Channel  # what it is counted in
+    low: float  # least `value` that a random schedule draws
+    high: float  # largest
+    lasts: int  # the longest that one lasts in a random schedule, in events
+    meaning: str  # what it does; `value` is the number it depends on
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
@@ -120,10 +107,6 @@ class Fault(NamedTuple):
         """What it is counted in."""
         return KINDS[self.kind].channel
 
-    def covers(self, event: int) -> bool:
-        """Whether it holds at that event of its channel."""
-        return self.at <= event < self.at + self.length
-
 
 class Listed:
     """A schedule written down."""
@@ -153,20 +136,16 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
     kind = KINDS[draw.choice(list(KINDS))]
     at, length = draw.randrange(BEGINS[kind.channel]), draw.randint(1, kind.lasts)
     value = draw.uniform(kind.low, kind.high)
-    return Fault(
-        kind.name, part, at, length, value if kind.name in {"reply_late", "flag_late"} else round(value)
-    )
+    if kind.name not in {"reply_late", "flag_late"}:
+        value = round(value)
+    return Fault(kind.name, part, at, length, value)
 
 
 class Desk:
-    """Counts the events of a part and says which faults hold now.
-
-    Attributes:
-        met: names of the faults that have held so far, in order.
-    """
+    """Counts the events of a part and says which faults hold now."""
 
     def __init__(self, schedule: Listed) -> None:
-        self.met: list[str] = []
+        self.met: list[str] = []  # names of the faults that have held so far, in order
         self._schedule = schedule
         self.begin(0)
 
@@ -179,19 +158,16 @@ class Desk:
     def next(self, channel: Channel) -> None:
         """One more event."""
         self._events[channel] += 1
-        for fault in self._of[channel]:
-            if fault.at == self._events[channel]:
-                self.met.append(fault.kind)
+        self.met += [fault.kind for fault in self.beginning(channel)]
+
+    def beginning(self, channel: Channel) -> list[Fault]:
+        """The faults that begin at the last event of a channel."""
+        return [fault for fault in self._of[channel] if fault.at == self._events[channel]]
 
     def holding(self, channel: Channel) -> list[Fault]:
         """The faults that hold at the last event of a channel."""
         event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.covers(event)]
-
-    def beginning(self, channel: Channel) -> list[Fault]:
-        """The faults that begin at the last event of a channel."""
-        event = self._events[channel]
-        return [fault for fault in self._of[channel] if fault.at == event]
+        return [fault for fault in self._of[channel] if fault.at <= event < fault.at + fault.length]
 
     def holds(self, kind: str) -> Fault | None:
         """The fault of that name, if it holds now."""
@@ -200,11 +176,7 @@ class Desk:
 
 
 def parse(text: str | None) -> Listed:
-    """A schedule as `--faults` names it: `seed:N`, or a file of `[[fault]]` tables; None: no faults.
-
-    Raises:
-        SimulationError: it is not understood.
-    """
+    """A schedule as `--faults` names it, None for none; SimulationError where it is not understood."""
     if text is None:
         return Listed()
     if text.startswith("seed:"):

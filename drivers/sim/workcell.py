@@ -4,15 +4,15 @@ import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
-from drivers.sim.devices.arm import ArmModel, Controller
+from drivers.planar import Pose2
+from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Desk, Listed
-from drivers.sim.physics.scene import Pose2, Setting
+from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop
 from drivers.sim.wire.line import CleanLine, FaultyLine
-from drivers.sim.wire.modbus import Device
 
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
 
@@ -35,15 +35,18 @@ class Workcell(Surroundings):
         self.desk = Desk(faults or Listed())
         self.table = TableTop(setting, seed, self.desk)
         self.jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
-        self.gripper = GripperModel(random.Random(f"{seed}/gripper"), self.jaws, self)
-        self.arm = ArmModel(ARM_BASE)
         self._low = False
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
-        # What hosts talk to: the same gripper, unless something is wrong with it.
         self._faulty = faults is not None
-        self.device: Device = FaultyGripper(self.gripper, self.desk) if self._faulty else self.gripper
-        self.controller: Controller = FaultyArm(self.arm, self.desk) if self._faulty else self.arm
+        lags = random.Random(f"{seed}/gripper")
+        self.gripper: GripperModel
+        self.arm: ArmModel
+        if self._faulty:
+            self.gripper = FaultyGripper(lags, self.jaws, self, self.desk)
+            self.arm = FaultyArm(ARM_BASE, self.desk)
+        else:
+            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE)
 
     def line(self, *, checked: bool = True) -> CleanLine:
         """A line to the gripper; `checked`: its frames end in a CRC."""

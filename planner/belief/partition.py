@@ -36,8 +36,8 @@ class Estimate(NamedTuple):
     """J of a belief from a sample of it, where nothing is looked ahead.
 
     A belief that misses the goal needs one squeeze more, however little is missing, and a second one the more
-    likely the more is missing. One that meets it costs what its parts outside the mode are worth. The share of
-    its mode in truth has a Beta distribution, given the sample.
+    likely the more is missing. One that meets it costs what its parts outside the mode are worth. The share
+    of its mode in truth has a Beta distribution, given the sample.
 
     Attributes:
         confidence: share of its mode at which a belief needs no squeeze.
@@ -57,24 +57,19 @@ class Estimate(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """How readings are cut.
+    """How readings are cut; `SearchParams` has the prices of a job."""
 
-    Attributes:
-        metric: of the goal.
-        estimate: J.
-        resolution: of the encoder.
-        doubt: cost of a part that reads near a cut [squeezes].
-        reach: how near that is [counts].
-        branch: cost of an interval [squeezes of one particle].
-    """
+    metric: Metric  # of the goal
+    estimate: Estimate  # J
+    resolution: Resolution  # of the encoder
+    doubt: float  # chance that a part near a cut strays into a leaf beyond it
+    astray: float  # cost of one that strays into a branch that is squeezed again [squeezes]
+    branch: float  # cost of an interval [squeezes of one particle]
+    reach: float  # how near a cut is near [counts]
 
-    metric: Metric
-    estimate: Estimate
-    resolution: Resolution
-    doubt: float = float(__import__("os").environ.get("X_DOUBT", 0.05))
-    astray: float = float(__import__('os').environ.get('X_ASTRAY', 0.15))
-    reach: float = float(__import__("os").environ.get("X_REACH", 2.7))
-    branch: float = float(__import__("os").environ.get("X_BRANCH", 3.0))
+    def prices(self) -> Array:
+        """(4,) doubt, astray, branch, reach: for kernels."""
+        return np.array([self.doubt, self.astray, self.branch, self.reach])
 
 
 def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
@@ -90,7 +85,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     bounds = np.empty(COUNTS + 1, np.int64)
     k = _cut(
         np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.doubt, rule.astray, rule.reach, rule.branch, bounds,
+        metric.modes, np.array(rule.estimate), rule.prices(), bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
@@ -117,14 +112,14 @@ def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntAr
     made = _recut(
         np.ascontiguousarray(poses[order]), before[order], np.bincount(counts, minlength=COUNTS),
         rule.resolution.free, metric.weights(), metric.order, metric.modes, np.array(rule.estimate),
-        rule.doubt, rule.astray, rule.reach, rule.branch, cuts,
+        rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
 
 @kernel
 def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
-    """How likely a belief misses the goal of which `hits` particles of `size` lie within; the share that does not."""
+    """How likely a belief misses the goal, of whose `size` particles `hits` meet it; the share that does not."""
     total = size + inside + outside
     share = (hits + inside) / total
     deviation = math.sqrt(share * (1.0 - share) / total)
@@ -175,7 +170,7 @@ def _candidates(
 @kernel
 def _least_cost(
     hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
-    apart: BoolArray, modes: int, estimate: Array, doubt: float, astray: float, branch: float, start: IntArray,
+    apart: BoolArray, modes: int, estimate: Array, prices: Array, start: IntArray,
 ) -> float:  # fmt: skip
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
@@ -189,14 +184,14 @@ def _least_cost(
         apart: (c, c) candidates of which no particle can be near both; empty for one mode.
         modes: how many a belief may have.
         estimate: of J.
-        doubt: see `Rule`.
-        branch: see `Rule`.
+        prices: see `Rule.prices`.
         start: (m + 1,) receives where the last interval of the first j counts begins.
     """
     m = size.shape[0] - 1
     least = np.full(m + 1, np.inf)
     least[0] = 0.0
     confidence, failure, inside, outside = estimate[0], estimate[1], estimate[2], estimate[3]
+    doubt, astray, branch = prices[0], prices[1], prices[2]
     for i in range(m):
         if size[i + 1] == size[i]:
             least[i + 1] = min(least[i + 1], least[i])  # nothing there
@@ -250,7 +245,7 @@ def _occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) ->
 @kernel
 def _cut(
     poses: Array, weight: IntArray, free: int, weights: Array, order: int, modes: int, estimate: Array,
-    doubt: float, astray: float, reach: float, branch: float, bounds: IntArray,
+    prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
 
@@ -269,10 +264,10 @@ def _cut(
             hits[c, a + 1] = hits[c, a] + here
     apart = _apart(found if modes > 1 else found[:0], weights, period)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
-    _within_reach(counts, m, reach, low, high)
+    _within_reach(counts, m, prices[3], low, high)
     none = np.zeros((hits.shape[0], m + 1), np.int64)
     _least_cost(
-        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, doubt, astray, branch,
+        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, prices,
         start,
     )  # fmt: skip
     k = 0
@@ -291,7 +286,7 @@ def _cut(
 @kernel
 def _recut(
     poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, order: int, modes: int,
-    estimate: Array, doubt: float, astray: float, reach: float, branch: float, cuts: IntArray,
+    estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
     """Cuts of the readings before a squeeze, given what it shows; `cuts` in place; returns how many.
 
@@ -304,9 +299,7 @@ def _recut(
         order: of the part.
         modes: how many a belief may have.
         estimate: of J.
-        doubt: see `Rule`.
-        reach: see `Rule`.
-        branch: see `Rule`.
+        prices: see `Rule.prices`.
         cuts: receives the first counts of the upper pieces.
     """
     n, bins = poses.shape[0], weight.shape[0]
@@ -341,9 +334,9 @@ def _recut(
                 hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
     apart = _apart(found if modes > 1 else found[:0], weights, period)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
-    _within_reach(counts, m, reach, low, high)
+    _within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
-    _within_reach(old, rows, reach, old_low, old_high)
+    _within_reach(old, rows, prices[3], old_low, old_high)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows
@@ -361,7 +354,7 @@ def _recut(
                     p, q = old_low[a], old_high[b]
                     cost[a, b] = _least_cost(
                         hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
-                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, doubt, astray, branch,
+                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, prices,
                         start,
                     )  # fmt: skip
                 parts += cost[a, b]

@@ -1,7 +1,5 @@
 """plan-compile: job file in, decision table out."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import math
@@ -9,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from planner.cli import models_report, shell, sweep
+from planner.cli import bounds, models_report, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -38,36 +36,37 @@ def parser() -> Parser:
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
         f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --sweep uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
-    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    built.add_argument(
+    add = built.add_argument
+    add("job", type=Path, metavar="JOB.toml", help="the job file")
+    add(
         "-o", "--output", type=Path, metavar="TREE.msgpack",
         help="the table; with --sweep a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--sweep", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
-    built.add_argument("--seed", type=natural, help="instead of the job's seed")
-    built.add_argument(
+    add("--seed", type=natural, help="instead of the job's seed")
+    add(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--budget", type=shell.seconds, default=math.inf, metavar="60s",
         help="stop searching after so long, with the best tree so far (default: search until done)",
     )  # fmt: skip
-    built.add_argument(
+    add(
         "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
-    built.add_argument("--strip", action="store_true", help="leave the job out of the table")
-    built.add_argument(
-        "--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds"
-    )
-    built.add_argument(
+    bounds.add_options(built)
+    add("--strip", action="store_true", help="leave the job out of the table")
+    add("--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds")
+    add(
         "--baseline", choices=["sensorless"],
         help="no table, but Goldberg's plan without sensors, and what it achieves",
     )  # fmt: skip
@@ -79,6 +78,8 @@ def parser() -> Parser:
 def _compile(arguments: argparse.Namespace) -> int:
     if arguments.baseline and (arguments.output or arguments.sweep):
         raise UsageError("--baseline writes no table; leave out -o and --sweep")
+    if arguments.baseline and (arguments.bound or arguments.bound_dense):
+        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
     if arguments.sweep:
@@ -105,28 +106,29 @@ def _single(arguments: argparse.Namespace) -> int:
         plan = compile_job(
             job, arguments.workers, arguments.trials, report, arguments.budget, store, scheduler
         )
-        models = None
-        if picture:
-            models = models_report.made(job, arguments.workers, store, scheduler, report, picture)
-        table = dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table
-        dump(table, output)
+        models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
+        dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
+        bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         advice = None
         if not arguments.no_advice:
             advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     if arguments.json:
-        more = {"models": models.figures} if models else {}
-        figures = {**_figures(plan, output, seconds), **more, "advice": advice and advice.figures()}
-        shell.print_json(figures)
+        told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
+        more: dict[str, object] = {"models": models[0]} if models else {}
+        if bound:
+            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
+        shell.print_json({**told, **more, "advice": advice and advice.figures()})
         return 0
     print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
+    if bound:
+        print("\n".join(bound.lines()))
     if models:
-        print(models.text)
+        print(models[1])
     return 0
 
 
 def _baseline(arguments: argparse.Namespace) -> int:
-    """Plans without sensors and says what that achieves."""
     job = _job(arguments)
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
@@ -143,9 +145,10 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    """Compiles the job with every combination of the swept values."""
     if arguments.models_report:
         raise UsageError("--models-report: judges the models of one job; leave it out with --sweep")
+    if arguments.bound or arguments.bound_dense:
+        raise UsageError("--bound: proves something of one plan; leave it out with --sweep")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.sweep, common)
     store = shell.store_of(arguments)
@@ -156,33 +159,30 @@ def _sweep(arguments: argparse.Namespace) -> int:
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
-def _figures(plan: Plan, output: Path, seconds: float) -> dict[str, object]:
-    return {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-
-
 def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
-    figures = plan.evaluation.summary()
+    figures = figures_of(plan, seconds)
     low, high = figures["success_ci95"]
-    unresolved = sum(not leaf.resolved for leaf in plan.table.leaves)
-    leaves = f"{len(plan.table.leaves)} leaves" + (f", {unresolved} of them unresolved" if unresolved else "")
-    untried = (
-        f"\nbranches that no trial took, and that are REJECT now: {plan.untried}" if plan.untried else ""
-    )
-    tips_mm = job.cell.squeeze_height_mm
-    thickness = (
-        f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-        f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
-        if job.part.height_mm is None
-        else ""
-    )
+    error = figures["error_mm"]
+    leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
+    if figures["unresolved_leaves"]:
+        leaves += f", {figures['unresolved_leaves']} of them unresolved"
+    if plan.untried:
+        untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
+    if job.part.height_mm is None:
+        tips_mm = job.cell.squeeze_height_mm
+        thickness = (
+            f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
+            f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+        )
     return f"""\
-{job.part.name}: {len(plan.table.nodes)} squeezes planned, {leaves}{untried}
+{job.part.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
 wrong {figures["wrong_rate"]:.2%}
 {figures["mean_squeezes"]:.2f} squeezes a part, {figures["max_squeezes"]} at most; \
-about {figures["mean_seconds"]:.1f} s{thickness}
+about {figures["mean_seconds"]:.1f} s
+error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 

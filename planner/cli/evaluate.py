@@ -1,38 +1,43 @@
 """plan-evaluate: a table against a world, over many fresh trials."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import asdict
-from typing import Any
+from pathlib import Path
 
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Line, evaluate, sweep
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.leaves import confusions, reliability, worst
+from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
-from planner.world import supply
-from runtime.shell.command import Parser, natural, number, positive_int
+from planner.world import Worlds, supply
+from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
+DEFAULT_PPM_TRIALS = 1_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
+        _check_usage(arguments)
         (table, _, _), job = shell.loaded(arguments)
         with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
-            if arguments.sweep:
+            if arguments.ppm:
+                _rare(table, job, scheduler, arguments)
+            elif arguments.sweep:
                 _sweep(table, job, scheduler, arguments)
             else:
                 _single(table, job, scheduler, arguments)
@@ -48,54 +53,66 @@ def parser() -> Parser:
         "Run a decision table on many parts in a world, and count how often it finds them.",
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
         f"{NAME} trees/rectangle/rectangle.msgpack --sweep",
+        f"{NAME} trees/rectangle/rectangle.msgpack --ppm --trials 10000000 --resume study.json",
     )
     shell.add_table(built)
     built.add_argument(
-        "--trials", type=positive_int, default=DEFAULT_TRIALS, help="parts squeezed (default: %(default)s)"
-    )
+        "--trials", type=positive_int, metavar="N",
+        help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
+    )  # fmt: skip
     built.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
     built.add_argument(
         "--worst", type=natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
     )  # fmt: skip
     shell.add_scheduler(built)
+    _add_rare(built.add_argument_group("wrong answers in parts per million"))
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
     return built
 
 
-def _add_world(group: argparse._ArgumentGroup) -> None:
+def _add_rare(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
+        "--ppm", action="store_true",
+        help="count confident wrong answers of the table and of each leaf, with upper bounds; parts "
+        "that come to rare nodes are followed as several copies",
+    )  # fmt: skip
+    group.add_argument(
+        "--until", type=positive, metavar="PPM",
+        help="end as soon as the rate is shown to be below this, or above it",
+    )  # fmt: skip
+    group.add_argument(
+        "--resume", type=Path, metavar="FILE.json",
+        help="go on with the study in this file, and keep it there; it is begun where there is none",
+    )  # fmt: skip
+
+
+def _add_world(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
         "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
         help="where the parts are squeezed (default: %(default)s)",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-copies", action="store_true",
         help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
     )  # fmt: skip
-    group.add_argument(
+    add(
         "--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE",
         help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
     )  # fmt: skip
-    group.add_argument(
-        "--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change"
-    )
-    group.add_argument(
-        "--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width"
-    )
-    group.add_argument(
+    add("--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change")
+    add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
+    add(
         "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
         help="standard deviation of the hand's x and y, drawn for every squeeze",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle"
-    )
-    group.add_argument(
+    add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
+    add(
         "--placement-bias-mm", type=number, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
         help="constant error of the hand's place in the world",
     )  # fmt: skip
-    group.add_argument(
-        "--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle"
-    )
+    add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
@@ -103,9 +120,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
     with shell.progress(arguments.json) as report:
-        evaluation = evaluate(
-            table, real, world, arguments.trials, arguments.seed, scheduler, _disturbance(arguments), report
-        )
+        trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
+        evaluation = evaluate(table, real, world, trials, seed, scheduler, _disturbance(arguments), report)
     outcome = reliability(table, evaluation)
     confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
     if arguments.json:
@@ -127,33 +143,59 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     print("\n".join(lines))
 
 
-def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """The standard set of worlds, a line each as it is done."""
-    _refuse_changes(arguments)
-    if not arguments.json:
-        print(text.SWEEP_HEAD)
-    lines = []
-    for line in sweep(
-        table, job, standard_cases(job),
-        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
-        arguments.trials, arguments.seed, scheduler,
-    ):  # fmt: skip
-        lines.append(line)
-        if not arguments.json:
-            print(text.sweep_row(line), flush=True)
+def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
+    """Wrong answers in parts per million."""
+    real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
+    worlds = supply(arguments.world, real, arguments.seed, copies=True)
+    assert isinstance(worlds, Worlds)
+    study = Study(Program.of(table), real, worlds, arguments.seed, copies_of(table), _disturbance(arguments))
+    wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
+    identity = study.identity(_name_of_world(arguments))
+    sums = Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
+    with shell.progress(arguments.json) as report:
+        report("evaluate", sums.parts, wanted)
+        for done in continued(study, sums, wanted, scheduler):
+            sums = done
+            report("evaluate", sums.parts, wanted)
+            if kept is not None:
+                keep(kept, identity, sums)
+            if arguments.until is not None and Findings.of(sums).decided(arguments.until):
+                break
+    found = Findings.of(sums)
     if arguments.json:
-        shell.print_json({"worlds": [_figures(line) for line in lines]})
+        shell.print_json(found.figures())
+        return
+    print("\n".join([f"{sums.parts} parts in {_name_of_world(arguments)}", *found.lines(arguments.until)]))
 
 
-def _figures(line: Line) -> dict[str, Any]:
-    return {"world": line.case.name, "set": line.case.stated(), **line.evaluation.summary()}
+def _check_usage(arguments: argparse.Namespace) -> None:
+    if arguments.ppm and arguments.sweep:
+        raise UsageError("--ppm and --sweep are two studies; run one after the other")
+    for name in ("until", "resume"):
+        if getattr(arguments, name) is not None and not arguments.ppm:
+            raise UsageError(f"--{name} is of --ppm; add it")
+    if arguments.resume is not None:
+        usable(arguments.resume, arguments.tree, arguments.job)
 
 
-def _refuse_changes(arguments: argparse.Namespace) -> None:
+def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     if arguments.world_set or _disturbance(arguments) != Disturbance():
         raise UsageError(
             "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
         )
+    if not arguments.json:
+        print(text.SWEEP_HEAD)
+    told = []
+    for case, found in sweep(
+        table, job, standard_cases(job),
+        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
+        arguments.trials or DEFAULT_TRIALS, arguments.seed, scheduler,
+    ):  # fmt: skip
+        told.append({"world": case.name, "set": case.stated(), **found.summary()})
+        if not arguments.json:
+            print(text.sweep_row(case.name, found), flush=True)
+    if arguments.json:
+        shell.print_json({"worlds": told})
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -167,8 +209,8 @@ def _disturbance(arguments: argparse.Namespace) -> Disturbance:
 
 
 def _name_of_world(arguments: argparse.Namespace) -> str:
-    disturbance = asdict(_disturbance(arguments))
-    errors = [f"{name} {value}" for name, value in disturbance.items() if value not in (0.0, (0.0, 0.0))]
+    stated = asdict(_disturbance(arguments)).items()
+    errors = [f"{name} {value}" for name, value in stated if value not in (0.0, (0.0, 0.0))]
     return ", ".join([arguments.world, *arguments.world_set, *errors])
 
 

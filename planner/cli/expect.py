@@ -1,7 +1,5 @@
 """plan-expect: what a cell's encoder should read at each node of a table, for the charts of grasp-audit."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -33,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
         told = document(digest, worlds, arguments.trials, arguments.seed)
         with writing(arguments.output) as draft:
             draft.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
-        names = [world.name for world in worlds]
+        names = [world["name"] for world in worlds]
         if arguments.json:
             shell.print_json({"worlds": names, "trials": arguments.trials, "written": str(arguments.output)})
         else:

@@ -1,17 +1,15 @@
 """plan-identify: measured pushes in, limit surface out, with the error on pushes it has not seen."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from planner.cli import shell
-from planner.errors import UsageError
 from planner.identification import pushes
 from planner.identification.identify import Identified, Kind, Normalised, identify, normalise
 from planner.job import surface_file
@@ -25,40 +23,34 @@ KINDS: dict[str, tuple[Kind, ...]] = {
     "quartic": ("quartic",),
     "both": ("ellipsoid", "quartic"),
 }
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
+    return shell.run(parser(), argv, _identify)
 
-    def body(arguments: argparse.Namespace) -> int:
-        _check_options(arguments.figure)
-        if arguments.output is not None:
-            usable(arguments.output, *arguments.logs)
-        if arguments.figure is not None:
-            usable(arguments.figure, arguments.output, *arguments.logs)
-        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
-        with shell.progress(arguments.json) as report:
-            found = identify(
-                data,
-                arguments.rho_mm,
-                KINDS[arguments.kind],
-                splits=arguments.splits,
-                train_share=arguments.train_share,
-                seed=arguments.seed,
-                friction_n=arguments.friction_n,
-                report=report,
-            )
-        best = min(found, key=lambda result: float(result.errors_rad.mean()))
-        if arguments.output is not None:
-            with writing(arguments.output) as draft:
-                draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
-        if arguments.figure is not None:
-            _draw(data, found, arguments)
-        _print(data, found, best, arguments)
-        return 0
 
-    return shell.run(parser(), argv, body)
+def _identify(arguments: argparse.Namespace) -> int:
+    if arguments.figure is not None:
+        shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+        usable(arguments.figure, arguments.output, *arguments.logs)
+    if arguments.output is not None:
+        usable(arguments.output, *arguments.logs)
+    data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+    with shell.progress(arguments.json) as report:
+        found = identify(
+            data, arguments.rho_mm, KINDS[arguments.kind], splits=arguments.splits,
+            train_share=arguments.train_share, seed=arguments.seed, friction_n=arguments.friction_n,
+            report=report,
+        )  # fmt: skip
+    best = min(found, key=lambda result: float(result.errors_rad.mean()))
+    if arguments.output is not None:
+        with writing(arguments.output) as draft:
+            draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
+    if arguments.figure is not None:
+        _draw(data, found, arguments)
+    _print(data, found, best, arguments)
+    return 0
 
 
 def parser() -> Parser:
@@ -70,72 +62,56 @@ def parser() -> Parser:
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
     )
-    built.add_argument(
-        "logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)"
-    )
-    built.add_argument("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
-    built.add_argument("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
-    built.add_argument(
+    add = built.add_argument
+    add("logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
+    add(
         "--kind", choices=tuple(KINDS), default="both",
         help="with both, the one that predicts better is written (default: %(default)s)",
     )  # fmt: skip
-    built.add_argument(
-        "--rho-mm",
-        type=positive,
-        default=75.0,
+    add(
+        "--rho-mm", type=positive, default=75.0,
         help="length that torques are divided by (default: %(default)g)",
-    )
-    built.add_argument(
-        "--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)"
-    )
-    built.add_argument(
-        "--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)"
-    )
-    built.add_argument(
+    )  # fmt: skip
+    add("--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)")
+    add("--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)")
+    add(
         "--train-share", type=_share, default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )  # fmt: skip
-    built.add_argument("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
+    add("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
     return built
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """Returns the surface file for one result."""
+    """The surface file for one result."""
     surface = result.fit.surface
+    values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):
-        values = {"rho_mm": surface.rho_mm, "ellipsoid": surface.A}
+        values["ellipsoid"] = surface.A
     else:
-        values = {
-            "rho_mm": surface.rho_mm,
-            "quartic": surface.coefficients,
-            "certificate": surface.certificate,
-        }
-    figures = _figures(result)
-    del figures["kind"]
+        values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
     facts = {
         "logs": [str(path) for path in arguments.logs],
         "pairs": len(data.F),
         "splits": arguments.splits,
         "train_share": arguments.train_share,
         "seed": arguments.seed,
+        **_figures(result),
     }
-    return surface_file.dumps(values, facts | figures)
-
-
-def _check_options(figure: Path | None) -> None:
-    if figure is not None and figure.suffix.lower() not in PICTURES:
-        raise UsageError(f"--figure {figure} must end in {', '.join(PICTURES)}")
+    del facts["kind"]
+    return surface_file.dumps(values, facts)
 
 
 def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:
     from planner.report import canvas, identification  # matplotlib takes a second
 
-    names = ", ".join(path.stem for path in arguments.logs)
-    title = f"{names}: {len(data.F)} pushes"
+    title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
     canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
 
 
-def _figures(result: Identified) -> dict[str, object]:
+def _figures(result: Identified) -> dict[str, Any]:
     errors = np.degrees(result.errors_rad)
     return {
         "kind": result.kind,
@@ -151,22 +127,15 @@ def _figures(result: Identified) -> dict[str, object]:
 def _print(
     data: Normalised, found: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
-    against = int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
+    pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
+    figures = [_figures(result) for result in found]
     if arguments.json:
-        shell.print_json(
-            {
-                "pairs": len(data.F),
-                "against_motion": against,
-                "splits": arguments.splits,
-                "surfaces": [_figures(result) for result in found],
-                "best": best.kind,
-                "written": written,
-            }
-        )
+        told = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
+        shell.print_json(told | {"surfaces": figures, "best": best.kind, "written": written})
         return
-    print(f"{len(data.F)} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
-    train = round(arguments.train_share * len(data.F))
+    print(f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
+    train = round(arguments.train_share * pairs)
     print(f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:")
     for result in found:
         errors = np.degrees(result.errors_rad)
@@ -178,11 +147,8 @@ def _print(
     if written:
         print(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
     if against:
-        print(
-            f"{NAME}: in {against} of {len(data.F)} pushes the wrench works against the motion; "
-            "check signs and frames",
-            file=sys.stderr,
-        )
+        words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"
+        print(f"{NAME}: {words}", file=sys.stderr)
 
 
 def _share(text: str) -> float:

@@ -1,11 +1,9 @@
 """plan-init: a job file from a drawing and a few answers."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,8 +18,7 @@ from runtime.shell.files import usable, writing
 
 NAME = "plan-init"
 T = TypeVar("T")
-FITTING = 0.8
-"""Share of the room between open fingers that is proposed for the uncertainty."""
+FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -52,20 +49,17 @@ def parser() -> Parser:
         "--height", type=number, metavar="MM", help="of the cut through an STL solid (default: half-way up)"
     )
     answers = built.add_argument_group("the answers")
-    answers.add_argument("--name", help="of the part")
-    answers.add_argument(
-        "--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius"
-    )
-    answers.add_argument(
-        "--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)"
-    )
-    answers.add_argument(
+    add = answers.add_argument
+    add("--name", help="of the part")
+    add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
+    add("--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)")
+    add(
         "--thickness", type=number, metavar="MM",
         help="of the part, from the table to its top (default: the height of an STL solid)",
     )  # fmt: skip
-    answers.add_argument("--gripper", choices=GRIPPERS, help="which one")
-    answers.add_argument("--fingers", choices=FINGERS, help="what they are faced with")
-    answers.add_argument(
+    add("--gripper", choices=GRIPPERS, help="which one")
+    add("--fingers", choices=FINGERS, help="what they are faced with")
+    add(
         "--distance", type=number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
@@ -112,7 +106,6 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 
 
 def _show(imported: Imported) -> None:
-    """What was found, for comparison with the part."""
     width, height = imported.size_mm
     order = imported.symmetry
     told = "none" if order == 1 else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
@@ -122,11 +115,6 @@ def _show(imported: Imported) -> None:
 
 
 def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:
-    """The flags, and questions for what they leave out.
-
-    Raises:
-        UsageError: something is left out, and there is nobody to ask.
-    """
     needed = ("radius", "gripper", "fingers")
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
     if missing and not asking:
@@ -160,16 +148,15 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
 
 
-def _choice(question: str, choices: Iterable[str]) -> str:
-    """One of some words, asked for until it is one."""
-    names = list(choices)
+def _choice(question: str, choices: Collection[str]) -> str:
+    names = ", ".join(choices)
 
     def parse(text: str) -> str:
-        if text not in names:
-            raise ValueError(f"one of {', '.join(names)}")
+        if text not in choices:
+            raise ValueError(f"one of {names}")
         return text
 
-    return _ask(f"{question} ({', '.join(names)}): ", parse)
+    return _ask(f"{question} ({names}): ", parse)
 
 
 def _ask(question: str, parse: Callable[[str], T]) -> T:

@@ -1,14 +1,12 @@
 """What plan-compile --models-report says about the learned models of a job."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from planner.cli import shell
 from planner.diagnosis.model_quality import ActionQuality, Quality, quality
-from planner.errors import UsageError
 from planner.job.model import Job
 from planner.learned.model import learned_model
 from planner.learned.store import Store
@@ -17,54 +15,51 @@ from planner.work.progress import Report
 from planner.work.scheduler import Scheduler
 from runtime.shell.files import writing
 
-PICTURES = (".png", ".svg", ".pdf")
-BESIDE = "beside the table"
-"""What the option has for its value when no file is named."""
-
-
-class Told(NamedTuple):
-    """The report for machines and for people."""
-
-    figures: dict[str, Any]
-    text: str
+BESIDE = "beside the table"  # what the option has for its value when no file is named
 
 
 def picture_path(value: str, table: Path) -> Path:
-    """The file for the picture of the partition.
-
-    Args:
-        value: of the option.
-        table: the table that is compiled.
+    """The file for the picture of the partition: the value of the option, or beside the table.
 
     Raises:
         UsageError: the name does not end like a picture's.
     """
     path = table.with_suffix(".models.svg") if value == BESIDE else Path(value)
-    if path.suffix.lower() not in PICTURES:
-        raise UsageError(f"--models-report {path} must end in {', '.join(PICTURES)}")
-    return path
+    return shell.checked_suffix("--models-report", path, shell.PICTURES)
 
 
 def made(
     job: Job, workers: int | None, store: Store | None, scheduler: Scheduler, report: Report, picture: Path
-) -> Told:
+) -> tuple[dict[str, Any], str]:
     """Learns and judges the models of a job; writes the picture and, beside it, the figures for plan-report.
+
+    Returns the report for machines and for people.
 
     Raises:
         ClusterError: the cluster was lost.
-        InputFileError: a file cannot be written.
+        OutputError: a file cannot be written.
     """
-    from planner.report import canvas, subspaces  # matplotlib takes a second
+    from planner.report import canvas, paper_figures  # matplotlib takes a second
 
     simulator = Simulator.of_job(job, workers)
     model, rolled = learned_model(job, simulator, store, scheduler, report)
     judged = quality(job, model, rolled, report)
-    canvas.save(picture, lambda: subspaces.figure(judged, simulator.outline, simulator.jaws))
+    shown = judged.subspaces, judged.label, judged.final, simulator.outline, simulator.jaws, names(judged)
+    canvas.save(picture, lambda: paper_figures.subspaces(*shown))
     told = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
     beside = picture.with_suffix(".json")
     with writing(beside) as draft:
         draft.write_text(json.dumps(told) + "\n", encoding="utf-8")
-    return Told(told, f"{text(judged)}\nwrote {picture} and {beside}")
+    return told, f"{text(judged)}\nwrote {picture} and {beside}"
+
+
+def names(judged: Quality) -> list[str]:
+    """What the subspaces are called: the widths in each, and its share of the roll-outs."""
+    found = judged.subspaces
+    shares = found.size / max(found.size.sum(), 1)
+    spans = [f"{low:.1f} to {high:.1f} mm" for low, high in zip(found.low_mm, found.high_mm, strict=True)]
+    spans[0] = "free space"
+    return [f"{span}, {share:.0%}" for span, share in zip(spans, shares, strict=True)]
 
 
 def figures(judged: Quality) -> dict[str, Any]:
@@ -86,20 +81,16 @@ def figures(judged: Quality) -> dict[str, Any]:
 
 def text(judged: Quality) -> str:
     """The report for a terminal."""
-    from planner.report.subspaces import name
-
     sensor, collision = judged.sensor, judged.collision
+    colliding = f"  {judged.in_collision} more actions collide with the belief"
     lines = [
         (
             f"models of {judged.rollouts} roll-outs, {judged.spacing_mm:.2f} mm apart; "
             f"h1 {judged.h1_mm:.3f} mm, h2 {judged.h2_mm:.3f} mm"
         ),
         "motion: energy distance to the simulator, that between two runs of the simulator, their ratio:",
-        *(_action_line(action) for action in judged.actions),
-    ]
-    if judged.in_collision:
-        lines.append(f"  {judged.in_collision} more actions collide with the belief")
-    lines += [
+        *map(_action_line, judged.actions),
+        *([colliding] if judged.in_collision else []),
         (
             f"sensor: error {sensor.median_mm:.3f} mm in the middle, {sensor.q95_mm:.3f} mm kept by 95 %, "
             f"{sensor.worst_mm:.2f} mm at worst, of {sensor.held_out} roll-outs held out"
@@ -109,7 +100,7 @@ def text(judged: Quality) -> str:
             f"colliding placements called free, {collision.false_alarm_rate:.1%} of {collision.free} free "
             "ones colliding"
         ),
-        f"widths: {'; '.join(name(judged, k) for k in range(len(judged.subspaces)))}",
+        f"widths: {'; '.join(names(judged))}",
         *(f"  {note}" for note in judged.subspaces.notes()),
     ]
     return "\n".join(lines)

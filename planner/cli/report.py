@@ -1,12 +1,10 @@
 """plan-report: a table as one page of HTML that needs no network."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path
 
-from planner.cli import shell
+from planner.cli import bounds, shell
 from planner.errors import UsageError
 from planner.job import model as job_file
 from planner.report import dossier, models, run_log
@@ -28,7 +26,8 @@ def main(argv: list[str] | None = None) -> int:
         (table, data, digest), job = shell.loaded(arguments)
         log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-        source = dossier.Source(arguments.tree.name, data, log, judged)
+        bound = bounds.bound_of(arguments, job, table)
+        source = dossier.Source(arguments.tree.name, data, log, judged, bound)
         text = dossier.page(table, job, source, arguments.trials, arguments.seed)
         with writing(output) as draft:
             draft.write_text(text, encoding="utf-8")
@@ -63,6 +62,7 @@ def parser() -> Parser:
         "--models", type=Path, metavar="M.json",
         help="show how good the learned models are, as plan-compile --models-report wrote it",
     )  # fmt: skip
+    bounds.add_options(built)
     built.add_argument(
         "--trials", type=positive_int, default=dossier.TRIALS,
         help="parts sent through the table to draw its beliefs (default: %(default)s)",

@@ -1,7 +1,5 @@
 """What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging
@@ -10,19 +8,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
-from planner.errors import InputFileError
+from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
@@ -33,10 +24,9 @@ from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
 from runtime.table import TableFile, load
 
-WIDTH = 98
-"""Columns of what --help says."""
-ROLL_OUTS = "rollouts"
-"""Folder of the roll-outs in the cache folder."""
+WIDTH = 98  # columns of what --help says
+PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
 exit codes:
   0 done; 1 internal error; 2 usage; 3 a file is missing or cannot be used; 4 not valid TOML; 5 unknown or
@@ -55,6 +45,17 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     )
     result.add_common()
     return result
+
+
+def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
+    """The path that an option names.
+
+    Raises:
+        UsageError: it ends in none of the suffixes.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
+    return path
 
 
 def seconds(text: str) -> float:
@@ -134,14 +135,11 @@ def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Name
 def _warnings_in_one_line(name: str) -> Iterator[None]:
     """Prints what the store warns about as errors are printed, each time."""
 
-    def show(
-        message: Warning | str, category: type[Warning], filename: str, lineno: int,
-        file: TextIO | None = None, line: str | None = None,
-    ) -> None:  # fmt: skip
+    def show(message: Warning | str, category: type[Warning], *where: Any, **named: Any) -> None:
         if issubclass(category, StoreWarning):
             command.tell(name, f"warning: {message}")
         else:
-            usual(message, category, filename, lineno, file, line)
+            usual(message, category, *where, **named)
 
     with warnings.catch_warnings():
         usual = warnings.showwarning
@@ -166,10 +164,10 @@ def progress(quiet: bool) -> Iterator[Report]:
         yield silent
         return
     columns = [
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
-        TextColumn("left:"), TimeRemainingColumn(),
+        bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
+        bars.TimeElapsedColumn(), bars.TextColumn("left:"), bars.TimeRemainingColumn(),
     ]  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as bar:
+    with bars.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=None)
         stage_now = ""
 

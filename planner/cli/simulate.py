@@ -1,7 +1,5 @@
 """plan-simulate: single squeezes, rolled out from a list of poses."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import io
@@ -9,7 +7,6 @@ import math
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,41 +21,42 @@ from runtime.shell.files import usable, words_of, writing
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
-PICTURE_SUFFIXES = ((".png", ".svg", ".pdf"), (".gif",), (".html",))
+PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
+    return shell.run(parser(), argv, _simulate)
 
-    def body(arguments: argparse.Namespace) -> int:
-        _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
-        pictures = Pictures(arguments.figure, arguments.gif, arguments.html)
-        pictures.check()
-        job = job_file.load(arguments.job)
-        read = (*job_file.files(arguments.job), arguments.poses)
-        outputs = [usable(arguments.output, *read, stdout=True)]
-        for path in filter(None, pictures):
-            outputs.append(usable(path, *read, *outputs))
-        poses = read_poses(arguments.poses)
-        if any(pictures) and not len(poses):
-            raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
-        simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
-        if arguments.nominal:
-            parameters = simulator.nominal(len(poses), arguments.mu)
-        else:
-            seed = job.seed if arguments.seed is None else arguments.seed
-            parameters = simulator.sample(len(poses), np.random.default_rng(seed))
-        rolled = simulator.roll_out(poses, parameters)
-        with writing(arguments.output) as draft:
-            write_results(draft, poses, rolled)
-        if any(pictures):
-            draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
-        with redirect_stdout(words_of(arguments.output)):
-            _report(rolled, arguments.output, pictures, arguments.json)
-        return 0
 
-    return shell.run(parser(), argv, body)
+def _simulate(arguments: argparse.Namespace) -> int:
+    _check_options(arguments.nominal, arguments.mu, arguments.step_mm)
+    pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
+    for name, path in pictures.items():
+        shell.checked_suffix(f"--{name}", path, PICTURES[name])
+    job = job_file.load(arguments.job)
+    read = (*job_file.files(arguments.job), arguments.poses)
+    outputs = [usable(arguments.output, *read, stdout=True)]
+    for path in pictures.values():
+        outputs.append(usable(path, *read, *outputs))
+    poses = read_poses(arguments.poses)
+    if pictures and not len(poses):
+        raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
+    simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
+    if arguments.nominal:
+        parameters = simulator.nominal(len(poses), arguments.mu)
+    else:
+        seed = job.seed if arguments.seed is None else arguments.seed
+        parameters = simulator.sample(len(poses), np.random.default_rng(seed))
+    rolled = simulator.roll_out(poses, parameters)
+    with writing(arguments.output) as draft:
+        write_results(draft, poses, rolled)
+    if pictures:
+        draw(pictures, simulator, poses, parameters, f"{job.part.name}: {arguments.poses.name}")
+    with redirect_stdout(words_of(arguments.output)):
+        _report(rolled, arguments.output, pictures, arguments.json)
+    return 0
 
 
 def parser() -> Parser:
@@ -71,69 +69,35 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
         f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
     )
-    built.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
-    built.add_argument(
-        "--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}"
-    )
-    built.add_argument(
+    add = built.add_argument
+    add("job", type=Path, metavar="JOB.toml", help="the job file")
+    add("--poses", type=Path, required=True, metavar="IN.csv", help=f"with a header: {','.join(INPUTS)}")
+    add(
         "-o", "--output", type=Path, required=True, metavar="OUT.csv",
         help="the results; - for standard output",
     )  # fmt: skip
-    built.add_argument(
-        "--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu"
-    )
-    built.add_argument("--mu", type=float, help="friction between finger and part, with --nominal")
-    built.add_argument("--seed", type=natural, help="of the scatter (default: the job's)")
-    built.add_argument(
-        "--step-mm",
-        type=float,
-        default=DEFAULT_STEP_MM,
+    add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
+    add("--mu", type=float, help="friction between finger and part, with --nominal")
+    add("--seed", type=natural, help="of the scatter (default: the job's)")
+    add(
+        "--step-mm", type=float, default=DEFAULT_STEP_MM,
         help="closing step of a finger (default: %(default)s)",
-    )
-    built.add_argument("--workers", type=positive_int, help="threads (default: cores)")
-    built.add_argument(
-        "--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)"
-    )
-    built.add_argument("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
-    built.add_argument(
-        "--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12"
-    )
+    )  # fmt: skip
+    add("--workers", type=positive_int, help="threads (default: cores)")
+    add("--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)")
+    add("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
+    add("--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12")
     return built
 
 
-class Pictures(NamedTuple):
-    """Files to draw, each None if not asked for; the fields are the options' names."""
+def draw(
+    pictures: dict[str, Path], simulator: Simulator, poses: Array, parameters: Parameters, title: str
+) -> None:
+    """Squeezes the first poses (n, 3), n >= 1, once more, step by step, and draws what was asked for.
 
-    figure: Path | None
-    gif: Path | None
-    html: Path | None
-
-    def check(self) -> None:
-        """Checks suffixes before any work is done.
-
-        Raises:
-            UsageError: a suffix names another format.
-        """
-        for option, path, known in zip(self._fields, self, PICTURE_SUFFIXES, strict=True):
-            if path is not None and path.suffix.lower() not in known:
-                raise UsageError(f"--{option} {path}: the name must end in {' or '.join(known)}")
-
-
-def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Parameters, title: str) -> None:
-    """Squeezes the first poses once more, step by step, and draws what was asked for.
-
-    Args:
-        pictures: at least one.
-        simulator: the same as for the results.
-        poses: (n, 3) in the hand frame, n >= 1 [mm, mm, rad].
-        parameters: one set for each pose, the same as for the results.
-        title: of the page.
+    The files go by the names of `PICTURES`; the simulator and the parameters are those of the results.
     """
-    from planner.report import (  # matplotlib takes its time; most runs draw nothing
-        animation,
-        canvas,
-        trajectory,
-    )
+    from planner.report import canvas, trajectory  # matplotlib takes its time
 
     traces = []
     cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)
@@ -141,12 +105,12 @@ def draw(pictures: Pictures, simulator: Simulator, poses: Array, parameters: Par
         states, status = simulator.trace(pose, surface, float(mu[0]))
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
     outline, jaws = simulator.outline, simulator.jaws
-    if pictures.figure is not None:
-        canvas.save(pictures.figure, lambda: trajectory.figure(outline, jaws, traces))
-    if pictures.gif is not None:
-        animation.gif(outline, jaws, traces[0], pictures.gif)
-    if pictures.html is not None:
-        animation.html(outline, jaws, traces, title, pictures.html)
+    if path := pictures.get("figure"):
+        canvas.save(path, lambda: trajectory.figure(outline, jaws, traces))
+    if path := pictures.get("gif"):
+        trajectory.gif(outline, jaws, traces[0], path)
+    if path := pictures.get("html"):
+        trajectory.html(outline, jaws, traces, title, path)
 
 
 def _check_options(nominal: bool, mu: float | None, step_mm: float) -> None:
@@ -186,40 +150,33 @@ def _number(text: str | None, name: str, where: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueRangeError(
-            f"line {line}: {text!r} is not a finite number", where=where, key=name, value=text
-        )
+        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name)
     return value
 
 
 def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
     """Writes inputs and results, one line a pose."""
+    numbers = np.column_stack([poses, rolled.poses, rolled.width_mm])
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*INPUTS, *OUTPUTS])
-        for pose, final, width, status in zip(
-            poses, rolled.poses, rolled.width_mm, rolled.status, strict=True
-        ):
-            numbers = [f"{value:.9g}" for value in (*pose, *final, width)]
-            writer.writerow([*numbers, STATUS_NAMES[status]])
+        for row, status in zip(numbers, rolled.status, strict=True):
+            writer.writerow([*(f"{value:.9g}" for value in row), STATUS_NAMES[status]])
 
 
-def _report(rolled: RollOut, output: Path, pictures: Pictures, as_json: bool) -> None:
+def _report(rolled: RollOut, output: Path, pictures: dict[str, Path], as_json: bool) -> None:
     tally = {name: int(np.sum(rolled.status == k)) for k, name in enumerate(STATUS_NAMES)}
     given_up = int(rolled.given_up.sum())
     if as_json:
-        drawn = {name: str(path) for name, path in pictures._asdict().items() if path is not None}
-        shell.print_json(
-            {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up, **drawn}
-        )
+        told = {"output": str(output), "squeezes": len(rolled.poses), **tally, "given_up": given_up}
+        shell.print_json(told | {name: str(path) for name, path in pictures.items()})
         return
     parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
-    files = ", ".join(str(path) for path in (output, *pictures) if path is not None)
+    files = ", ".join(map(str, (output, *pictures.values())))
     print(f"{len(rolled.poses)} squeezes: {parts or 'none'}; wrote {files}")
     if given_up:
-        print(
-            f"{NAME}: {given_up} squeezes could not be stepped to their end; try --step-mm", file=sys.stderr
-        )
+        words = f"{given_up} squeezes could not be stepped to their end; try --step-mm"
+        print(f"{NAME}: {words}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,7 @@
 """plan-compile --sweep: one job file, every combination of some values, one table each and a summary of all.
 
-Each table is the one that its job alone compiles to. A combination that cannot be used, or has no plan, is
-one outcome among the others.
+A combination that cannot be used, or has no plan, is one outcome among the others.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import hashlib
@@ -48,35 +45,21 @@ _UNFIT = re.compile(r"[^\w.+=,-]+")
 
 
 class Settings(NamedTuple):
-    """How every job of a sweep is compiled.
+    """How every job of a sweep is compiled."""
 
-    Attributes:
-        trials: parts squeezed to evaluate a table.
-        workers: threads for a job; all cores if None.
-        strip: leave the jobs out of the tables.
-        cache: folder of the roll-outs, on the machine that compiles; none are kept if None.
-        budget_s: for each job; its tree is left as it stands then.
-    """
-
-    trials: int
-    workers: int | None = None
-    strip: bool = False
-    cache: Path | None = None
-    budget_s: float = math.inf
+    trials: int  # parts squeezed to evaluate a table
+    workers: int | None  # threads for a job; all cores if None
+    strip: bool  # leave the jobs out of the tables
+    cache: Path | None  # folder of the roll-outs, on the machine that compiles; none are kept if None
+    budget_s: float  # for each job; its tree is left as it stands then
 
 
 class Order(NamedTuple):
-    """One job of a sweep.
+    """One job of a sweep."""
 
-    Attributes:
-        overrides: names and values' texts that make it.
-        text: its canonical text; "" if it was refused.
-        error: why, and the exit code; None if it was not.
-    """
-
-    overrides: Overrides
-    text: str
-    error: tuple[str, int] | None = None
+    overrides: Overrides  # names and values' texts that make it
+    text: str  # its canonical text; "" if it was refused
+    refusal: dict[str, Any] | None = None  # why, as `_failure` tells it
 
     @property
     def label(self) -> str:
@@ -85,49 +68,16 @@ class Order(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What one job came to.
+    """What one job came to."""
 
-    Attributes:
-        table: the bytes of its decision table; None if there is none.
-        figures: what is known about the table, as `figures_of` returns it.
-        error: why there is no table, and the exit code.
-    """
-
-    table: bytes | None
-    figures: dict[str, Any]
-    error: tuple[str, int] | None
-
-
-class Result(NamedTuple):
-    """One job of a sweep, done.
-
-    Attributes:
-        order: the job.
-        path: where its table is, or would be.
-        outcome: what it came to.
-    """
-
-    order: Order
-    path: Path
-    outcome: Outcome
-
-    def row(self) -> dict[str, Any]:
-        """Return the job as one object of the summary."""
-        result: dict[str, Any] = {"overrides": dict(self.order.overrides)}
-        if self.outcome.error is not None:
-            message, code = self.outcome.error
-            return result | {"error": message, "exit_code": code}
-        table = self.outcome.table or b""
-        return result | {"table": str(self.path), "bytes": len(table), **self.outcome.figures}
+    table: bytes | None  # of its decision table; None if there is none
+    figures: dict[str, Any]  # as `figures_of` or, without a table, `_failure` returns them
 
 
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
-    """Return one order for every combination of the swept values, the last name's values changing fastest.
+    """One order for every combination of the swept values of a job file, the last name's changing fastest.
 
-    Args:
-        path: the job file.
-        sweeps: texts "section.key=value,value".
-        common: overrides of all jobs, applied first.
+    `sweeps` are texts "section.key=value,value"; the common overrides are applied first.
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
@@ -141,9 +91,7 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
             raise UsageError(f"--sweep {name}: swept twice; state all its values at once")
     text = documents.read(path)
     documents.from_toml(text, str(path))
-    total = 1
-    for _, values in axes:
-        total *= len(values)
+    total = math.prod(len(values) for _, values in axes)
     if total > MOST_JOBS:
         raise UsageError(f"--sweep: {total} combinations are more than {MOST_JOBS}; sweep fewer values")
     combinations = itertools.product(*(values for _, values in axes))
@@ -158,12 +106,6 @@ def outcomes(
 
     On a cluster a job is a task with one thread. On this machine jobs follow one another, each with all
     threads: processes side by side would load the kernels anew each, for no gain in speed.
-
-    Args:
-        orders: what to compile.
-        settings: how.
-        scheduler: a cluster, or else it does not matter.
-        report: told about progress.
 
     Raises:
         ClusterError: the cluster was lost.
@@ -181,24 +123,24 @@ def outcomes(
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
     """Compiles one order, wherever it runs; what goes wrong becomes its outcome."""
-    if order.error is not None:
-        return Outcome(None, {}, order.error)
+    if order.refusal is not None:
+        return Outcome(None, order.refusal)
     started = time.perf_counter()
     try:
         job = job_file.from_canonical(order.text)
         store = None if settings.cache is None else Store(settings.cache)
         plan = compile_job(job, settings.workers, settings.trials, report, settings.budget_s, store)
     except PlannerError as error:
-        return Outcome(None, {}, (str(error), error.exit_code))
+        return Outcome(None, _failure(error))
     except Exception as error:
         problem = f"internal error, {type(error).__name__}: {error}; please report it"
-        return Outcome(None, {}, (problem, PlannerError.exit_code))
+        return Outcome(None, {"error": problem, "exit_code": PlannerError.exit_code})
     table = dataclasses.replace(plan.table, job=None) if settings.strip else plan.table
-    return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started), None)
+    return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started))
 
 
 def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
-    """Return what there is to say about a plan that took so long, in plain types."""
+    """What there is to say about a plan that took so long, in plain types."""
     return {
         "nodes": len(plan.table.nodes),
         "leaves": len(plan.table.leaves),
@@ -210,22 +152,12 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
 
 
 def run(
-    orders: Sequence[Order],
-    output: Path,
-    read: Sequence[Path],
-    settings: Settings,
-    scheduler: Scheduler,
+    orders: Sequence[Order], output: Path, read: Sequence[Path], settings: Settings, scheduler: Scheduler,
     as_json: bool,
-) -> int:
+) -> int:  # fmt: skip
     """Compiles all orders, writes each table as soon as it is there, and the summary last.
 
-    Args:
-        orders: the jobs.
-        output: a folder, or a pattern with every swept name in braces.
-        read: the job file, and what it names.
-        settings: how to compile.
-        scheduler: a cluster, or this machine.
-        as_json: print the summary as JSON.
+    `output` is as in `paths_of`; `read` are the job file and what it names.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
@@ -239,47 +171,41 @@ def run(
     summary = folder(paths[0].parent) / SUMMARY
     for path in (*paths, summary):
         usable(path, *read)
-    results: list[Result] = []
+    rows: list[dict[str, Any]] = []
     try:
         with shell.progress(as_json) as report:
-            for order, path, outcome in zip(
-                orders, paths, outcomes(orders, settings, scheduler, report), strict=True
-            ):
-                results.append(Result(order, path, outcome))
-                if outcome.table is not None:
+            all_outcomes = outcomes(orders, settings, scheduler, report)
+            for order, path, (table, figures) in zip(orders, paths, all_outcomes, strict=True):
+                row: dict[str, Any] = {"overrides": dict(order.overrides)}
+                rows.append(row)
+                if table is not None:
+                    row |= {"table": str(path), "bytes": len(table)}
                     with writing(path) as draft:
-                        draft.write_bytes(outcome.table)
+                        draft.write_bytes(table)
+                row |= figures
     except KeyboardInterrupt:
-        print(f"interrupted; {len(results)} of {len(orders)} jobs are done", file=sys.stderr)
+        print(f"interrupted; {len(rows)} of {len(orders)} jobs are done", file=sys.stderr)
         return INTERRUPTED
-    rows = [result.row() for result in results]
     with writing(summary) as draft:
         draft.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     if as_json:
         shell.print_json({"jobs": rows})
     else:
-        _show(results)
+        _show(orders, rows)
     return next((row["exit_code"] for row in rows if "error" in row), 0)
 
 
 def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
-    """Return where the tables go.
-
-    Args:
-        orders: the jobs.
-        output: a folder, whose files are named after the overrides; or, where it ends in .msgpack, a name
-            such as "r{uncertainty.radius_mm}.msgpack".
+    """Where the tables go: into a folder, or by a pattern such as "r{uncertainty.radius_mm}.msgpack".
 
     Raises:
         UsageError: a placeholder names no swept value, one is missing, or names coincide.
     """
-    if output.suffix != SUFFIX:
-        paths = [
-            output / (_fit(",".join(f"{name}={value}" for name, value in order.overrides)) + SUFFIX)
-            for order in orders
-        ]
-    else:
+    if output.suffix == SUFFIX:
         paths = [_filled(output, dict(order.overrides)) for order in orders]
+    else:
+        labels = [",".join(f"{name}={value}" for name, value in order.overrides) for order in orders]
+        paths = [output / (_fit(label) + SUFFIX) for label in labels]
     path, jobs = Counter(paths).most_common(1)[0]
     if jobs > 1:
         raise UsageError(f"-o {output}: {jobs} jobs would be written to {path}; name every swept value")
@@ -287,7 +213,7 @@ def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
 
 
 def _filled(pattern: Path, values: dict[str, str]) -> Path:
-    """Return the pattern's file for one job; placeholders stand in its last part only."""
+    """The pattern's file for one job; placeholders stand in its last part only."""
     for name in _PLACEHOLDER.findall(str(pattern)):
         if name not in values:
             raise UsageError(f"-o {pattern}: {{{name}}} is not swept; swept are {', '.join(values)}")
@@ -296,42 +222,31 @@ def _filled(pattern: Path, values: dict[str, str]) -> Path:
 
 
 def _fit(text: str) -> str:
-    """Return a text as part of a file's name; a digest stands for the rest of a long one."""
+    """A text as part of a file's name; a digest stands for the rest of a long one."""
     name = _UNFIT.sub("_", text).strip("_")
     digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{digest}"
 
 
-def _show(results: Sequence[Result]) -> None:
-    """Print the summary: a table on a terminal, a line for each job in a pipe."""
+def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
     console = Console()
-    if not console.is_terminal:
-        for result in results:
-            print(_line(result))
-        return
-    names = [name for name, _ in results[0].order.overrides]
-    table = Table(*names, "success", "squeezes", "leaves", "s", "table")
-    for result in results:
-        values = [value for _, value in result.order.overrides]
-        if result.outcome.error is not None:
-            table.add_row(*values, "", "", "", "", result.outcome.error[0])
-            continue
-        figures = result.outcome.figures
-        table.add_row(
-            *values, f"{figures['success_rate']:.2%}", f"{figures['mean_squeezes']:.2f}",
-            str(figures["leaves"]), f"{figures['seconds']:.1f}", str(result.path),
-        )  # fmt: skip
-    console.print(table)
-
-
-def _line(result: Result) -> str:
-    if result.outcome.error is not None:
-        return f"{result.order.label}: no table: {result.outcome.error[0]}"
-    figures = result.outcome.figures
-    return (
-        f"{result.order.label}: success {figures['success_rate']:.2%}, "
-        f"{figures['mean_squeezes']:.2f} squeezes a part, {figures['leaves']} leaves, wrote {result.path}"
-    )
+    table = Table(*rows[0]["overrides"], "success", "squeezes", "leaves", "s", "table")
+    for order, row in zip(orders, rows, strict=True):
+        values = row["overrides"].values()
+        if "error" in row:
+            line = f"no table: {row['error']}"
+            table.add_row(*values, "", "", "", "", row["error"])
+        else:
+            success, squeezes = f"{row['success_rate']:.2%}", f"{row['mean_squeezes']:.2f}"
+            line = (
+                f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves, wrote {row['table']}"
+            )
+            seconds = f"{row['seconds']:.1f}"
+            table.add_row(*values, success, squeezes, str(row["leaves"]), seconds, row["table"])
+        if not console.is_terminal:
+            print(f"{order.label}: {line}")
+    if console.is_terminal:
+        console.print(table)
 
 
 def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Order:
@@ -339,7 +254,11 @@ def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Or
         changes = changes_of(f"{name}={value}" for name, value in (*common, *overrides))
         return Order(overrides, job_file.parse(text, where, changes).canonical())
     except PlannerError as error:
-        return Order(overrides, "", (str(error), error.exit_code))
+        return Order(overrides, "", _failure(error))
+
+
+def _failure(error: PlannerError) -> dict[str, Any]:
+    return {"error": str(error), "exit_code": error.exit_code}
 
 
 def _told(report: Report, prefix: str, stage: str, done: int, total: int) -> None:

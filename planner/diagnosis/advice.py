@@ -1,14 +1,11 @@
 """What to change where a plan falls short: the measures of this package, put together."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from planner.diagnosis import close_widths, noise
-from planner.diagnosis.ambiguity import Ambiguity, ambiguities
+from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
 from planner.diagnosis.close_widths import ClosePair, close_pairs
-from planner.diagnosis.delay import Delay, delays
 from planner.diagnosis.noise import Gain, gains_without_noise
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -17,36 +14,22 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from runtime.table import Table
 
-LONG = 3.6
-"""Squeezes a part from which a plan is long."""
+LONG = 3.6  # squeezes a part from which a plan is long
 MOST_LATE = 3
-MOST_TRIALS = 5000
-"""Parts squeezed for each source of noise."""
+MOST_TRIALS = 5000  # parts squeezed for each source of noise
 
 
-@dataclass(frozen=True, slots=True)
-class Advice:
-    """What limits a plan.
+class Advice(NamedTuple):
+    """What limits a plan."""
 
-    Attributes:
-        failing: share of the parts that are not located.
-        unresolved: share that ends in leaves from which no squeeze gained anything.
-        at_depth_limit: share that ends in unresolved leaves as deep as `search.max_depth` allows.
-        pairs: branches that the encoder may confuse, those that cost most first.
-        open_poses: the unresolved leaves that hold most parts, and what would resolve them.
-        gains: what each source of noise costs; empty if not asked for.
-        proposing: whether placements were proposed besides the stated ones.
-        delays: of a long plan, the nodes that many parts still come to late; empty without the tree.
-    """
-
-    failing: float
-    unresolved: float
-    at_depth_limit: float
-    pairs: list[ClosePair]
-    open_poses: list[Ambiguity]
-    gains: list[Gain]
-    proposing: bool
-    delays: list[Delay]
+    failing: float  # share of the parts that are not located
+    unresolved: float  # share that ends in leaves from which no squeeze gained anything
+    at_depth_limit: float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
+    pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
+    open_poses: list[Ambiguity]  # the unresolved leaves that hold most parts, and what would resolve them
+    gains: Sequence[Gain]  # what each source of noise costs; empty if not asked for
+    proposing: bool  # whether placements were proposed besides the stated ones
+    delays: Sequence[Delay]  # of a long plan, the nodes that many parts still come to late
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -70,7 +53,6 @@ class Advice:
         ]
 
     def _shares(self) -> list[str]:
-        """What the parts that are not located are due to."""
         if self.failing == 0.0:
             return ["every part was located"]
         lines = [f"{self.failing:.2%} of the parts are not located"]
@@ -84,15 +66,10 @@ class Advice:
         return lines + noise.lines_of(self.gains)
 
 
-def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | None = None) -> Advice:
-    """Reads off what limits a plan.
-
-    Args:
-        table: the table, with the leaves' `resolved` as the runtime will see it.
-        evaluation: of this table.
-        job: the job it was compiled from.
-        gains: what `gains_without_noise` measured.
-    """
+def advise(
+    table: Table, evaluation: Evaluation, job: Job, gains: Sequence[Gain] = (), late: Sequence[Delay] = ()
+) -> Advice:
+    """Reads off what limits the plan of a job, given what `gains_without_noise` and `delays` found."""
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
@@ -100,9 +77,9 @@ def advise(table: Table, evaluation: Evaluation, job: Job, gains: list[Gain] | N
         at_depth_limit=float(deep.mean()),
         pairs=close_pairs(table, evaluation, job),
         open_poses=ambiguities(table, evaluation, job),
-        gains=gains or [],
+        gains=gains,
         proposing=job.actions.proposals != "none",
-        delays=[],
+        delays=late,
     )
 
 
@@ -110,17 +87,8 @@ def counsel(
     table: Table, evaluation: Evaluation, root: TreeNode, job: Job, scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:  # fmt: skip
-    """Everything there is to say about a fresh plan.
-
-    Args:
-        table: what `planner.compile.compile_job` returned.
-        evaluation: the same.
-        root: the same.
-        job: the job it was compiled from.
-        scheduler: who runs the trials without noise; all cores if None.
-        report: told about progress.
-    """
+    """Everything there is to say about what `planner.compile.compile_job` returned for a job."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
-    advice = advise(table, evaluation, job, gains_without_noise(table, job, trials, scheduler, report))
-    is_long = evaluation.squeezes.mean() >= LONG
-    return replace(advice, delays=delays(root, job, MOST_LATE)) if is_long else advice
+    gains = gains_without_noise(table, job, trials, scheduler, report)
+    late = delays(root, job, MOST_LATE) if evaluation.squeezes.mean() >= LONG else []
+    return advise(table, evaluation, job, gains, late)

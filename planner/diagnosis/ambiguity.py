@@ -1,6 +1,4 @@
-"""Poses that a plan leaves open, and the squeeze that would tell them apart, if there is one."""
-
-from __future__ import annotations
+"""Poses that a plan leaves open in the end or for long, and squeezes that would tell them apart."""
 
 import math
 from collections.abc import Iterator
@@ -9,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric
+from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
@@ -17,47 +15,36 @@ from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
+from planner.part.outline import radius_of_gyration
+from planner.search.expand import TreeNode, breadth_first
 from runtime.table import HELD_UM, Table
 
-SAMPLES = 40
-"""Squeezes of each pose at each placement that is tried."""
+SAMPLES = 40  # squeezes of each pose at each placement that is tried
 TURNS = 12
 OFFSETS_MM = (-16.0, -10.0, -5.0, 0.0, 5.0, 10.0, 16.0)
-HALF_TURN_ALIKE = 2
-"""A hand turned by half a turn squeezes alike."""
-TELLING = 4.0
-"""A placement tells two poses apart if their mean widths differ by this many standard deviations of both."""
+HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
+TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
 LEAST_TRIALS = 20
-APART = 3.0
-"""Poses further apart than so many times the goal are different poses, nearer ones scatter about one."""
+APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter about one
 SEED_AMBIGUITY = 0x414D4249
+LATE = 3  # squeezes after which most parts should be located
+LEAST_LATE = 0.02  # share of the parts that a late node must hold to be told
+MOST_TOLD = 2  # poses of it
 
 
 class Separator(NamedTuple):
-    """A squeeze that tells two poses apart by its width.
+    """A squeeze that tells two poses apart by its width."""
 
-    Attributes:
-        placement: (3,) the hand in the world [mm, mm, rad].
-        widths_mm: mean width at the one pose and at the other.
-    """
-
-    placement: Array
-    widths_mm: tuple[float, float]
+    placement: Array  # (3,) the hand in the world [mm, mm, rad]
+    widths_mm: tuple[float, float]  # mean width at the one pose and at the other
 
 
 class Whereabouts(NamedTuple):
-    """Where the parts of a leaf or a node lie.
+    """Where the parts of a leaf or a node lie."""
 
-    Attributes:
-        poses: (m, 3) their main poses, the likeliest first [mm, mm, rad].
-        shares: (m,) how many of them lie within the goal of each.
-        scatter: distance within which nearly all of them lie about a single pose, in units of the goal; 0 if
-            there are several poses.
-    """
-
-    poses: Array
-    shares: tuple[float, ...]
-    scatter: float = 0.0
+    poses: Array  # (m, 3) their main poses, the likeliest first [mm, mm, rad]
+    shares: tuple[float, ...]  # (m,) how many of them lie within the goal of each
+    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -74,20 +61,12 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """A leaf in which a part may lie in several poses.
+    """A leaf in which a part may lie in several poses."""
 
-    Attributes:
-        leaf: its index.
-        share: of all parts that end there.
-        where: the poses of its parts.
-        separator: for the first two poses; None if no squeeze that was tried tells them apart, or where one
-            is all.
-    """
-
-    leaf: int
-    share: float
-    where: Whereabouts
-    separator: Separator | None
+    leaf: int  # its index
+    share: float  # of all parts that end there
+    where: Whereabouts  # the poses of its parts
+    separator: Separator | None  # of the first two poses, if a squeeze that was tried is one
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -117,22 +96,34 @@ class Ambiguity(NamedTuple):
         )
 
     def _nearby(self) -> str:
-        """Why one pose is not enough."""
         scatter = self.where.scatter
         if scatter < 1.0:
             return "the plan was less sure of it than its trials: more particles of [search] may be"
         return f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
 
 
-def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """The unresolved leaves that hold most parts, and what would resolve them.
+class Delay(NamedTuple):
+    """A node whose parts take one squeeze more."""
 
-    Args:
-        table: the table.
-        evaluation: of this table, for the poses that parts truly have in its leaves.
-        job: the job it was compiled from.
-        most: how many leaves at most.
-    """
+    node: int  # its index in the table
+    made: int  # squeezes before it
+    share: float  # of all parts that come to it
+    where: Whereabouts  # the poses of these parts
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"node": self.node, "made": self.made, "share": self.share, **self.where.figures()}
+
+    def line(self) -> str:
+        """For people."""
+        poses, shares, scatter = self.where
+        named = Whereabouts(poses[:MOST_TOLD], shares[:MOST_TOLD]).text(0)
+        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {named}"
+        return text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
+
+
+def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
+    """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
     metric = metric_of_table(table)
@@ -148,15 +139,23 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     return found
 
 
+def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
+    """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    inner = [node for node in breadth_first(root) if node.children]
+    late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
+    found = []
+    for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
+        where = whereabouts(inner[k].belief.poses, metric)
+        found.append(Delay(k, inner[k].depth, inner[k].share, where))
+    return found
+
+
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Where parts lie: their main poses, the shares of these, and the scatter about a single one.
+    """Where parts (n, 3), n >= 1, lie: their main poses, and the scatter about a single one.
 
     A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
     pose that few parts have, or the rim of the one.
-
-    Args:
-        here: (n, 3) true poses, n >= 1.
-        metric: of the goal.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:

@@ -1,7 +1,5 @@
 """Neighbouring branches of a node whose widths the encoder may take for one another."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,35 +11,22 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from runtime.table import Calibration, Table, by_count, decision_map
 
-CLOSE_COUNTS = 4.0
-"""Expected widths nearer than this share readings: settled grippers of the kind differ by as much."""
-BORDER_COUNTS = 2.0
-"""A reading this near to the border between two branches may have been the other one."""
+CLOSE_COUNTS = 4.0  # nearer widths share readings: settled grippers of the kind differ by as much
+BORDER_COUNTS = 2.0  # a reading this near to the border between two branches may have been the other one
 MOST_LINES = 5
 
 
 class ClosePair(NamedTuple):
-    """Two neighbouring branches of a node.
+    """Two neighbouring branches of a node."""
 
-    Attributes:
-        node: index of the node.
-        lower: number of the branch of lesser width; the other one is the next.
-        widths_mm: the two expected widths.
-        counts: how far they are apart.
-        overlap: whether their intervals have widths in common.
-        near: share of all parts that read within `BORDER_COUNTS` of the border between the two.
-        lost: share of all parts that do so and are not located in the end.
-        excess: how much of that is more than parts elsewhere lose.
-    """
-
-    node: int
-    lower: int
-    widths_mm: tuple[float, float]
-    counts: float
-    overlap: bool
-    near: float
-    lost: float
-    excess: float
+    node: int  # index of the node
+    lower: int  # number of the branch of lesser width; the other one is the next
+    widths_mm: tuple[float, float]  # the two expected widths
+    counts: float  # how far they are apart
+    overlap: bool  # whether their intervals have widths in common
+    near: float  # share of all parts that read within `BORDER_COUNTS` of the border between the two
+    lost: float  # share of all parts that do so and are not located in the end
+    excess: float  # how much of that is more than parts elsewhere lose
 
 
 def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:

@@ -1,12 +1,5 @@
-"""How good the learned models of a job are, judged by what they were learned from: the squeeze itself.
+"""How good the learned models of a job are, judged by what they were learned from: the squeeze itself."""
 
-Motion by energy distance, in units of what two runs of the simulator differ by; the sensor on roll-outs held
-out; the collision detector on fresh placements; and the subspaces that widths stand for.
-"""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,94 +14,53 @@ from planner.learned.model import LearnedModel
 from planner.learned.rollouts import COLLIDES, RollOuts, region_radius
 from planner.mechanics.clearance import STANDS_ON, classify_contact, free_placements
 from planner.mechanics.simulator import Simulator
-from planner.paper.models import CollisionTree
-from planner.paper.sensor import SensorError, SensorModel
+from planner.paper.sensor import CollisionTree, SensorError, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.search.actions import actions_of
 from planner.work.progress import Report, silent
 
 PARTICLES = 2000
-RUNS = 4
-"""Of the model and of the simulator."""
+RUNS = 4  # of the model and of the simulator
 PLACEMENTS = 100_000
 SEED = 0x5155
 
 
 class Confusion(NamedTuple):
-    """A detector's verdicts beside the exact ones.
+    """A detector's verdicts beside the exact ones."""
 
-    Attributes:
-        free: placements that are free.
-        colliding: placements that are not.
-        false_alarm_rate: share of the free ones that the detector calls colliding.
-        miss_rate: share of the colliding ones that it calls free.
-    """
-
-    free: int
-    colliding: int
-    false_alarm_rate: float
-    miss_rate: float
+    free: int  # placements that are free
+    colliding: int  # placements that are not
+    false_alarm_rate: float  # share of the free ones that the detector calls colliding
+    miss_rate: float  # share of the colliding ones that it calls free
 
 
 class ActionQuality(NamedTuple):
-    """The motion model under one action.
+    """The motion model under one action."""
 
-    Attributes:
-        placement: (3,) the hand frame in the world [mm, mm, rad].
-        comparison: of the push-forwards of the job's belief.
-        simulated: share of the particles that the model leaves to the simulator.
-    """
-
-    placement: Array
-    comparison: Comparison
-    simulated: float
+    placement: Array  # (3,) the hand frame in the world [mm, mm, rad]
+    comparison: Comparison  # of the push-forwards of the job's belief
+    simulated: float  # share of the particles that the model leaves to the simulator
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Quality:
-    """What there is to say about the models of a job.
+class Quality(NamedTuple):
+    """What there is to say about the models of a job."""
 
-    Attributes:
-        rollouts: how many there are.
-        colliding: share of them in which an open finger would stand on the part.
-        spacing_mm: typical distance of neighbours.
-        h1_mm: bandwidth of initial poses.
-        h2_mm: bandwidth of final poses.
-        actions: the fixed actions that are free of collision.
-        in_collision: how many are not, and were left out.
-        sensor: error on roll-outs held out.
-        collision: of fresh placements, the jaws fully open.
-        subspaces: clusters of the widths.
-        label: (n,) the subspace of each roll-out that does not collide.
-        final: (n, 3) their final poses in the hand frame [mm, mm, rad].
-    """
-
-    rollouts: int
-    colliding: float
-    spacing_mm: float
-    h1_mm: float
-    h2_mm: float
-    actions: list[ActionQuality]
-    in_collision: int
-    sensor: SensorError
-    collision: Confusion
-    subspaces: Subspaces
-    label: IntArray
-    final: Array
+    rollouts: int  # how many there are
+    colliding: float  # share of them in which an open finger would stand on the part
+    spacing_mm: float  # typical distance of neighbours
+    h1_mm: float  # bandwidth of initial poses
+    h2_mm: float  # bandwidth of final poses
+    actions: list[ActionQuality]  # the fixed actions that are free of collision
+    in_collision: int  # how many are not, and were left out
+    sensor: SensorError  # error on roll-outs held out
+    collision: Confusion  # of fresh placements, the jaws fully open
+    subspaces: Subspaces  # clusters of the widths
+    label: IntArray  # (n,) the subspace of each roll-out that does not collide
+    final: Array  # (n, 3) their final poses in the hand frame [mm, mm, rad]
 
 
 def quality(job: Job, model: LearnedModel, rolled: RollOuts, report: Report = silent) -> Quality:
-    """Judges the models of a job.
-
-    Args:
-        job: the checked job.
-        model: its motion model.
-        rolled: the roll-outs that this was learned from.
-        report: told about progress.
-
-    Returns:
-        The same for the same job, on any number of workers.
-    """
+    """Judges the motion model of a job and the roll-outs it was learned from."""
     rng = np.random.default_rng([job.seed, SEED])
     belief = initial(job, PARTICLES, rng)
     fixed = actions_of(job).placements
@@ -152,7 +104,6 @@ def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.
 
 
 def _judged(model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator) -> ActionQuality:
-    """The motion model under one action."""
     reference = Simulation(model.simulator, model.encoder)
     rho, order = model.motion.rho_mm, model.motion.order
     (comparison,) = compare(model, reference, [belief] * 2 * RUNS, placement[None], rho, order, rng)

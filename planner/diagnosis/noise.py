@@ -1,37 +1,30 @@
 """What a job's sources of noise cost its plan: success of the table with one after another switched off."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
+from functools import partial
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
 from planner.evaluation.evaluate import sweep
-from planner.evaluation.statistics import Z95
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
+Z95 = NormalDist().inv_cdf(0.975)
 SEED_NOISE = 0x53454E53
 
 
 class Gain(NamedTuple):
-    """What one source of noise costs.
+    """What one source of noise costs."""
 
-    Attributes:
-        source: its name; `EVERYTHING` for the run without any.
-        success_rate: of the table without that source.
-        gain: how much higher that is than with all of them.
-        error: half-width of the gain's 95 % interval.
-    """
-
-    source: str
-    success_rate: float
-    gain: float
-    error: float
+    source: str  # its name; `EVERYTHING` for the run without any
+    success_rate: float  # of the table without that source
+    gain: float  # how much higher that is than with all of them
+    error: float  # half-width of the gain's 95 % interval
 
     @property
     def certain(self) -> bool:
@@ -46,23 +39,14 @@ class Gain(NamedTuple):
 def gains_without_noise(
     table: Table, job: Job, trials: int, scheduler: Scheduler | None = None, report: Report = silent
 ) -> list[Gain]:
-    """Runs a table without one source of noise after another; the table stays what it is.
-
-    Args:
-        table: the table.
-        job: the job it was compiled from.
-        trials: number of parts for each source, and for the run with all of them.
-        scheduler: who runs them; all cores if None. The result does not depend on it.
-        report: told about progress.
+    """Runs a table without one source of its job's noise after another; the table stays what it is.
 
     Returns:
         One gain a source, the largest first, then the one without any noise.
     """
     seed = job.seed + SEED_NOISE
-    cases = [Case(PLANNED), *noise_cases(job)]
-    lines = sweep(
-        table, job, cases, lambda real: ContactWorlds.of_job(real, seed), trials, seed, scheduler, report
-    )
+    cases, worlds = [Case(PLANNED), *noise_cases(job)], partial(ContactWorlds.of_job, seed=seed)
+    lines = sweep(table, job, cases, worlds, trials, seed, scheduler, report)
     base, *others = (float(line.evaluation.success.mean()) for line in lines)
     gains = [_gain(case.name, base, rate, trials) for case, rate in zip(cases[1:], others, strict=True)]
     return [*sorted(gains[:-1], key=lambda gain: -gain.gain), gains[-1]]

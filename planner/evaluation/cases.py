@@ -1,7 +1,5 @@
 """Worlds that are not what the plan believes, as lists of named cases: one for each use."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 from types import MappingProxyType
@@ -15,14 +13,10 @@ from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.part.outline import convex_hull, min_width
 
-OFFSET_COUNTS = 2.0
-"""An encoder's zero may be off by so much."""
-UNEVEN = 0.1
-"""A finger may make so much more or less of the closing motion than planned."""
-SLIGHTLY_UNEVEN = 0.02
-"""The same, for a report: 1.3 mm where the jaws close by 64."""
-STEADY_DOF = 1_000_000
-"""Degrees of freedom at which the limit surface no longer scatters."""
+OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
+UNEVEN = 0.1  # a finger may make so much more or less of the closing motion than planned
+SLIGHTLY_UNEVEN = 0.02  # the same, for a report: 1.3 mm where the jaws close by 64
+STEADY_DOF = 1_000_000  # degrees of freedom at which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
 """Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
 that one more makes the others slower; the outermost tell soon enough of a friction that lies farther away."""
@@ -32,17 +26,11 @@ EVERYTHING = "all of them"
 
 
 class Case(NamedTuple):
-    """One world.
+    """One world."""
 
-    Attributes:
-        name: what is different.
-        changes: of the job that the world gets, as `Job.replaced` takes them.
-        disturbance: errors of the cell.
-    """
-
-    name: str
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-    disturbance: Disturbance = NONE
+    name: str  # what is different
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # as `Job.replaced` takes them
+    disturbance: Disturbance = NONE  # errors of the cell
 
     def job(self, planned: Job) -> Job:
         """What parts and gripper are like in this world.
@@ -164,17 +152,11 @@ def friction(low: float, high: float) -> Case:
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
-    """Fingers that do not move alike.
+    """Fingers that do not move alike: the upper one makes this share of the closing motion instead.
 
-    They meet off where the plan has them meet, by (planned share - share) (opening - width). No width tells
-    of that: it is a fault of the cell's calibration, and every pose is off by it. Centred, the hand is
-    calibrated where the fingers meet on the part's narrowest side, and what is left is how an uneven squeeze
-    moves the part.
-
-    Args:
-        job: what is planned.
-        share: of the closing motion that the upper finger makes instead.
-        centred: whether the hand is calibrated so.
+    They meet off where the plan has them meet, by (planned share - share) (opening - width), which no width
+    tells. Centred, the hand is calibrated where the fingers meet on the part's narrowest side, and what is
+    left is how an uneven squeeze moves the part.
     """
     off = (job.gripper.upper_finger_share - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
     # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.

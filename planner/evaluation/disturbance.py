@@ -1,7 +1,5 @@
 """What goes wrong between the table and the world, besides the mechanics: the encoder's zero, the arm."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -12,30 +10,19 @@ from planner.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """Errors of the cell that the plan was not told of.
+    """Errors of the cell that the plan was not told of."""
 
-    Attributes:
-        encoder_offset_mm: added to every width before it is read.
-        placement_mm: standard deviation of the hand's x and y, drawn for every squeeze.
-        placement_deg: standard deviation of its angle.
-        bias_mm: constant error of the hand's x and y in the world, the same for all squeezes.
-        bias_deg: constant error of its angle.
-        across_mm: constant error of its place along the closing direction, which turns with the hand.
-    """
-
-    encoder_offset_mm: float = 0.0
-    placement_mm: float = 0.0
-    placement_deg: float = 0.0
-    bias_mm: tuple[float, float] = (0.0, 0.0)
-    bias_deg: float = 0.0
-    across_mm: float = 0.0
+    encoder_offset_mm: float = 0.0  # added to every width before it is read
+    placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
+    placement_deg: float = 0.0  # standard deviation of its angle
+    bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
+    bias_deg: float = 0.0  # constant error of its angle
+    across_mm: float = 0.0  # constant error of its place along the closing direction
 
     def placed(self, placements: Array, rng: np.random.Generator) -> Array:
-        """Where the arm puts the hand.
+        """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad].
 
-        Args:
-            placements: (n, 3) where it was told to [mm, mm, rad].
-            rng: as many numbers are drawn from it whatever the errors, so that trials compare one by one.
+        As many numbers are drawn whatever the errors are, so that trials compare one by one.
         """
         spread = np.array([self.placement_mm, self.placement_mm, math.radians(self.placement_deg)])
         bias = np.array([*self.bias_mm, math.radians(self.bias_deg)])
@@ -45,5 +32,4 @@ class Disturbance:
         return np.asarray(placed)
 
 
-NONE = Disturbance()
-"""A cell as the plan believes it to be."""
+NONE = Disturbance()  # a cell as the plan believes it to be

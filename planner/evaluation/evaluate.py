@@ -1,10 +1,7 @@
 """A table against a world, over many trials (paper VII): the only judge of a plan.
 
-The trials run the table as the runtime does: encoder counts, the look-up of the table, REJECT outside every
-interval. Nothing of the planner's belief enters.
+The trials run the table as the runtime does; nothing of the planner's belief enters.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -45,44 +42,28 @@ class ChunkRun:
 
     program: Program
     job: Job
-    worlds: Worlds
+    world: World | Worlds
     seed: int
     disturbance: Disturbance
 
     def __call__(self, chunk: Chunk) -> Evaluation:
         """Runs the trials of a chunk in its world."""
         rng = np.random.default_rng([self.seed, chunk.number, SEED_TRIALS])
-        world = self.worlds.world(chunk.number)
+        world = self.world.world(chunk.number) if isinstance(self.world, Worlds) else self.world
         return run(self.program, self.job, world, chunk.trials, rng, self.disturbance)
 
 
-class _Same(Worlds):
-    """One world for all chunks; only for chunks that run one after another."""
-
-    def __init__(self, only: World) -> None:
-        self.only = only
-
-    def world(self, chunk: int) -> World:  # noqa: ARG002
-        return self.only
-
-
 def evaluate(
-    table: Table,
-    job: Job,
-    world: World | Worlds,
-    trials: int,
-    seed: int,
-    scheduler: Scheduler | None = None,
-    disturbance: Disturbance = NONE,
-    report: Report = silent,
-) -> Evaluation:
+    table: Table, job: Job, world: World | Worlds, trials: int, seed: int,
+    scheduler: Scheduler | None = None, disturbance: Disturbance = NONE, report: Report = silent,
+) -> Evaluation:  # fmt: skip
     """Runs a table on many parts, in chunks of 1000.
 
     Args:
         table: the table.
         job: what parts and gripper are like in truth: the job it was compiled from, or one that differs.
-        world: where the parts are squeezed: a supply of worlds, one for each chunk, which are shared among
-            the workers; or a single world, in which the chunks run one after another.
+        world: a supply of worlds, one for each chunk, which are shared among the workers; or a single
+            world, in which the chunks run one after another.
         trials: number of parts, at least 1.
         seed: of initial poses, encoder noise and the arm's errors; the world has its own.
         scheduler: who runs the chunks; all cores if None. The result does not depend on it.
@@ -90,14 +71,9 @@ def evaluate(
         report: told about progress.
     """
     chunks = chunks_of(trials)
-    worlds = world if isinstance(world, Worlds) else _Same(world)
-    setting = ChunkRun(Program.of(table), job, worlds, seed, disturbance)
-    results: Iterator[Evaluation]
-    if isinstance(world, Worlds):
-        results = (scheduler or Threads()).map(setting, chunks)
-    else:
-        results = map(setting, chunks)
-    done = []
+    run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map
+    results = run_all(ChunkRun(Program.of(table), job, world, seed, disturbance), chunks)
+    done: list[Evaluation] = []
     for part in results:
         done.append(part)
         report("evaluate", len(done), len(chunks))
@@ -112,26 +88,12 @@ class Line(NamedTuple):
 
 
 def sweep(
-    table: Table,
-    job: Job,
-    cases: Sequence[Case],
-    worlds: Callable[[Job], World | Worlds],
-    trials: int,
-    seed: int,
-    scheduler: Scheduler | None = None,
-    report: Report = silent,
-) -> Iterator[Line]:
+    table: Table, job: Job, cases: Sequence[Case], worlds: Callable[[Job], World | Worlds], trials: int,
+    seed: int, scheduler: Scheduler | None = None, report: Report = silent,
+) -> Iterator[Line]:  # fmt: skip
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
-    Args:
-        table: the table.
-        job: the job it was compiled from.
-        cases: what the world is like instead.
-        worlds: makes worlds for a job.
-        trials: number of parts for each case.
-        seed: of the trials.
-        scheduler: who runs them.
-        report: told about progress.
+    `worlds` makes the worlds of a case's job; the other arguments are those of `evaluate`.
     """
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))

@@ -1,13 +1,11 @@
 """What a healthy cell's encoder reads at each node of a table, and what it would read at another friction.
 
-`grasp-audit report --expected` weighs the readings in journals by these shares: a change of friction then
-shows in a few dozen parts, often before any part is lost by it, and is called by its name.
+`grasp-audit report --expected` weighs the readings in journals by these shares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -24,37 +22,15 @@ from runtime.table import Table
 KIND, VERSION = "expected readings", 1
 
 
-class World(NamedTuple):
-    """What was read in one world.
-
-    Attributes:
-        name: as planned, or what is different.
-        readings: (nodes, 256) how often each count was read at each node.
-    """
-
-    name: str
-    readings: IntArray
-
-
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
-) -> Iterator[World]:
-    """Runs a table in each world.
-
-    Args:
-        table: the table.
-        job: it was compiled from.
-        trials: parts in each world.
-        seed: of the trials.
-        scheduler: does the work.
-        report: told of the progress.
-    """
-
-    def worlds(real: Job) -> ContactWorlds:
-        return ContactWorlds.of_job(real, seed)
-
-    for line in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
-        yield World(line.case.name, readings(line.evaluation, len(table.nodes)))
+) -> Iterator[dict[str, Any]]:
+    """The name of each world and, for each node, the counts read there by so many parts and how often."""
+    worlds = partial(ContactWorlds.of_job, seed=seed)
+    for case, found in sweep(table, job, friction_cases(job), worlds, trials, seed, scheduler, report):
+        rows = readings(found, len(table.nodes))
+        told = [{str(count): int(row[count]) for count in np.flatnonzero(row)} for row in rows]
+        yield {"name": case.name, "readings": told}
 
 
 def readings(found: Evaluation, nodes: int) -> IntArray:
@@ -64,26 +40,9 @@ def readings(found: Evaluation, nodes: int) -> IntArray:
     return np.asarray(totals.reshape(nodes, 256), np.int64)
 
 
-def document(digest: str, worlds: list[World], trials: int, seed: int) -> dict[str, Any]:
-    """What the file holds: for each world and node the counts read and how often, others left out.
-
-    Args:
-        digest: of the table's file, as `runtime.table.load` tells it.
-        worlds: what was read in each.
-        trials: parts in each.
-        seed: of the trials.
-    """
+def document(digest: str, worlds: list[dict[str, Any]], trials: int, seed: int) -> dict[str, Any]:
+    """What the file of a table holds, by its digest as `runtime.table.load` tells it."""
     return {
-        "kind": KIND,
-        "version": VERSION,
-        "table_sha256": digest,
-        "trials": trials,
-        "seed": seed,
-        "worlds": [
-            {"name": world.name, "readings": [_row(row) for row in world.readings]} for world in worlds
-        ],
-    }
-
-
-def _row(row: IntArray) -> dict[str, int]:
-    return {str(count): int(row[count]) for count in np.flatnonzero(row)}
+        "kind": KIND, "version": VERSION, "table_sha256": digest, "trials": trials, "seed": seed,
+        "worlds": worlds,
+    }  # fmt: skip

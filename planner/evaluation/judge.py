@@ -1,7 +1,5 @@
 """Whether a leaf is right about a part: the one place that knows the kinds of goals a table may state."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -11,20 +9,15 @@ from planner.belief.metric import Metric, Mode
 from runtime.table import Table, poses_of
 
 MOST_POSES = 4
-LEAST_SHARE = 0.1
-"""Poses that hold less of a leaf's parts are scatter."""
+LEAST_SHARE = 0.1  # poses that hold less of a leaf's parts are scatter
 
 
 class Verdict(NamedTuple):
-    """How n parts lie to what their leaves say.
+    """How n parts lie to what their leaves say."""
 
-    Attributes:
-        error_mm: (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf.
-        within: (n,) whether that is within the goal.
-    """
-
+    # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
     error_mm: Array
-    within: BoolArray
+    within: BoolArray  # (n,) whether that is within the goal
 
 
 def metric_of_table(table: Table) -> Metric:
@@ -42,24 +35,19 @@ def metric_of_table(table: Table) -> Metric:
 
 
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
-    """The poses that parts have in one leaf, the commonest first, each with its share of them.
-
-    Args:
-        poses: (n, 3) where they truly lie, n >= 1 [mm, mm, rad].
-        metric: what is within the goal of a pose belongs to it.
-    """
+    """The poses (n, 3), n >= 1, that parts have in one leaf, the commonest first, with their shares."""
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
-def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
-    """Holds true poses against what the leaves say.
+def claimed(table: Table, leaf: IntArray) -> BoolArray:
+    """Whether the leaves (n,) claim to know the pose; negative ones, which are none, do not."""
+    known = np.array([leaf.resolved for leaf in table.leaves])
+    return np.where(leaf >= 0, known[leaf], False)
 
-    Args:
-        table: the table.
-        leaf: (n,) the leaf each part ended in, negative for none.
-        poses: (n, 3) where it truly lies [mm, mm, rad].
-    """
+
+def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
+    """Holds true poses (n, 3) in the world [mm, mm, rad] against what their leaves (n,) say, if >= 0."""
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=1.0)  # a goal of another kind may state no distance
     error = np.full(len(leaf), np.inf)

@@ -1,9 +1,6 @@
 """A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
 
-from __future__ import annotations
-
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,50 +11,28 @@ from planner.evaluation.outcome import NOWHERE, Evaluation
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
-LEAST_VISITS = 200
-"""Leaves visited less often say too little."""
+LEAST_VISITS = 200  # leaves visited less often say too little
 TAIL = 0.025
 JEFFREYS = 0.5
 
 
 class LeafRecord(NamedTuple):
-    """One leaf's account.
+    """One leaf's account, as JSON tells it."""
 
-    Attributes:
-        leaf: its index.
-        visits: trials that ended there.
-        hits: trials of these in which its pose was within the goal.
-        predicted: success probability that the table states.
-        trials: on how many trials the table's figure rests.
-        low: least number of hits that 95 % of such counts lie within, if the prediction is right.
-        high: greatest.
-    """
-
-    leaf: int
-    visits: int
-    hits: int
-    predicted: float
-    trials: int
-    low: int
-    high: int
-
-    @property
-    def holds(self) -> bool:
-        """Whether the observation lies in the interval of the prediction."""
-        return self.low <= self.hits <= self.high
+    leaf: int  # its index
+    visits: int  # trials that ended there
+    predicted: float  # success probability that the table states
+    predicted_trials: int  # on how many trials the table's figure rests
+    observed: float  # share of the visits in which its pose was within the goal
+    interval95: tuple[float, float]  # that 95 % of such shares lie within, if the prediction is right
+    holds: bool  # whether the observed share does
 
 
-@dataclass(frozen=True, slots=True)
-class Reliability:
-    """The reliability table.
+class Reliability(NamedTuple):
+    """The reliability table."""
 
-    Attributes:
-        rows: leaves with enough visits, in the order of the table.
-        gap: mean distance of observed from predicted probability over these leaves, weighted by visits.
-    """
-
-    rows: tuple[LeafRecord, ...]
-    gap: float
+    rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table
+    gap: float  # mean distance of observed from predicted probability over these leaves, weighted by visits
 
     @property
     def share(self) -> float:
@@ -66,32 +41,16 @@ class Reliability:
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        rows = [
-            {
-                "leaf": row.leaf,
-                "visits": row.visits,
-                "predicted": row.predicted,
-                "predicted_trials": row.trials,
-                "observed": row.hits / row.visits,
-                "interval95": [row.low / row.visits, row.high / row.visits],
-                "holds": row.holds,
-            }
-            for row in self.rows
-        ]
+        rows = [row._asdict() for row in self.rows]
         return {"leaves": len(rows), "share_within_95": self.share, "mean_gap": self.gap, "table": rows}
 
 
-def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_VISITS) -> Reliability:
-    """Holds the leaves' predictions against fresh trials.
+def reliability(table: Table, evaluation: Evaluation) -> Reliability:
+    """Holds the leaves' predictions against fresh trials; leaves with fewer than `LEAST_VISITS` are left out.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
     95 %.
-
-    Args:
-        table: states the predictions.
-        evaluation: trials it was not made from.
-        least_visits: leaves with fewer are left out.
     """
     from scipy.stats import betabinom  # takes a second
 
@@ -99,57 +58,40 @@ def reliability(table: Table, evaluation: Evaluation, least_visits: int = LEAST_
     for index in range(len(table.leaves)):
         here = evaluation.leaf == index
         visits = int(here.sum())
-        if visits < max(least_visits, 1):
+        if visits < LEAST_VISITS:
             continue
         leaf = table.leaves[index]
         predicted, hits = leaf.success_ppm / PPM, int(evaluation.within[here].sum())
         seen = predicted * leaf.trials
         prior = (seen + JEFFREYS, leaf.trials - seen + JEFFREYS)
         low, high = (int(betabinom.ppf(q, visits, *prior)) for q in (TAIL, 1.0 - TAIL))
-        rows.append(LeafRecord(index, visits, hits, predicted, leaf.trials, low, high))
+        interval, holds = (low / visits, high / visits), low <= hits <= high
+        rows.append(LeafRecord(index, visits, predicted, leaf.trials, hits / visits, interval, holds))
     total = sum(row.visits for row in rows)
-    gap = sum(abs(row.hits - row.predicted * row.visits) for row in rows) / max(total, 1)
+    gap = sum(row.visits * abs(row.observed - row.predicted) for row in rows) / max(total, 1)
     return Reliability(tuple(rows), float(np.round(gap, 12)))
 
 
 class Confusion(NamedTuple):
-    """Parts that ended in one leaf while they lay as another says.
+    """Parts that ended in one leaf while they lay as another says."""
 
-    Attributes:
-        leaf: where they ended.
-        truth: the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal.
-        trials: how many.
-        share: of all trials.
-        resolved: whether the leaf claimed to know the pose.
-    """
-
-    leaf: int
-    truth: int
-    trials: int
-    share: float
-    resolved: bool
+    leaf: int  # where they ended
+    truth: int  # the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal
+    trials: int  # how many
+    share: float  # of all trials
+    resolved: bool  # whether the leaf claimed to know the pose
 
 
 class Mistake(NamedTuple):
-    """One trial that ended far from its leaf's pose.
+    """One trial that ended far from its leaf's pose."""
 
-    Attributes:
-        initial: (3,) true pose before the first squeeze [mm, mm, rad].
-        final: (3,) true pose in the end.
-        predicted: (3,) what the leaf says.
-        error_mm: audit metric between the two.
-        leaf: where it ended.
-        path: the nodes passed.
-        counts: the encoder's readings there.
-    """
-
-    initial: Array
-    final: Array
-    predicted: Array
-    error_mm: float
-    leaf: int
-    path: tuple[int, ...]
-    counts: tuple[int, ...]
+    initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
+    final: Array  # (3,) true pose in the end
+    predicted: Array  # (3,) what the leaf says
+    error_mm: float  # audit metric between the two
+    leaf: int  # where it ended
+    path: tuple[int, ...]  # the nodes passed
+    counts: tuple[int, ...]  # the encoder's readings there
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -165,14 +107,9 @@ class Mistake(NamedTuple):
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
-    """The leaf whose pose is nearest to each true pose.
+    """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
 
-    Args:
-        table: the leaves.
-        poses: (n, 3) in the world.
-
-    Returns:
-        (n,) indices, `NO_LEAF` where none is within the goal.
+    `NO_LEAF` stands where none is within the goal.
     """
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)

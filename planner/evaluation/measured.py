@@ -3,8 +3,6 @@
 What no trial took is never claimed: its widths become REJECT.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,42 +11,24 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
-from planner.evaluation.judge import main_poses, metric_of_table
-from planner.evaluation.outcome import Evaluation
+from planner.evaluation.judge import claimed, main_poses, metric_of_table
+from planner.evaluation.outcome import ERROR_SHARES, Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from planner.search.expand import TreeNode, breadth_first
-from runtime.table import (
-    COUNTS,
-    PPM,
-    Branch,
-    Calibration,
-    Leaf,
-    Node,
-    Prediction,
-    Table,
-    decision_map,
-    refuted,
-)  # fmt: skip
+from runtime import table as tables
 
-LEAST_VISITS = 200
-"""A node that fewer parts came to keeps the shares that its branches were planned with."""
+LEAST_VISITS = 200  # a node that fewer parts came to keeps the shares that its branches were planned with
 
 
 def with_figures(
-    table: Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
-) -> tuple[Table, Evaluation]:
+    table: tables.Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
+) -> tuple[tables.Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence)
-    is marked unresolved: the runtime then reports that it does not know, instead of a pose. Its alternatives
-    are the further poses that parts had there.
-
-    Args:
-        table: the table.
-        evaluation: of this table, in the world that the job states.
-        others: of this table in other worlds: for leaves that no part came to in the stated one.
-        job: the job it was planned for.
+    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence) is
+    marked unresolved; its alternatives are the further poses that parts had there. `others` are evaluations
+    in other worlds, for leaves that no part came to in the stated one.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -60,31 +40,27 @@ def with_figures(
         _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
         for index, leaf in enumerate(table.leaves)
     )
-    known = np.array([leaf.resolved for leaf in leaves])
-    resolved = np.where(evaluation.leaf >= 0, known[evaluation.leaf], False)
-    nodes = _measured(table, evaluation)
-    return replace(table, nodes=nodes, leaves=leaves), replace(evaluation, resolved=resolved)
+    table = replace(table, nodes=_measured(table, evaluation), leaves=leaves)
+    return table, replace(evaluation, resolved=claimed(table, evaluation.leaf))
 
 
-def predicting(table: Table, evaluation: Evaluation) -> Table:
+def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
     """States the figures of an evaluation in its table."""
     figures = evaluation.summary()
-    predicted = Prediction(
-        success_ppm=round(PPM * figures["success_rate"]),
+    median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
+    predicted = tables.Prediction(
+        success_ppm=round(tables.PPM * figures["success_rate"]),
         trials=figures["trials"],
-        mean_squeezes_ppm=round(PPM * figures["mean_squeezes"]),
-        reject_ppm=round(PPM * figures["reject_rate"]),
+        mean_squeezes_ppm=round(tables.PPM * figures["mean_squeezes"]),
+        reject_ppm=round(tables.PPM * figures["reject_rate"]),
+        error_median_um=median_um,
+        error_p95_um=p95_um,
     )
     return replace(table, predicted=predicted)
 
 
-def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
-    """The branches of each node that trials took, and after which there was an outcome.
-
-    Args:
-        table: the table.
-        runs: evaluations of this table.
-    """
+def tried(table: tables.Table, runs: Sequence[Evaluation]) -> list[list[int]]:
+    """The branches of each node that trials took in these runs, and after which there was an outcome."""
     took = [set[int]() for _ in table.nodes]
     for run in runs:
         passed = run.path >= 0
@@ -97,22 +73,17 @@ def tried(table: Table, runs: Sequence[Evaluation]) -> list[list[int]]:
     return kept
 
 
-def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Table:
-    """Leaves out branches and all that follows them, in the table and in the tree that it was lowered from.
+def without_untried(table: tables.Table, root: TreeNode, kept: list[list[int]]) -> tables.Table:
+    """Leaves out branches, all but those `kept` at each node, and what follows them.
 
-    Args:
-        table: the table.
-        root: of its tree; changed.
-        kept: the numbers of the branches that stay at each node; some at the root.
-
-    Returns:
-        The table. The widths of what was left out are REJECT: the branches beside it get none.
+    This changes the tree under the root, from which the table was lowered. Returns the table, in which the
+    widths of what was left out are REJECT: the branches beside it get none.
     """
     for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
         assert node.squeeze is not None
         node.children = [node.children[number] for number in numbers]
         node.squeeze = node.squeeze._replace(clusters=_clusters(node.squeeze.clusters, numbers))
-    calibration = Calibration.linear(table.gripper)
+    calibration = tables.Calibration.linear(table.gripper)
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked
         branches = []
@@ -127,14 +98,15 @@ def without_untried(table: Table, root: TreeNode, kept: list[list[int]]) -> Tabl
     return replace(table, nodes=tuple(nodes), leaves=tuple(leaves))
 
 
-def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> Leaf:
-    """A leaf with what its parts came to."""
+def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> tables.Leaf:
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:
         return leaf
-    resolved = leaf.resolved and not refuted(hits, trials, job.goal.confidence)
-    leaf = leaf._replace(success_ppm=round(PPM * hits / trials), trials=trials, resolved=resolved)
+    resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence)
+    leaf = leaf._replace(success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved)
+    median_um, p95_um = _errors_um(evaluation.error_mm[here])
+    leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
         leaf = leaf._replace(covariance=covariance_of(evaluation.poses[here], leaf, job))
     if not resolved:
@@ -142,42 +114,48 @@ def _leaf(leaf: Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metr
     return leaf
 
 
-def _alternatives(leaf: Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
+def _errors_um(error_mm: Array) -> tuple[int, int]:
+    """Their median and 95th percentile; 0 of no part."""
+    median, high = np.quantile(error_mm, ERROR_SHARES) if len(error_mm) else (0.0, 0.0)
+    return round(1e3 * float(median)), round(1e3 * float(high))
+
+
+def _alternatives(leaf: tables.Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
     """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
-    predicted = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-    modes = main_poses(poses, metric)
+    modes, predicted = main_poses(poses, metric), np.array(tables.predicted_pose(leaf))
     return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
 
 
-def _measured(table: Table, evaluation: Evaluation) -> tuple[Node, ...]:
-    """The nodes, the shares of their branches as parts took them."""
+def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:
     nodes = []
     for index, node in enumerate(table.nodes):
         taken = evaluation.branch[evaluation.path == index]
         visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
         total = int(visits.sum())
         if total >= LEAST_VISITS:
-            shares = [round(PPM * int(count) / total) for count in visits]
+            shares = [round(tables.PPM * int(count) / total) for count in visits]
             branches = zip(node.branches, shares, strict=True)
             node = node._replace(branches=tuple(b._replace(probability_ppm=share) for b, share in branches))
         nodes.append(node)
     return tuple(nodes)
 
 
-def _branches(node: Node, numbers: list[int], calibration: Calibration) -> list[Branch]:
+def _branches(node: tables.Node, numbers: list[int], calibration: tables.Calibration) -> list[tables.Branch]:
     """The branches that stay; where one goes, the others keep to the widths that they were read at."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
-    decided = np.array(decision_map(node, calibration))
+    decided = np.array(tables.decision_map(node, calibration))
     total = sum(node.branches[number].probability_ppm + 1 for number in numbers)
     kept = []
     for number in numbers:
         branch = node.branches[number]
-        widths = [calibration.widths_um[reading % COUNTS] for reading in np.flatnonzero(decided == number)]
+        widths = [
+            calibration.widths_um[reading % tables.COUNTS] for reading in np.flatnonzero(decided == number)
+        ]
         low, high = min(widths), max(widths)
         expected = min(max(branch.expected_um, low), high)
-        share = round(PPM * (branch.probability_ppm + 1) / total)
-        kept.append(Branch(low, expected, high, share, branch.target))
+        share = round(tables.PPM * (branch.probability_ppm + 1) / total)
+        kept.append(tables.Branch(low, expected, high, share, branch.target))
     return kept
 
 

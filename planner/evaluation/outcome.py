@@ -1,7 +1,5 @@
 """What came of the trials: one row a part, and the figures for all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
@@ -9,43 +7,30 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.statistics import wilson_interval
+from runtime.table import wilson_interval
 
 REJECTED = -1
 NOWHERE = -1
+ERROR_SHARES = (0.5, 0.95)
+"""Of the parts, for which the error that they do not exceed is told: the median, and nearly all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """The outcome of each of n trials.
+    """The outcome of each of n trials."""
 
-    Attributes:
-        leaf: (n,) index of the leaf reached, `REJECTED` where a width fitted no branch.
-        squeezes: (n,) how many it took.
-        seconds: (n,) estimated time.
-        error_mm: (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf.
-        within: (n,) whether the leaf's pose is within the goal of the true pose, whatever kind the goal is.
-        resolved: (n,) whether the leaf claims to know the pose.
-        crashes: placements at which an open finger would have stood on the part.
-        poses: (n, 3) true final poses in the world.
-        initial: (n, 3) true poses before the first squeeze.
-        path: (n, d) the nodes passed, in order, then `NOWHERE`.
-        counts: (n, d) the encoder's reading at each of them, then `NOWHERE`.
-        branch: (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`.
-    """
-
-    leaf: IntArray
-    squeezes: IntArray
-    seconds: Array
-    error_mm: Array
-    within: BoolArray
-    resolved: BoolArray
-    crashes: int
-    poses: Array
-    initial: Array
-    path: IntArray
-    counts: IntArray
-    branch: IntArray
+    leaf: IntArray  # (n,) index of the leaf reached, `REJECTED` where a width fitted no branch
+    squeezes: IntArray  # (n,) how many it took
+    seconds: Array  # (n,) estimated time
+    error_mm: Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
+    within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
+    resolved: BoolArray  # (n,) whether the leaf claims to know the pose
+    crashes: int  # placements at which an open finger would have stood on the part
+    poses: Array  # (n, 3) true final poses in the world
+    initial: Array  # (n, 3) true poses before the first squeeze
+    path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
+    counts: IntArray  # (n, d) the encoder's reading at each of them, then `NOWHERE`
+    branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
 
     @property
     def success(self) -> BoolArray:
@@ -83,7 +68,15 @@ class Evaluation:
             "max_squeezes": int(self.squeezes.max()),
             "mean_seconds": float(self.seconds.mean()),
             "crashes": self.crashes,
+            "error_mm": self._error_mm(),
         }
+
+    def _error_mm(self) -> dict[str, float] | None:
+        """Of the parts in resolved leaves; None without any."""
+        known = self.error_mm[self.resolved]
+        if not len(known):
+            return None
+        return dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

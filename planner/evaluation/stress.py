@@ -1,15 +1,13 @@
 """Worlds a little off the planned one, so that a plan learns where it would be wrong without a warning.
 
-In the planned world a leaf may be right although the squeezes that led to it never looked at one of the
-part's coordinates: nothing happened to disturb it there. An encoder that reads short or a finger that lags
-does, and the leaf is confidently wrong. The search then looks at such leaves once more.
+In the planned world a leaf may be right although no squeeze ever looked at one of the part's coordinates. An
+encoder that reads short or a finger that lags disturbs it there: the search then looks at such leaves again.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +24,8 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-TOLERATED = 0.002
-"""Share of confident wrong answers that each such world may have."""
-AMPLIFIED = 0.1
-"""Share of a doubted belief that is wrong, at least: so much that a look-ahead of few particles sees it."""
+TOLERATED = 0.002  # share of confident wrong answers that each such world may have
+AMPLIFIED = 0.1  # least share of a doubted belief that is wrong, for a look-ahead of few particles to see it
 SEED_STRESS = 0x53545253
 
 
@@ -42,33 +38,22 @@ class Doubt(NamedTuple):
 
 
 def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
-    """Runs a table in worlds that are a little off.
+    """Runs a table in worlds that are a little off, `goal.stress_trials` parts in each; none if that is 0.
 
-    Args:
-        table: the table.
-        job: the job it is compiled from; `goal.stress_trials` says how many parts each world gets.
-        attempt: the random streams are named after it.
-        scheduler: who runs the trials. The result does not depend on it.
+    The random streams are named after the attempt; the result does not depend on the scheduler.
     """
     if job.goal.stress_trials == 0:
         return []
     seed = job.seed + SEED_STRESS + attempt
-    lines = sweep(
-        table, job, stress_cases(job), lambda real: ContactWorlds.of_job(real, seed),
-        job.goal.stress_trials, seed, scheduler,
-    )  # fmt: skip
+    worlds, trials = partial(ContactWorlds.of_job, seed=seed), job.goal.stress_trials
+    lines = sweep(table, job, stress_cases(job), worlds, trials, seed, scheduler)
     return [line.evaluation for line in lines]
 
 
 def beyond(table: Table, job: Job, trials: int, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
     """Runs a table where the plan goes beyond the stated world: with friction it doubts, and as `stressed`.
 
-    Args:
-        table: the table, canonical.
-        job: the job it is compiled from.
-        trials: parts in the stated world; there are as many more with doubted friction as the plan believes.
-        attempt: the random streams are named after it.
-        scheduler: who runs the trials. The result does not depend on it.
+    There are as many of the `trials` parts with doubted friction as the plan believes.
     """
     runs, seed = [], job.seed + SEED_STRESS + attempt
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
@@ -89,16 +74,10 @@ def doubtful(run: Evaluation, leaves: int) -> list[int]:
 
 
 def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Doubt]:
-    """Unsettles the leaves that are wrong too often, so that growing the tree goes on there.
+    """Unsettles the leaves that are wrong too often in runs of its table, so that the tree grows on there.
 
-    Args:
-        root: the tree, modified in place: the beliefs of these leaves are joined by the poses of the parts
-            that were wrong there in the runs, amplified.
-        runs: evaluations of its table.
-        metric: of the goal.
-
-    Returns:
-        The leaves, with what they were before.
+    The tree is modified in place: the beliefs of these leaves are joined by the poses of the parts that were
+    wrong there, amplified. Returns the leaves, with what they were before.
     """
     ends = [node for node in breadth_first(root) if not node.children]
     found = []

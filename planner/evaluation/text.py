@@ -1,12 +1,9 @@
 """An evaluation in words and columns, for people."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
-from planner.evaluation.evaluate import Line
 from planner.evaluation.leaves import LEAST_VISITS, NO_LEAF, Confusion, Mistake, Reliability
 from planner.evaluation.outcome import Evaluation
 from runtime.table import Table
@@ -28,8 +25,16 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
         f"unresolved {figures['unresolved_rate']:7.2%}",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, {figures['max_squeezes']} at most ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
+        *_error(figures["error_mm"]),
         f"crashes    {figures['crashes']:7d}  placements with a finger on the part",
     ]
+
+
+def _error(error_mm: dict[str, float] | None) -> list[str]:
+    if error_mm is None:
+        return []
+    share = f"95 % within {error_mm['p95']:.2f} mm"
+    return [f"error      {error_mm['median']:7.2f}  mm median where resolved, {share}"]
 
 
 def predictions(table: Table, outcome: Reliability) -> list[str]:
@@ -41,10 +46,10 @@ def predictions(table: Table, outcome: Reliability) -> list[str]:
     lines = [f"leaves     {share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
     for row in failed[:MOST_ROWS]:
+        low, high = row.interval95
         lines.append(
-            f"           leaf {row.leaf}: {row.hits / row.visits:.2%} of {row.visits}, predicted "
-            f"{row.predicted:.2%}, with 95 % between {row.low / row.visits:.2%} and "
-            f"{row.high / row.visits:.2%}"
+            f"           leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
+            f"with 95 % between {low:.2%} and {high:.2%}"
         )
     return lines + _more(len(failed))
 
@@ -78,11 +83,11 @@ def furthest(mistakes: list[Mistake]) -> list[str]:
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
-def sweep_row(line: Line) -> str:
+def sweep_row(world: str, evaluation: Evaluation) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`."""
-    figures = line.evaluation.summary()
+    figures = evaluation.summary()
     return (
-        f"{line.case.name:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
+        f"{world:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
         f"{figures['reject_rate']:6.2%} {figures['unresolved_rate']:10.2%} {figures['mean_squeezes']:8.2f} "
         f"{figures['mean_seconds']:7.1f}"
     )

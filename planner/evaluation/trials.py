@@ -1,13 +1,10 @@
 """Trials of a table in a world: parts are squeezed, read, and sent on, as the runtime would do it.
 
-All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at: the table is laid
-out as arrays, and a descent is one look-up for all.
+All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import NamedTuple, Self, cast
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -15,7 +12,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import judge
+from planner.evaluation.judge import claimed, judge
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -24,8 +21,7 @@ from planner.world import World
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
-DISMISSED = int(np.iinfo(np.int64).min)
-"""Target of a count that fits no branch."""
+DISMISSED = int(np.iinfo(np.int64).min)  # target of a count that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 
 
@@ -36,27 +32,16 @@ def placement_of(squeeze: Squeeze) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """A table of N nodes as arrays.
+    """A table of N nodes as arrays."""
 
-    Attributes:
-        table: where they come from.
-        placement: (N, 3) the hand frame in the world [mm, mm, rad].
-        opening_mm: (N,) before the squeeze.
-        speed_mm_s: (N,) of closing.
-        branch: (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`.
-        target: (N, 512) where it leads: a node, ~leaf, or `DISMISSED`.
-        drag: (N, 2) how far the hand carries a held part before the jaws open [mm].
-        carries: (N, 512) readings at which it does so.
-    """
-
-    table: Table
-    placement: Array
-    opening_mm: Array
-    speed_mm_s: Array
-    branch: IntArray
-    target: IntArray
-    drag: Array
-    carries: BoolArray
+    table: Table  # where they come from
+    placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
+    opening_mm: Array  # (N,) before the squeeze
+    speed_mm_s: Array  # (N,) of closing
+    branch: IntArray  # (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`
+    target: IntArray  # (N, 512) where it leads: a node, ~leaf, or `DISMISSED`
+    drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
+    carries: BoolArray  # (N, 512) readings at which it does so
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -84,52 +69,27 @@ class Program:
         )
 
 
-class Squeezed(NamedTuple):
-    """What a world made of n squeezes.
-
-    Attributes:
-        poses: (n, 3) final poses in the hand frame.
-        width_mm: (n,) true openings.
-        held: (n,) whether the part was between the fingers in the end.
-    """
-
-    poses: Array
-    width_mm: Array
-    held: BoolArray
-
-
 class Step(NamedTuple):
-    """One squeeze of n parts, each at a node of its own, and what the table makes of it.
+    """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
 
-    Attributes:
-        after: (n, 3) poses in the world with the jaws closed [mm, mm, rad].
-        released: (n, 3) and where the jaws let go, after the drag of what is held.
-        drag: (n, 2) how far the hand went with its jaws closed [mm].
-        width_mm: (n,) true openings.
-        counts: (n,) what the encoder reads.
-        branch: (n,) which branch that means, or `REJECT`.
-        target: (n,) where it leads: a node, ~leaf, or `DISMISSED`.
-    """
+    before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
+    after: Array  # (n, 3) and after it, with the jaws closed
+    released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
+    drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
+    width_mm: Array  # (n,) true openings
+    counts: IntArray  # (n,) what the encoder reads
+    branch: IntArray  # (n,) which branch that means, or `REJECT`
+    target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
 
-    after: Array
-    released: Array
-    drag: Array
-    width_mm: Array
-    counts: IntArray
-    branch: IntArray
-    target: IntArray
+    def through(self, branch: int) -> Array:
+        """Poses (m, 3) of the released parts that leave through one branch, or through `REJECT`."""
+        return np.asarray(self.released[self.branch == branch])
 
 
 def step(
-    program: Program,
-    node: IntArray,
-    poses: Array,
-    placement: Array,
-    world: World,
-    encoder: Encoder,
-    rng: np.random.Generator,
-    encoder_offset_mm: float = 0.0,
-) -> Step:
+    program: Program, node: IntArray, poses: Array, placement: Array, world: World, encoder: Encoder,
+    rng: np.random.Generator, encoder_offset_mm: float = 0.0,
+) -> Step:  # fmt: skip
     """Squeezes parts once, reads, looks up and lets go, as the runtime would.
 
     Args:
@@ -142,124 +102,97 @@ def step(
         rng: of the encoder's noise.
         encoder_offset_mm: added to every width before it is read.
     """
-    squeezed = _squeeze_all(world, to_hand(poses, placement.T))
-    counts = encoder.read(squeezed.width_mm + encoder_offset_mm, rng)
-    reading = counts + COUNTS * (squeezed.width_mm > 0.0)  # jaws that something keeps apart feel it
+    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T))
+    counts = encoder.read(width_mm + encoder_offset_mm, rng)
+    reading = counts + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
     drag = np.where(program.carries[node, reading][:, None], program.drag[node], 0.0)
-    after = to_world(squeezed.poses, placement.T)
+    after = to_world(final, placement.T)
     released = after.copy()
-    released[:, :2] += np.where(squeezed.held[:, None], drag, 0.0)
+    released[:, :2] += np.where(held[:, None], drag, 0.0)
     branch, target = program.branch[node, reading], program.target[node, reading]
-    return Step(after, released, drag, squeezed.width_mm, counts, branch, target)
+    return Step(poses, after, released, drag, width_mm, counts, branch, target)
 
 
 def run(
     program: Program, job: Job, world: World, trials: int, rng: np.random.Generator, disturbance: Disturbance
 ) -> Evaluation:
-    """Runs a table on a number of parts.
+    """Runs a table on a number of parts, at least 1.
 
-    Args:
-        program: the table.
-        job: what the parts and the gripper are like in truth: initial poses and encoder come from it.
-        world: where the parts are squeezed.
-        trials: number of parts, at least 1.
-        rng: of initial poses, encoder noise and the arm's errors; the world has its own.
-        disturbance: errors of the cell.
+    The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
+    the arm's errors, the world has its own.
     """
-    state = _Trials(program, job, initial(job, trials, rng), disturbance)
-    for _ in range(program.table.limits.max_depth):
-        if not np.any(state.node >= 0):
+    depth, encoder = program.table.limits.max_depth, encoder_of(job)
+    poses = initial(job, trials, rng)
+    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    hand, crashes = np.zeros((trials, 2)), 0
+    node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
+    found = Evaluation(
+        leaf=np.full(trials, RUNNING, np.int64),
+        squeezes=np.zeros(trials, np.int64),
+        seconds=np.zeros(trials),
+        error_mm=np.zeros(trials),
+        within=np.zeros(trials, np.bool_),
+        resolved=np.zeros(trials, np.bool_),
+        crashes=0,
+        poses=poses.copy(),
+        initial=poses,
+        path=np.full((trials, depth), NOWHERE, np.int64),
+        counts=np.full((trials, depth), NOWHERE, np.int64),
+        branch=np.full((trials, depth), NOWHERE, np.int64),
+    )
+    for _ in range(depth):
+        members = np.flatnonzero(node >= 0)
+        if not len(members):
             break
-        state.squeeze(np.flatnonzero(state.node >= 0), world, rng)
-    return state.evaluation()
+        at, lying, offset_mm = node[members], found.poses[members], disturbance.encoder_offset_mm
+        placement = disturbance.placed(program.placement[at], rng)
+        crashes += _crashes(world, to_hand(lying, placement.T), program.opening_mm[at], reach)
+        made = step(program, at, lying, placement, world, encoder, rng, offset_mm)
+        found.poses[members] = made.released
+        found.seconds[members] += _seconds(program, at, hand[members], made)
+        hand[members] = program.placement[at, :2] + made.drag
+        row = members, found.squeezes[members]
+        found.path[row], found.counts[row], found.branch[row] = at, made.counts, made.branch
+        found.squeezes[members] += 1
+        ended = made.target < 0
+        leaf = np.where(made.target == DISMISSED, REJECTED, ~made.target)
+        found.leaf[members[ended]] = leaf[ended]
+        node[members] = np.maximum(made.target, NOWHERE)
+    error, within = judge(program.table, found.leaf, found.poses)
+    resolved = claimed(program.table, found.leaf)
+    return replace(found, error_mm=error, within=within, resolved=resolved, crashes=crashes)
 
 
-class _Trials:
-    """The state of all trials; `node` is the node each stands at, negative once it has ended."""
-
-    def __init__(self, program: Program, job: Job, poses: Array, disturbance: Disturbance) -> None:
-        n, depth = len(poses), program.table.limits.max_depth
-        self.program, self.job, self.disturbance = program, job, disturbance
-        self.encoder: Encoder = encoder_of(job)
-        self.reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-        self.initial, self.poses = poses, poses.copy()
-        self.node: IntArray = np.zeros(n, np.int64)
-        self.leaf: IntArray = np.full(n, RUNNING, np.int64)
-        self.squeezes: IntArray = np.zeros(n, np.int64)
-        self.seconds, self.hand = np.zeros(n), np.zeros((n, 2))
-        self.path: IntArray = np.full((n, depth), NOWHERE, np.int64)
-        self.counts: IntArray = np.full((n, depth), NOWHERE, np.int64)
-        self.branch: IntArray = np.full((n, depth), NOWHERE, np.int64)
-        self.crashes = 0
-
-    def squeeze(self, members: IntArray, world: World, rng: np.random.Generator) -> None:
-        """Squeezes the running trials once and looks up where each goes."""
-        node, program = self.node[members], self.program
-        placement = self.disturbance.placed(program.placement[node], rng)
-        poses, offset_mm = self.poses[members], self.disturbance.encoder_offset_mm
-        self._count_crashes(world, to_hand(poses, placement.T), program.opening_mm[node])
-        made = step(program, node, poses, placement, world, self.encoder, rng, offset_mm)
-        self.poses[members] = made.released
-        self._spend(members, made.width_mm, made.drag)
-        at = members, self.squeezes[members]
-        self.path[at], self.counts[at], self.branch[at] = node, made.counts, made.branch
-        self.squeezes[members] += 1
-        self._descend(members, made.target)
-
-    def evaluation(self) -> Evaluation:
-        """The outcomes."""
-        table = self.program.table
-        error, within = judge(table, self.leaf, self.poses)
-        known = np.array([leaf.resolved for leaf in table.leaves])
-        return Evaluation(
-            leaf=self.leaf,
-            squeezes=self.squeezes,
-            seconds=self.seconds,
-            error_mm=error,
-            within=within,
-            resolved=np.where(self.leaf >= 0, known[self.leaf], False),
-            crashes=self.crashes,
-            poses=self.poses,
-            initial=self.initial,
-            path=self.path,
-            counts=self.counts,
-            branch=self.branch,
-        )
-
-    def _descend(self, members: IntArray, target: IntArray) -> None:
-        """Moves trials to where their look-up led: a node, a leaf (~leaf), or a rejection."""
-        ended = target < 0
-        self.leaf[members[ended]] = np.where(target[ended] == DISMISSED, REJECTED, ~target[ended])
-        self.node[members] = np.maximum(target, NOWHERE)
-
-    def _count_crashes(self, world: World, hand: Array, opening_mm: Array) -> None:
-        collides = getattr(world, "collides", None)
-        if collides is not None:
-            near = np.abs(hand[:, 1]) + self.reach > 0.5 * opening_mm
-            pairs = zip(hand[near], opening_mm[near], strict=True)
-            self.crashes += sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
-
-    def _spend(self, members: IntArray, width_mm: Array, drag: Array) -> None:
-        """Adds the time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
-        program, limits = self.program, self.program.table.limits
-        node = self.node[members]
-        target = program.placement[node, :2]
-        travel = np.hypot(*(target - self.hand[members]).T) + np.hypot(*drag.T)
-        lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
-        stroke = 2.0 * (program.opening_mm[node] - width_mm)
-        self.seconds[members] += (travel + lift) / (limits.arm_speed_um_s / 1e3)
-        self.seconds[members] += stroke / program.speed_mm_s[node]
-        self.hand[members] = target + drag
+def _crashes(world: World, hand: Array, opening_mm: Array, reach_mm: float) -> int:
+    """How many of the open hands would stand on the part, where the world can tell."""
+    collides = getattr(world, "collides", None)
+    if collides is None:
+        return 0
+    near = np.abs(hand[:, 1]) + reach_mm > 0.5 * opening_mm
+    pairs = zip(hand[near], opening_mm[near], strict=True)
+    return sum(bool(collides(tuple(pose), float(opening))) for pose, opening in pairs)
 
 
-def _squeeze_all(world: World, hand: Array) -> Squeezed:
-    """Squeezes (n, 3) poses, in a batch where the world offers one."""
+def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array:
+    """The time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
+    limits = program.table.limits
+    travel = np.hypot(*(program.placement[node, :2] - hand).T) + np.hypot(*made.drag.T)
+    lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
+    stroke = 2.0 * (program.opening_mm[node] - made.width_mm)
+    return np.asarray((travel + lift) / (limits.arm_speed_um_s / 1e3) + stroke / program.speed_mm_s[node])
+
+
+def _squeeze_all(world: World, hand: Array) -> tuple[Array, Array, BoolArray]:
+    """Squeezes (n, 3) poses in the hand frame, in a batch where the world offers one.
+
+    Returns:
+        (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part was held in the end.
+    """
     many = getattr(world, "squeeze_many", None)
     if many is not None:
         rolled = many(hand)
-        held = (rolled.status == GRASPED) | (rolled.status == JAMMED)
-        return Squeezed(cast(Array, rolled.poses), cast(Array, rolled.width_mm), np.asarray(held))
+        return rolled.poses, rolled.width_mm, np.isin(rolled.status, (GRASPED, JAMMED))
     results = [world.squeeze((float(x), float(y), float(theta))) for x, y, theta in hand]
     final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
     width = np.array([result[1] for result in results], dtype=np.float64)
-    return Squeezed(final, width, np.array([result[2] in HOLDING for result in results]))
+    return final, width, np.array([result[2] in HOLDING for result in results])

@@ -2,20 +2,14 @@
 
 Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
 the force for which the fitted ellipsoid slides the part without turning it, averaged over the directions.
-The mechanics does not depend on it, only the residuals' weights do.
-
-The quartic is fitted robustly, and pulled towards the ellipsoid by a ridge that is chosen within the pairs of
-the fit alone, by cross-validation: the strongest whose error is within one standard error of the least
-(Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 7.10). With few or noisy pairs the
-result is close to the ellipsoid, and no worse.
+The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
+error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
+Learning", 7.10).
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -25,70 +19,47 @@ from planner.identification.pushes import Pairs
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
+from planner.work.progress import Report, silent
 
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
-Report = Callable[[str, int, int], None]
 
-RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-"""Pulls towards the ellipsoid to choose from, as numbers of pairs."""
+RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid, as numbers of pairs
 
 FOLDS = 5
-LEAST_PAIRS = 12
-"""Of a file; a split keeps at least half of them for the fit."""
+LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
 
 _FRICTION_ROUNDS = 5
 
 
 class Normalised(NamedTuple):
-    """Pairs in the units of `planner.mechanics.limit_surface`.
+    """Pairs in the units of `planner.mechanics.limit_surface`."""
 
-    Attributes:
-        F: (K, 3) [fx, fy, tau / rho], still in N.
-        V: (K, 3) unit [vx, vy, omega rho].
-        weights: (K,) with mean 1.
-    """
+    F: Array  # (K, 3) [fx, fy, tau / rho], still in N
+    V: Array  # (K, 3) unit [vx, vy, omega rho]
+    weights: Array  # (K,) with mean 1
 
-    F: Array
-    V: Array
-    weights: Array
-
-    def take(self, rows: IntArray) -> Normalised:
+    def take(self, rows: IntArray) -> Self:
         """Return some of the pairs."""
-        return Normalised(self.F[rows], self.V[rows], self.weights[rows])
+        return self._replace(F=self.F[rows], V=self.V[rows], weights=self.weights[rows])
 
 
 class Fit(NamedTuple):
-    """A surface with what it was fitted with.
+    """A surface with what it was fitted with."""
 
-    Attributes:
-        surface: the limit surface, of wrenches divided by `friction_n`.
-        friction_n: friction with the table at full slip, N.
-        ridge: pull towards the ellipsoid, in pairs; 0 for an ellipsoid.
-    """
-
-    surface: Surface
-    friction_n: float
-    ridge: float
+    surface: Surface  # the limit surface, of wrenches divided by `friction_n`
+    friction_n: float  # friction with the table at full slip, N
+    ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identified:
-    """An identified limit surface and how well its kind predicts pushes that it was not fitted to.
+class Identified(NamedTuple):
+    """An identified limit surface and how well its kind predicts pushes that it was not fitted to."""
 
-    Attributes:
-        kind: "ellipsoid" or "quartic".
-        fit: to all pairs.
-        errors_rad: (splits,) mean angle between measured and predicted twist over the held-out half.
-        held_out: (K, 3) mean predicted unit twist of each pair while held out; nan if it never was.
-        fit_error_rad: the same of the final fit on its own pairs.
-    """
-
-    kind: Kind
-    fit: Fit
-    errors_rad: Array
-    held_out: Array
-    fit_error_rad: float
+    kind: Kind  # "ellipsoid" or "quartic"
+    fit: Fit  # to all pairs
+    errors_rad: Array  # (splits,) mean angle between measured and predicted twist over the held-out half
+    held_out: Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
+    fit_error_rad: float  # the same of the final fit on its own pairs
 
 
 def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
@@ -100,22 +71,15 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 
 def identify(
-    data: Normalised,
-    rho_mm: float,
-    kinds: Sequence[Kind],
-    *,
-    splits: int,
-    train_share: float,
-    seed: int,
-    friction_n: float | None = None,
-    report: Report = lambda _stage, _done, _total: None,
-) -> list[Identified]:
-    """Fit limit surfaces to pairs, and judge each kind on random splits of them.
+    data: Normalised, rho_mm: float, kinds: Sequence[Kind], *, splits: int, train_share: float, seed: int,
+    friction_n: float | None = None, report: Report = silent,
+) -> list[Identified]:  # fmt: skip
+    """Fit limit surfaces to pairs, and judge each kind on the same random splits of them.
 
     Args:
         data: the pairs.
         rho_mm: the length they are normalised with.
-        kinds: what to fit; all kinds see the same splits.
+        kinds: what to fit.
         splits: number of random splits.
         train_share: share of the pairs that a split fits to, 0 to 1; the rest is held out.
         seed: of the splits and folds.
@@ -133,7 +97,7 @@ def identify(
             f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
             f"{LEAST_PAIRS // 2} of them, but not all"
         )
-        raise ValueRangeError(problem, key="train_share", value=train_share)
+        raise ValueRangeError(problem, key="train_share")
     errors = {kind: np.empty(splits) for kind in kinds}
     predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):
@@ -146,7 +110,14 @@ def identify(
             errors[kind][split] = np.average(angles(twists, unseen.V), weights=unseen.weights)
             predicted[kind][order[train:]] += twists
     report("fitting all pairs", splits, splits)
-    return [_final(data, rho_mm, kind, seed, friction_n, errors[kind], predicted[kind]) for kind in kinds]
+    found = []
+    for kind in kinds:
+        fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
+        own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
+        length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
+        mean = np.divide(predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0)
+        found.append(Identified(kind, fitted, errors[kind], mean, float(own)))
+    return found
 
 
 def fit(
@@ -167,10 +138,10 @@ def fit(
 
 
 def friction(data: Normalised) -> float:
-    """Estimate mu N: the mean force that slides the part without turning it, N.
+    """Estimate mu N [N]: the mean force that slides the part without turning it.
 
-    For the ellipsoid A the wrench that answers a unit twist v does power sqrt(v^T A^-1 v); for a translation
-    that is the force along it, 1 in normalised units.
+    The wrench that answers a unit twist v of the ellipsoid A does power sqrt(v^T A^-1 v), which is 1 for a
+    translation.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):
@@ -211,19 +182,3 @@ def angles(first: Array, second: Array) -> Array:
 
 def _quartic(data: Normalised, rho_mm: float, ridge: float) -> QuarticSurface:
     return quartic_fit.fit(data.F, data.V, rho_mm, data.weights, ridge=ridge, robust=True)
-
-
-def _final(
-    data: Normalised,
-    rho_mm: float,
-    kind: Kind,
-    seed: int,
-    friction_n: float | None,
-    errors: Array,
-    predicted: Array,
-) -> Identified:
-    fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
-    own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
-    length = np.linalg.norm(predicted, axis=1, keepdims=True)
-    mean = np.divide(predicted, length, out=np.full_like(predicted, np.nan), where=length > 0.0)
-    return Identified(kind, fitted, errors, mean, float(own))

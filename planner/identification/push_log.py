@@ -13,15 +13,9 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
   force of the whole record are not contact.
 - The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
   the mean over the contact readings of the force and its torque in the part's frame as it then lies, the
-  twist the constant one, in the part's frame, that takes the one pose to the other (eq. 1 is about both in
-  the part's frame at the same time). Only the direction of a twist matters.
-- The tip of the pusher lies to the side of the logged position, by a fraction of a millimetre that is found
-  from where it ends on the block's faces (`tip_offset`). It matters for supports that are close together.
-
-With these facts wrench . twist > 0 for every push of the two public files; with other signs it is not.
+  twist the constant one there that takes the one pose to the other (eq. 1 is about both in that frame).
+- The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -36,35 +30,25 @@ MARKER_TO_PART_MM = np.array([50.0, 50.0])
 FACES = np.array([[-1.0, 0.0], [0.0, -1.0], [math.sqrt(0.5), math.sqrt(0.5)]])
 """Outward normals of the block's faces."""
 
-FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])
-"""Distances of the faces from the centroid."""
+FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the faces from the centroid
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = 0.5
-"""Scatter of a contact's distance from its face over the likely size of the tip's offset: mm over mm."""
+TIP_PRIOR = 0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
 
-MAX_TILT_DEG = 15.0
-"""A pose tilted more than this is not that of a block on a table: the numbers are in another order."""
+MAX_TILT_DEG = 15.0  # of a block on a table; beyond it the numbers are in another order
 
 MOST_PUSHES = 100_000
 MOST = 1e30
 
 
 class Push(NamedTuple):
-    """One record of a push log, as logged.
+    """One record of a push log, as logged."""
 
-    Attributes:
-        before: (7,) pose of the marker frame, mm and quaternion.
-        after: (7,) the same, after the push.
-        forces: (K, 3) t s, fx N, fy N, sensor axes.
-        pusher: (P, 8) t s, pose of the pusher.
-    """
-
-    before: Array
-    after: Array
-    forces: Array
-    pusher: Array
+    before: Array  # (7,) pose of the marker frame, mm and quaternion
+    after: Array  # (7,) the same, after the push
+    forces: Array  # (K, 3) t s, fx N, fy N, sensor axes
+    pusher: Array  # (P, 8) t s, pose of the pusher
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
@@ -98,11 +82,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     sideways = tip_offset(pushes)
     wrenches = np.array([_wrench(push, sideways) for push in pushes])
     twists = np.array([_twist(push) for push in pushes])
-    for index in range(len(pushes)):
-        if not twists[index].any() or not wrenches[index, :2].any():
-            still = not twists[index].any()
-            lacks = "the block does not move" if still else "no force reading shows contact"
-            raise ValueRangeError(f"push {index + 1} of {len(pushes)}: {lacks}; drop this push", where=where)
+    for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
+        if not twist.any() or not wrench[:2].any():
+            lacks = "no force reading shows contact" if twist.any() else "the block does not move"
+            raise ValueRangeError(f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where)
     return wrenches, twists
 
 
@@ -158,7 +141,6 @@ def _wrench(push: Push, sideways: float) -> Array:
 
 
 def _contact(measured: Array) -> BoolArray:
-    """Return which of the readings (K, 2), offset taken off, show contact."""
     strength = np.hypot(measured[:, 0], measured[:, 1])
     contact = strength >= max(float(np.hypot(*measured.mean(axis=0))), 1e-9)
     contact[: int(APPROACH * len(measured))] = False
@@ -171,7 +153,6 @@ def _origin(pose: Array) -> Array:
 
 
 def _turned(push: Push) -> float:
-    """Return how far the block turned, rad."""
     return math.remainder(float(_yaw(push.after[3:]) - _yaw(push.before[3:])), math.tau)
 
 
@@ -199,7 +180,7 @@ def finite(text: str | None, place: str, where: str) -> float:
         value = math.nan
     if not abs(value) < MOST:
         what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
-        raise ValueRangeError(f"{place}: {what}; correct the file", where=where, value=text)
+        raise ValueRangeError(f"{place}: {what}; correct the file", where=where)
     return value
 
 

@@ -2,10 +2,8 @@
 
 A table is CSV with the columns `COLUMNS` and optionally `weight`: the wrench on the part and the twist it
 answered with, about the origin of the part's frame (its area centroid) and along its axes. Only the direction
-of a twist matters, so a displacement over a short push does as well as a velocity.
+of a twist matters.
 """
-
-from __future__ import annotations
 
 import csv
 from pathlib import Path
@@ -24,17 +22,11 @@ WEIGHT = "weight"
 
 
 class Pairs(NamedTuple):
-    """Measured wrenches and the twists that answered them, in the part's frame.
+    """Measured wrenches and the twists that answered them, in the part's frame."""
 
-    Attributes:
-        wrenches: (K, 3) fx N, fy N, tau N mm.
-        twists: (K, 3) vx mm, vy mm, omega rad, of any magnitude but 0.
-        weights: (K,) positive.
-    """
-
-    wrenches: Array
-    twists: Array
-    weights: Array
+    wrenches: Array  # (K, 3) fx N, fy N, tau N mm
+    twists: Array  # (K, 3) vx mm, vy mm, omega rad, of any magnitude but 0
+    weights: Array  # (K,) positive
 
 
 def load(path: str | Path) -> Pairs:

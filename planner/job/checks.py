@@ -9,23 +9,21 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import FitError, JobError, OutlineError, ValueRangeError
-from planner.job import surface_file
+from planner.errors import FitError, OutlineError, ValueRangeError
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry
 
 Values = dict[str, Any]
 
+LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 TIP_MARGIN_MM = 1.0
 """How far below the part's top the finger tips squeeze at least: the arm is off, a rim is rounded."""
-HIGHEST_TIPS_MM = 8.0
-"""Where the tips squeeze a part whose height nobody states, or a high one."""
-ON_PART_MM = 1e-3
-"""How far outside the outline a support point may lie, for rounded drawings."""
+HIGHEST_TIPS_MM = 8.0  # Where the tips squeeze a part whose height nobody states, or a high one
+ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
 
 
-def place_outline(points: Array, where: str, drawn: bool) -> outline.Canonical:
-    """Return the outline in the part's frame and the shift that took it there.
+def place_outline(points: Array, drawn: bool) -> outline.Canonical:
+    """The outline in the part's frame and the shift that took it there.
 
     Raises:
         OutlineError: it is not a simple polygon, or claims to be in the part's frame and is not.
@@ -33,28 +31,28 @@ def place_outline(points: Array, where: str, drawn: bool) -> outline.Canonical:
     try:
         return outline.canonical(points) if drawn else outline.Canonical(outline.checked(points), np.zeros(2))
     except OutlineError as error:
-        raise error.at(where, "part", "outline_mm") from None
+        raise error.at(section="part", key="outline_mm") from None
 
 
-def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array, where: str) -> None:
-    """Move the support points along with the outline, fill in and normalise their weights (in place).
+def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array) -> None:
+    """Moves the support points along with the outline, fills in and normalises their weights (in place).
 
     Raises:
         ValueRangeError: points off the part, all in one place, or as many weights as points are not given;
             or a stated ellipsoid is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
-        check_ellipsoid(pressure["ellipsoid"], where, "pressure")
+        check_ellipsoid(pressure["ellipsoid"], "pressure")
     if pressure["kind"] != "points":
         return
     points = pressure["points_mm"] + shift + 0.0
-    _check_supports(points, part_outline, where)
+    _check_supports(points, part_outline)
     weights = pressure["weights"]
     if weights is None:
         weights = np.ones(len(points))
     if len(weights) != len(points):
         problem = f"has {len(weights)} entries for {len(points)} points; give one weight a point"
-        raise _conflict(problem, where, "pressure", "weights", weights.tolist())
+        raise _conflict("pressure", "weights", problem)
     total = math.fsum(weights)
     if abs(total - 1.0) > 1e-12:  # weights that are normalised already stay what they are, to the last bit
         weights = weights / total
@@ -63,60 +61,65 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     pressure.update(points_mm=points, weights=weights)
 
 
-def place_tips(height_mm: float | None, cell: dict[str, Any]) -> None:
-    """Fill in (in place) a squeeze height that is not stated: half-way up, at most `HIGHEST_TIPS_MM`."""
-    if cell["squeeze_height_mm"] is None:
-        top_mm = math.inf if height_mm is None else height_mm
-        cell["squeeze_height_mm"] = min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
+def tips_height_mm(height_mm: float | None) -> float:
+    """Where the tips squeeze if nobody says: half-way up the part, at most `HIGHEST_TIPS_MM`."""
+    top_mm = math.inf if height_mm is None else height_mm
+    return min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
 
 
-def check_conflicts(values: Values, where: str) -> None:
-    """Refuse values that are fine alone and wrong together.
+def check_conflicts(values: Values) -> None:
+    """Refuses values that are fine alone and wrong together.
 
     Raises:
         ValueRangeError: which two values conflict.
         FitError: the part is wider than the jaws open, however it lies.
     """
-    _check_symmetry(values["part"], where)
-    if values["pressure"].get("limit_surface") == "quartic":
-        surface_file.check_dof(values["pressure"]["wishart_dof"], where)
-    _check_friction(values["friction"], where)
-    _check_gripper(values["gripper"], values["cell"], where)
-    _check_heights(values["part"]["height_mm"], values["cell"], where)
-    _check_actions(values["actions"], values["cell"], where)
-    _check_choices(values["actions"], values["gripper"], values["cell"], where)
-    _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"], where)
+    _check_symmetry(values["part"])
+    _check_dof(values["pressure"])
+    _check_friction(values["friction"])
+    _check_gripper(values["gripper"], values["cell"])
+    _check_heights(values["part"]["height_mm"], values["cell"])
+    _check_actions(values["actions"], values["cell"])
+    _check_choices(values["actions"], values["gripper"], values["cell"])
+    _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     if values["delivery"] is not None:
-        _check_delivery(values, where)
+        _check_delivery(values)
 
 
-def _check_symmetry(part: dict[str, Any], where: str) -> None:
+def _check_symmetry(part: dict[str, Any]) -> None:
     n = part["symmetry"]
     if not symmetry.has_order(part["outline_mm"], n):
         found = symmetry.order(part["outline_mm"])
         problem = f'is {n}, but the outline has order {found}; write "auto", or a divisor of {found}'
-        raise _conflict(problem, where, "part", "symmetry", n)
+        raise _conflict("part", "symmetry", problem)
 
 
-def _check_friction(friction: dict[str, Any], where: str) -> None:
+def _check_dof(pressure: dict[str, Any]) -> None:
+    quartic = pressure.get("limit_surface") == "quartic" or pressure.get("quartic") is not None
+    if quartic and pressure["wishart_dof"] < LEAST_QUARTIC_DOF:
+        problem = f"must be at least {LEAST_QUARTIC_DOF} for a quartic, whose certificate is 9 x 9"
+        raise _conflict("pressure", "wishart_dof", problem)
+
+
+def _check_friction(friction: dict[str, Any]) -> None:
     low, high = friction["finger_part_min"], friction["finger_part_max"]
     if low > high:
         problem = f"is {low:g}, above finger_part_max = {high:g}; exchange them"
-        raise _conflict(problem, where, "friction", "finger_part_min", low)
+        raise _conflict("friction", "finger_part_min", problem)
 
 
-def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any], where: str) -> None:
+def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     low, high = gripper["count_open"], gripper["count_closed"]
     if low >= high:
         problem = f"is {low}, not below count_closed = {high}; counts grow as the jaws close"
-        raise _conflict(problem, where, "gripper", "count_open", low)
+        raise _conflict("gripper", "count_open", problem)
     for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
         if gripper[key] > cell[limit]:
             problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
-            raise _conflict(problem, where, "gripper", key, gripper[key])
+            raise _conflict("gripper", key, problem)
 
 
-def _check_heights(height_mm: float | None, cell: dict[str, Any], where: str) -> None:
+def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:
     """The tips must meet the part where they squeeze, and pass above it where they travel."""
     if height_mm is None:
         return
@@ -126,58 +129,54 @@ def _check_heights(height_mm: float | None, cell: dict[str, Any], where: str) ->
             f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm = "
             f"{height_mm:g}; lower it to {height_mm - TIP_MARGIN_MM:g} or less, or leave it out"
         )
-        raise _conflict(problem, where, "cell", "squeeze_height_mm", squeeze_mm)
+        raise _conflict("cell", "squeeze_height_mm", problem)
     if retreat_mm <= height_mm:
         problem = f"is {retreat_mm:g}, not above height_mm = {height_mm:g} of [part]; raise it"
-        raise _conflict(problem, where, "cell", "retreat_height_mm", retreat_mm)
+        raise _conflict("cell", "retreat_height_mm", problem)
 
 
-def _check_actions(actions: dict[str, Any], cell: dict[str, Any], where: str) -> None:
-    angles, centers = actions["angles_deg"], actions["centers_mm"]
+def _check_actions(actions: dict[str, Any], cell: dict[str, Any]) -> None:
     low, high = cell["work_area_mm"]
     if not (low < high).all():
         problem = "must be [[x_min, y_min], [x_max, y_max]] with min below max"
-        raise _conflict(problem, where, "cell", "work_area_mm", cell["work_area_mm"].tolist())
-    for key, entries in (("angles_deg", angles), ("centers_mm", centers)):
-        if len(np.unique(entries, axis=0)) < len(entries):
-            raise _conflict("has an entry twice; drop one", where, "actions", key, entries.tolist())
+        raise _conflict("cell", "work_area_mm", problem)
+    for key in ("angles_deg", "centers_mm"):
+        if len(np.unique(actions[key], axis=0)) < len(actions[key]):
+            raise _conflict("actions", key, "has an entry twice; drop one")
+    centers = actions["centers_mm"]
     outside = ((centers < low) | (centers > high)).any(axis=1)
     if outside.any():
         x, y = centers[int(np.argmax(outside))]
         problem = f"({x:g}, {y:g}) lies outside work_area_mm of [cell]; move it or widen the area"
-        raise _conflict(problem, where, "actions", "centers_mm", [x, y])
+        raise _conflict("actions", "centers_mm", problem)
 
 
-def _check_choices(
-    actions: dict[str, Any], gripper: dict[str, Any], cell: dict[str, Any], where: str
-) -> None:
+def _check_choices(actions: dict[str, Any], gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     """Openings and forces to choose from must be within what gripper and cell allow."""
-    openings, forces = actions["openings_mm"], actions["forces_n"]
-    if len(openings) and openings.max() > gripper["opening_mm"]:
-        problem = (
-            f"{openings.max():g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
-        )
-        raise _conflict(problem, where, "actions", "openings_mm", openings.tolist())
-    if len(openings) and gripper["upper_finger_share"] != 0.5:
+    widest, strongest = actions["openings_mm"].max(initial=0.0), actions["forces_n"].max(initial=0.0)
+    if widest > gripper["opening_mm"]:
+        problem = f"{widest:g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
+        raise _conflict("actions", "openings_mm", problem)
+    if widest and gripper["upper_finger_share"] != 0.5:
         problem = "needs upper_finger_share = 0.5: otherwise the opening decides which finger touches first"
-        raise _conflict(problem, where, "actions", "openings_mm", openings.tolist())
-    if len(forces) and forces.max() > cell["max_force_n"]:
-        problem = f"{forces.max():g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
-        raise _conflict(problem, where, "actions", "forces_n", forces.tolist())
+        raise _conflict("actions", "openings_mm", problem)
+    if strongest > cell["max_force_n"]:
+        problem = f"{strongest:g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
+        raise _conflict("actions", "forces_n", problem)
 
 
-def _check_delivery(values: Values, where: str) -> None:
+def _check_delivery(values: Values) -> None:
     """The hand must come down within its area, with the part in one of the turns that look the same."""
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]
     if width is not None and width >= opening:
         problem = f"is {width:g}, not below opening_mm = {opening:g} of [gripper]; lower it"
-        raise _conflict(problem, where, "delivery", "width_mm", width)
+        raise _conflict("delivery", "width_mm", problem)
     area = values["cell"]["work_area_mm"] if delivery["area_mm"] is None else delivery["area_mm"]
     low, high = np.reshape(area, (2, 2))
     if not (low < high).all():
         problem = "must be [x_min, y_min, x_max, y_max] with min below max"
-        raise _conflict(problem, where, "delivery", "area_mm", area.tolist())
+        raise _conflict("delivery", "area_mm", problem)
     order = values["part"]["symmetry"]
     turns = math.radians(delivery["drop_angle_deg"]) + np.arange(order) * math.tau / order
     x, y = delivery["grasp_mm"]
@@ -187,31 +186,29 @@ def _check_delivery(values: Values, where: str) -> None:
         outside = "work_area_mm of [cell]" if delivery["area_mm"] is None else "area_mm"
         place = f"({hands[0, 0]:g}, {hands[0, 1]:g})"
         problem = f"brings the hand to {place}, outside {outside}; move it or widen the area"
-        raise _conflict(problem, where, "delivery", "drop_mm", delivery["drop_mm"].tolist())
+        raise _conflict("delivery", "drop_mm", problem)
 
 
-def _check_fit(part_outline: outline.Outline, opening_mm: float, where: str) -> None:
+def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:
     narrowest = outline.min_width(part_outline)
     if narrowest >= opening_mm:
         problem = (
             f"part larger than the opening: its narrowest width is {narrowest:.4g} mm, the jaws open "
             f"{opening_mm:.4g} mm; take a wider gripper"
         )
-        raise FitError(problem, where=where, section="gripper", key="opening_mm", value=opening_mm)
+        raise FitError(problem, section="gripper", key="opening_mm")
 
 
-def _check_supports(points: Array, part_outline: outline.Outline, where: str) -> None:
-    area = shapely.polygons(part_outline)
-    beside = ~shapely.dwithin(area, shapely.points(points), ON_PART_MM)
+def _check_supports(points: Array, part_outline: outline.Outline) -> None:
+    beside = ~shapely.dwithin(shapely.polygons(part_outline), shapely.points(points), ON_PART_MM)
     if beside.any():
-        problem = (
-            f"entry {int(np.argmax(beside)) + 1} lies outside the outline; a part stands on points below it"
-        )
-        raise _conflict(problem, where, "pressure", "points_mm", points.tolist())
+        entry = int(np.argmax(beside)) + 1
+        problem = f"entry {entry} lies outside the outline; a part stands on points below it"
+        raise _conflict("pressure", "points_mm", problem)
     if np.ptp(points, axis=0).max() <= ON_PART_MM:
         problem = "lie all in one place, where friction resists no turning; give at least two places"
-        raise _conflict(problem, where, "pressure", "points_mm", points.tolist())
+        raise _conflict("pressure", "points_mm", problem)
 
 
-def _conflict(problem: str, where: str, section: str, key: str, value: object) -> JobError:
-    return ValueRangeError(problem, where=where, section=section, key=key, value=value)
+def _conflict(section: str, key: str, problem: str) -> ValueRangeError:
+    return ValueRangeError(problem, section=section, key=key)

@@ -9,7 +9,7 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.errors import InputFileError, KeyNameError, TomlError, UsageError, ValueRangeError
+from planner.errors import InputFileError, JobError, KeyNameError, TomlError, UsageError, ValueRangeError
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, TOP_LEVEL
 from runtime.shell import strict_json
@@ -17,19 +17,14 @@ from runtime.shell import strict_json
 INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
-}
-"""Keys that state the same thing in two ways: to set one drops the other."""
+}  # Keys that state the same thing in two ways: to set one drops the other
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
-    """Read the text of a job, or of another file that a person wrote.
-
-    Args:
-        path: the file, in UTF-8.
-        advice: what to do where there is none.
+    """The text of a job, or of another UTF-8 file that a person wrote.
 
     Raises:
-        InputFileError: the file is missing, unreadable, a directory or not UTF-8.
+        InputFileError: missing, unreadable, a directory or not UTF-8; says `advice` where there is none.
     """
     where = str(path)
     try:
@@ -43,19 +38,26 @@ def read(path: str | Path, advice: str = "check the path") -> str:
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
-    """Read TOML text.
+    """Reads TOML text.
 
     Raises:
-        TomlError: not valid TOML; line and column are attributes.
+        TomlError: not valid TOML; names line and column.
     """
     try:
         return tomllib.loads(text.replace("\r\n", "\n"))
-    except (ValueError, RecursionError) as error:
-        raise _toml_error(error, text, where) from error
+    except RecursionError as error:
+        raise TomlError("not valid TOML: nested too deeply", where=where) from error
+    except ValueError as error:
+        reason, _, place = str(error).partition(" (at ")
+        line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
+        if match := re.search(r"line (\d+), column (\d+)", place):
+            line, column = int(match[1]), int(match[2])
+        problem = f"not valid TOML at line {line}, column {column}: {reason}"
+        raise TomlError(problem, where=where) from error
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:
-    """Read the canonical text of a job.
+    """Reads the canonical text of a job.
 
     Raises:
         TomlError: not a JSON object.
@@ -69,61 +71,40 @@ def from_json(text: str, where: str) -> dict[str, Any]:
     return document
 
 
-def _toml_error(error: Exception, text: str, where: str) -> TomlError:
-    """Return the parser's complaint with its line and column."""
-    if isinstance(error, RecursionError):
-        return TomlError("not valid TOML: nested too deeply", where=where)
-    reason, _, place = str(error).partition(" (at ")
-    line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
-    if match := re.search(r"line (\d+), column (\d+)", place):
-        line, column = int(match[1]), int(match[2])
-    result = TomlError(f"not valid TOML at line {line}, column {column}: {reason}", where=where)
-    result.line, result.column = line, column
-    return result
+def checked(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Checks a parsed job file, key by key; conflicts between keys are the job's business.
 
-
-def checked(document: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Check a parsed job file, key by key; conflicts between keys are the job's business.
-
-    Args:
-        document: the file as nested tables.
-        where: the file, for errors.
-
-    Returns:
-        Section name to key to checked value, defaults filled in; the section "" is the top level. None for
-        one of `ABSENT_SECTIONS` that is not there.
+    Returns section name to key to checked value, defaults filled in; the section "" is the top level, and one
+    of `ABSENT_SECTIONS` that is not there is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
         ValueRangeError: a value of the wrong type or out of its range.
     """
-    _check_strays(document, (*FIELDS, *TOP_LEVEL), where, "")
-    check_names(document, (*FIELDS, *TOP_LEVEL), where, "")
+    _check_strays(document, (*FIELDS, *TOP_LEVEL), "")
+    check_names(document, (*FIELDS, *TOP_LEVEL), "")
     missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
     if missing:
-        raise missing_names(missing, where, "")
+        raise missing_names(missing, "")
     top = {key: value for key, value in document.items() if key in TOP_LEVEL}
-    values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, where, "")}
+    values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, "")}
     for name, section_fields in FIELDS.items():
         if name in ABSENT_SECTIONS and name not in document:
             values[name] = None
             continue
         table = document.get(name, {})
         if name == "pressure":
-            section_fields = _pressure_fields(table, where)
-        _check_strays(table, section_fields, where, name)
-        values[name] = read_section(table, section_fields, where, name)
-    _fill_orientation(values["uncertainty"], where)
+            section_fields = _pressure_fields(table)
+        _check_strays(table, section_fields, name)
+        values[name] = read_section(table, section_fields, name)
+    _fill_orientation(values["uncertainty"])
     return values
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return a document with values replaced; types and ranges are checked with the job as a whole.
+    """A document (not modified) with values replaced; types and ranges are checked with the job as a whole.
 
-    Args:
-        document: sections and keys, as parsed; not modified.
-        changes: values of the top level, and for each section its new values, applied in this order.
-        where: what errors name as the place.
+    `changes` has values of the top level, and for each section its new values, applied in this order.
 
     Raises:
         UsageError: a key of the top level is taken for a section.
@@ -131,15 +112,15 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
     """
     result = dict(document)
     for name, values in changes.items():
-        if not isinstance(values, Mapping):
-            check_names([name], TOP_LEVEL, where, "")
-            result[name] = values
-            continue
-        check_names([name], (*FIELDS, *TOP_LEVEL), where, "")
+        is_section = isinstance(values, Mapping)
+        try:
+            check_names([name], (*FIELDS, *TOP_LEVEL) if is_section else TOP_LEVEL, "")
+        except JobError as error:
+            raise error.at(where) from None
         table = result.get(name, {})
-        if not isinstance(table, dict):
+        if is_section and not isinstance(table, dict):
             raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")
-        result[name] = _with_values(table, name, values)
+        result[name] = _with_values(table, name, values) if is_section else values
     return result
 
 
@@ -155,16 +136,15 @@ def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any])
     return table
 
 
-def _pressure_fields(table: Any, where: str) -> Mapping[str, Field]:
-    """Return the keys that the stated kind of pressure takes."""
+def _pressure_fields(table: Any) -> Mapping[str, Field]:
     common = FIELDS["pressure"]
     kind_only = {"kind": table["kind"]} if isinstance(table, dict) and "kind" in table else {}
-    kind = read_section(kind_only, common, where, "pressure")["kind"]
+    kind = read_section(kind_only, common, "pressure")["kind"]
     return {**common, **PRESSURE_FIELDS.get(kind, {})}
 
 
-def _check_strays(table: Any, valid: Container[str], where: str, section: str) -> None:
-    """Refuse a key that is valid elsewhere, and say where."""
+def _check_strays(table: Any, valid: Container[str], section: str) -> None:
+    """Refuses a key that is valid elsewhere, and says where."""
     if not isinstance(table, dict):
         return
     homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
@@ -175,23 +155,17 @@ def _check_strays(table: Any, valid: Container[str], where: str, section: str) -
     homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section; move it there")
     for key in table:
         if key in homes and key not in valid:
-            error = KeyNameError(f"key {shown(key)} {homes[key]}", where=where, section=section, value=key)
-            error.names = (key,)
-            raise error
+            raise KeyNameError(f"key {shown(key)} {homes[key]}", section=section)
 
 
-def _fill_orientation(uncertainty: dict[str, Any], where: str) -> None:
-    """Turn the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
+def _fill_orientation(uncertainty: dict[str, Any]) -> None:
+    """Turns the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
     unknown = uncertainty.pop("orientation") is not None
     stated = uncertainty["orientation_halfwidth_deg"] is not None
     choice = 'orientation = "unknown" or orientation_halfwidth_deg'
     if not unknown and not stated:
-        error = KeyNameError(f"missing key orientation; state {choice}", where=where, section="uncertainty")
-        error.names = ("orientation",)
-        raise error
+        raise KeyNameError(f"missing key orientation; state {choice}", section="uncertainty")
     if unknown and stated:
-        raise ValueRangeError(
-            f"state {choice}, not both", where=where, section="uncertainty", key="orientation"
-        )
+        raise ValueRangeError(f"state {choice}, not both", section="uncertainty", key="orientation")
     if unknown:
         uncertainty["orientation_halfwidth_deg"] = math.degrees(math.pi)

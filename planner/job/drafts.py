@@ -9,43 +9,28 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
-from planner.job.checks import place_tips
+from planner.job.checks import tips_height_mm
 from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Imported
+from planner.part.outline import reach
 
-DECIMALS = 4
-"""Of a vertex: 0.1 um, far below any tolerance of a drawing."""
+DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
 class Answers(NamedTuple):
-    """What a drawing does not tell.
+    """What a drawing does not tell."""
 
-    Attributes:
-        name: of the part.
-        radius_mm: its centroid lies in this disc.
-        turn_deg: it is turned by at most this, or None for any angle.
-        gripper: one of `GRIPPERS`.
-        fingers: one of `FINGERS`.
-        distance_mm: the goal.
-        height_mm: the part's thickness; None where nobody knows it.
-    """
-
-    name: str
-    radius_mm: float
-    turn_deg: float | None
-    gripper: str
-    fingers: str
-    distance_mm: float = 3.0
-    height_mm: float | None = None
+    name: str  # of the part
+    radius_mm: float  # its centroid lies in this disc
+    turn_deg: float | None  # it is turned by at most this, or None for any angle
+    gripper: str  # one of `GRIPPERS`
+    fingers: str  # one of `FINGERS`
+    distance_mm: float = 3.0  # the goal
+    height_mm: float | None = None  # the part's thickness; None where nobody knows it
 
 
 def draft(imported: Imported, source: str, answers: Answers) -> str:
-    """The text of a job file, checked as every job is.
-
-    Args:
-        imported: the outline.
-        source: name of the file that it came from.
-        answers: the rest.
+    """The text of a job file for an outline from the file `source`, checked as every job is.
 
     Raises:
         JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
@@ -57,8 +42,6 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     width, height = imported.size_mm
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
-    cell: dict[str, float | None] = {"squeeze_height_mm": None}
-    place_tips(thickness, cell)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
@@ -66,7 +49,7 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
         size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
         height=thickness,
-        tips=cell["squeeze_height_mm"],
+        tips=tips_height_mm(thickness),
         vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
@@ -83,7 +66,7 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
     Negative where the part, turned, is wider than the jaws open.
     """
-    return 0.5 * gripper.opening_mm - float(np.max(np.hypot(*imported.outline_mm.T)))
+    return 0.5 * gripper.opening_mm - reach(imported.outline_mm)
 
 
 def _one_line(text: str) -> str:

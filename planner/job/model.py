@@ -1,9 +1,8 @@
 """The job file: everything a plan depends on, checked once, then frozen.
 
 A job is TOML for people (`load`, `parse`) and canonical JSON for the table (`Job.canonical`,
-`from_canonical`): the same keys, with every default written out, the symmetry resolved, and the outline
-counter-clockwise about its centroid. The text is exact, so its digest names the job. Types, ranges and
-defaults stand in `planner.job.schema`.
+`from_canonical`): the same keys, with every default written out. The text is exact, so its digest names the
+job.
 """
 
 from __future__ import annotations
@@ -17,21 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from planner.errors import JobError
 from planner.job import checks as job_checks
-from planner.job import documents, surface_file
-from planner.job.schema import (
-    SECTIONS,
-    Actions,
-    Cell,
-    Delivery,
-    Friction,
-    Goal,
-    Gripper,
-    Part,
-    Release,
-    Search,
-    Uncertainty,
-)  # fmt: skip
+from planner.job import documents, schema, surface_file
 from planner.part import symmetry
 from planner.part.pressure import Pressure
 
@@ -41,33 +28,31 @@ class Job:
     """A checked job. Two jobs are equal if their canonical texts are."""
 
     seed: int
-    part: Part
+    part: schema.Part
     pressure: Pressure
-    friction: Friction
-    gripper: Gripper
-    release: Release
-    uncertainty: Uncertainty
-    actions: Actions
-    goal: Goal
-    search: Search
-    cell: Cell
-    delivery: Delivery | None = None
+    friction: schema.Friction
+    gripper: schema.Gripper
+    release: schema.Release
+    uncertainty: schema.Uncertainty
+    actions: schema.Actions
+    goal: schema.Goal
+    search: schema.Search
+    cell: schema.Cell
+    delivery: schema.Delivery | None = None
 
     def canonical(self) -> str:
-        """Return the job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
+        """The job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
         return json.dumps(_plain(asdict(self)), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> bytes:
-        """Return the SHA-256 of the canonical text, 32 bytes."""
+        """The SHA-256 of the canonical text, 32 bytes."""
         return hashlib.sha256(self.canonical().encode()).digest()
 
     def replaced(self, where: str = "the changed job", /, **changes: Any) -> Job:
-        """Return a copy with other values, checked as in a file: `job.replaced(goal={"modes": 2}, seed=4)`.
+        """A copy with other values, checked as in a file: `job.replaced(goal={"modes": 2}, seed=4)`.
 
-        Args:
-            where: what an error names as the place.
-            changes: for each section, keys and values as a job file states them; for `seed` its value.
-                Another `pressure.kind` drops the keys that only the old one takes.
+        `where` is what an error names as the place. Another `pressure.kind` drops the keys that only the old
+        one takes.
 
         Raises:
             JobError: as `parse`.
@@ -84,11 +69,7 @@ class Job:
 
 
 def load(path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
-    """Read a job file.
-
-    Args:
-        path: a TOML file in UTF-8.
-        changes: as `parse`.
+    """Reads a job file (TOML, UTF-8), with changes as `Job.replaced` takes them.
 
     Raises:
         InputFileError: the file is missing, unreadable, a directory or not UTF-8.
@@ -110,15 +91,10 @@ def files(path: str | Path) -> list[Path]:
 
 
 def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = None) -> Job:
-    """Parse a job from TOML text.
-
-    Args:
-        text: the file's content.
-        where: the file's name, for errors.
-        changes: values that take the place of the file's, as `Job.replaced` takes them.
+    """Parses a job from the TOML text of the file `where`, with changes as `Job.replaced` takes them.
 
     Raises:
-        TomlError: not valid TOML; line and column are attributes.
+        TomlError: not valid TOML.
         KeyNameError: an unknown or missing key or section.
         ValueRangeError: a value of the wrong type, out of range, or in conflict with another.
         OutlineError: the outline is not a simple polygon.
@@ -130,7 +106,7 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
 
 
 def from_canonical(text: str, where: str = "job text") -> Job:
-    """Read a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
+    """Reads a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
 
     Raises:
         TomlError: not valid JSON.
@@ -140,31 +116,38 @@ def from_canonical(text: str, where: str = "job text") -> Job:
 
 
 def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Check a document and freeze it; only an outline as drawn is moved to its centroid.
+    """Checks a document and freezes it; only an outline as drawn is moved to its centroid.
 
     Raises:
         JobError: as `parse`.
     """
-    values = documents.checked(document, where)
-    part = values["part"]
-    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], where, drawn)
+    try:
+        return _of_document(document, where, drawn)
+    except JobError as error:
+        raise error.at(where) from error.__cause__
+
+
+def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    values = documents.checked(document)
+    part, actions, cell = values["part"], values["actions"], values["cell"]
+    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
     surface_file.resolve(values["pressure"], where, drawn)
-    job_checks.place_supports(values["pressure"], part["outline_mm"], shift, where)
-    job_checks.place_tips(part["height_mm"], values["cell"])
-    job_checks.check_conflicts(values, where)
-    actions, cell = values["actions"], values["cell"]
+    job_checks.place_supports(values["pressure"], part["outline_mm"], shift)
+    if cell["squeeze_height_mm"] is None:
+        cell["squeeze_height_mm"] = job_checks.tips_height_mm(part["height_mm"])
+    job_checks.check_conflicts(values)
     for key in ("angles_deg", "openings_mm", "forces_n"):
         actions[key] = tuple(actions[key].tolist())
     values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
     cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
-    records = {name: values[name] and record(**values[name]) for name, record in SECTIONS.items()}
+    records = {name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()}
     return Job(seed=values[""]["seed"], **records)
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON types; keys that are None are not written."""
+    """A value as JSON types; keys that are None are not written."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     return value.tolist() if isinstance(value, np.ndarray) else value

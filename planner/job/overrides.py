@@ -14,10 +14,7 @@ _WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
 def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
-    """Return overrides as `Job.replaced` takes them; of two for one key the last holds.
-
-    Args:
-        overrides: texts "section.key=value" or "seed=value".
+    """Overrides, texts "section.key=value" or "seed=value", as `Job.replaced` takes them; the last holds.
 
     Raises:
         UsageError: a text that cannot be read.
@@ -38,10 +35,10 @@ def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
 
 
 def value_of(name: str, text: str) -> Any:
-    """Return a value from its text: anything that TOML takes, or a bare word.
+    """A value of the key `name` from its text: anything that TOML takes, or a bare word.
 
     Raises:
-        UsageError: it is neither; `name` says which one.
+        UsageError: it is neither.
     """
     if not re.fullmatch(r"(\w+\.)?\w+", name):
         raise UsageError(f"{shown(name)} names no value of a job; write it as section.key=value")
@@ -57,7 +54,7 @@ def value_of(name: str, text: str) -> Any:
 
 
 def split(text: str) -> tuple[str, list[str]]:
-    """Return the name and the values of "name=value,value": commas within brackets or quotes part nothing.
+    """The name and the values of "name=value,value": commas within brackets or quotes part nothing.
 
     Raises:
         UsageError: no name, or nothing where a value should be.

@@ -1,7 +1,6 @@
 """Grippers and finger materials to begin a job with: starting values, to be measured in the cell.
 
-The 2F-85's figures are those that the rest of the project uses. The others are starting values near what
-the maker announces and checked against no manual; counts, fingertips and friction are measured in the cell.
+The 2F-85's figures are those of the rest of the project; the others are near what the maker announces.
 """
 
 from __future__ import annotations
@@ -10,31 +9,18 @@ from typing import NamedTuple
 
 
 class GripperPreset(NamedTuple):
-    """A gripper as it comes.
+    """A gripper as it comes."""
 
-    Attributes:
-        model: its name.
-        finger_length_mm: extent of a fingertip across the closing direction.
-        finger_width_mm: along it.
-        opening_mm: stroke.
-        count_open: encoder reading, jaws open.
-        count_closed: encoder reading, jaws closed on nothing.
-        speed_mm_s: closing speed to begin with, moderate.
-        force_n: grip force to begin with, low.
-        max_force_n: what it can.
-        max_speed_mm_s: what it can.
-    """
-
-    model: str
-    finger_length_mm: float
-    finger_width_mm: float
-    opening_mm: float
-    count_open: int
-    count_closed: int
-    speed_mm_s: float
-    force_n: float
-    max_force_n: float
-    max_speed_mm_s: float
+    model: str  # its name
+    finger_length_mm: float  # extent of a fingertip across the closing direction
+    finger_width_mm: float  # along it
+    opening_mm: float  # stroke
+    count_open: int  # encoder reading, jaws open
+    count_closed: int  # encoder reading, jaws closed on nothing
+    speed_mm_s: float  # closing speed to begin with, moderate
+    force_n: float  # grip force to begin with, low
+    max_force_n: float  # what it can
+    max_speed_mm_s: float  # what it can
 
 
 GRIPPERS = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
 
 from planner.arrays import Array
-from planner.job.fields import Either, Field, Integer, Number, Numbers, Text
+from planner.job.fields import Field, Integer, Number, Numbers, Text
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 
@@ -16,124 +16,80 @@ MOST_FRICTION = 2.0
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
-class FileName(Text):
-    """A path to a file, relative to the job file."""
-
-    longest = 1_000
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """The part on the table.
+    """The part on the table."""
 
-    Attributes:
-        name: for people.
-        outline_mm: (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
-        symmetry: rotational order n; turns by 2 pi / n look the same, 1 = none.
-        height_mm: its thickness, from the table to its top where the fingers close; None: not stated.
-    """
-
-    name: Annotated[str, Text()]
+    name: Annotated[str, Text()]  # for people
+    # (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
     outline_mm: Annotated[Outline, Numbers(PLACE, columns=2)]
-    symmetry: Annotated[int, Either("auto", Integer(1, 10_000), default="auto")]
+    # Rotational order n: turns by 2 pi / n look the same, 1 = none.
+    symmetry: Annotated[int, Integer(1, 10_000, default="auto", word="auto")]
+    # From the table to the part's top where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
 
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Coefficient of friction between finger and part.
-
-    Attributes:
-        finger_part_min: lower bound; friction is uniform between the two.
-        finger_part_max: upper bound.
-        doubt: share of the plan's particles whose friction lies outside the bounds, so that a part which does
-            not keep to them ends in an unresolved leaf.
-    """
+    """Coefficient of friction between finger and part: uniform between two bounds."""
 
     finger_part_min: Annotated[float, Number(0, MOST_FRICTION)]
     finger_part_max: Annotated[float, Number(0, MOST_FRICTION)]
+    # Share of the plan's particles whose friction lies outside the bounds, so that a part which does not keep
+    # to them ends in an unresolved leaf.
     doubt: Annotated[float, Number(0, 1, default=0.3)]
 
 
 @dataclass(frozen=True, slots=True)
 class Gripper:
-    """A parallel-jaw gripper.
-
-    Attributes:
-        model: name of the device.
-        finger_length_mm: extent of a finger along x of the hand frame.
-        finger_width_mm: extent along y, the closing direction.
-        opening_mm: distance of the inner faces, jaws fully open.
-        count_open: encoder reading, jaws fully open.
-        count_closed: encoder reading, jaws fully closed.
-        encoder_noise_mm: standard deviation of a measured width, before rounding to counts.
-        speed_mm_s: rate at which the opening closes; each finger moves at half of it.
-        force_n: grip force.
-        upper_finger_share: share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the
-            other one sticks.
-    """
+    """A parallel-jaw gripper."""
 
     model: Annotated[str, Text(default="robotiq-2f-85")]
-    finger_length_mm: Annotated[float, Number(0, MM, above=True)]
-    finger_width_mm: Annotated[float, Number(0, MM, above=True)]
-    opening_mm: Annotated[float, Number(0, MM, above=True)]
-    count_open: Annotated[int, Integer(0, 255, default=3)]
-    count_closed: Annotated[int, Integer(0, 255, default=230)]
-    encoder_noise_mm: Annotated[float, Number(0, 10, default=0.15)]
+    finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
+    finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
+    opening_mm: Annotated[float, Number(0, MM, above=True)]  # between the inner faces, jaws fully open
+    count_open: Annotated[int, Integer(0, 255, default=3)]  # encoder reading, jaws fully open
+    count_closed: Annotated[int, Integer(0, 255, default=230)]  # encoder reading, jaws fully closed
+    encoder_noise_mm: Annotated[float, Number(0, 10, default=0.15)]  # std of a width before rounding
+    # Rate at which the opening closes; each finger moves at half of it.
     speed_mm_s: Annotated[float, Number(0, MM, above=True, default=60.0)]
-    force_n: Annotated[float, Number(0, 10_000, above=True, default=40.0)]
+    force_n: Annotated[float, Number(0, 10_000, above=True, default=40.0)]  # grip force
+    # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """What the part does when the jaws open: normal in each coordinate, after a squeeze that held it.
+    """What a held part does when the jaws open: standard deviations of a normal."""
 
-    Attributes:
-        shift_mm: standard deviation of x and of y.
-        turn_deg: standard deviation of the angle.
-    """
-
-    shift_mm: Annotated[float, Number(0, 10, default=0.0)]
-    turn_deg: Annotated[float, Number(0, 45, default=0.0)]
+    shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # of x and of y
+    turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # of the angle
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Where the part may lie before the first squeeze, about the origin of the world.
+    """Where the part may lie before the first squeeze, about the origin of the world."""
 
-    Attributes:
-        radius_mm: the centroid is uniform in this disc.
-        orientation_halfwidth_deg: the orientation is uniform within plus or minus this; 180 = unknown.
-    """
-
-    radius_mm: Annotated[float, Number(0, MM)]
+    radius_mm: Annotated[float, Number(0, MM)]  # the centroid is uniform in this disc
+    # The orientation is uniform within plus or minus this; 180 = unknown.
     orientation_halfwidth_deg: Annotated[float, Number(0, 180, default=None)]
-
-    @property
-    def orientation(self) -> str:
-        """Say "unknown" if the part may lie at any angle, else "bounded"."""
-        return "unknown" if self.orientation_halfwidth_deg >= 180.0 else "bounded"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """The hand placements to choose from: each angle at each centre, and what a belief suggests.
+    """The hand placements to choose from: each angle at each centre, and what a belief suggests."""
 
-    Attributes:
-        angles_deg: angles of the hand's x axis in the world.
-        centers_mm: (K, 2) positions of the hand in the world, read-only.
-        proposals: "belief": every node also considers placements relative to its own belief; or "none".
-        openings_mm: openings to descend with; the least that stays clear is taken. Empty: fully open.
-        forces_n: grip forces; unstable squeezes take the least. Empty: the gripper's own.
-    """
-
+    # Angles of the hand's x axis in the world.
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
+    # (K, 2) positions of the hand in the world, read-only.
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
+    # "belief": every node also considers placements relative to its own belief.
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
+    # Openings to descend with; the least that stays clear is taken. Empty: fully open.
     openings_mm: Annotated[
         tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])
     ]
+    # Grip forces; unstable squeezes take the least. Empty: the gripper's own.
     forces_n: Annotated[
         tuple[float, ...], Numbers(Number(0, 10_000, above=True), least=0, most=100, default=[])
     ]
@@ -143,30 +99,26 @@ class Actions:
 class Goal:
     """When a part counts as located.
 
-    Attributes:
-        kind: "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta
-            each within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation":
-            theta within its tolerance, wherever the part lies. Angles are taken under the part's symmetry.
-        distance_mm: bound on the metric, for "pose" and "modes".
-        confidence: probability with which a leaf must keep the bound.
-        tolerance_mm: bounds on x and y, for "tolerances".
-        tolerance_deg: bound on theta, for "tolerances" and "orientation".
-        modes: how many poses a leaf may leave open, for "modes".
-        stress_trials: parts squeezed in each of some worlds a little off the planned one, to find leaves that
-            would be wrong there; 0 plans for the stated world alone.
-        crash_share: share of the parts that may lie under an open finger coming down, where no placement is
-            clear of all of them: an uncertainty wider than the jaws open.
+    Of kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta each
+    within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation": theta within its
+    tolerance, wherever the part lies. Angles are taken under the part's symmetry.
     """
 
     kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation"), default="pose")]
-    distance_mm: Annotated[float, Number(0, 100, above=True)]
-    confidence: Annotated[float, Number(0, 1, above=True, below=True)]
+    distance_mm: Annotated[float, Number(0, 100, above=True)]  # for "pose" and "modes"
+    confidence: Annotated[float, Number(0, 1, above=True, below=True)]  # least probability of a leaf
+    # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[
         tuple[float, float], Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5])
     ]
+    # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(0, 180, above=True, default=5.0)]
-    modes: Annotated[int, Integer(1, 8, default=1)]
+    modes: Annotated[int, Integer(1, 8, default=1)]  # how many poses a leaf may leave open
+    # Parts squeezed in each of some worlds a little off the planned one, to find leaves that would be wrong
+    # there; 0 plans for the stated world alone.
     stress_trials: Annotated[int, Integer(0, 10_000_000, default=0)]
+    # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
+    # them: an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
 
 
@@ -174,78 +126,55 @@ class Goal:
 class Search:
     """How the tree is searched.
 
-    Attributes:
-        method: "closed-loop"; or, for comparison, the paper's: "paper" (Algorithms 1 to 3), "paper-sequence"
-            (the whole open-loop sequence before branching) and "sensorless" (no branching at all).
-        model: what the look-ahead squeezes with: "simulation", the learned "kcde", or "auto".
-        rollouts: squeezes that the learned model is trained on.
-        depth: squeezes to look ahead.
-        squeeze_cost: probability of success that one more squeeze must gain.
-        second_cost: the same for a second of cell time.
-        stability_cost: the same for an outcome that hangs on an unstable equilibrium.
-        particles: size of the belief that the tree is grown with.
-        search_particles: size of the belief that looking ahead is done with.
-        max_depth: longest path of the tree, squeezes.
+    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3), "paper-sequence" (the whole open-loop
+    sequence before branching) and "sensorless" (no branching at all). The costs are what one more squeeze,
+    second of cell time or outcome on an unstable equilibrium must gain in probability of success.
     """
 
     method: Annotated[
         str, Text(("closed-loop", "paper", "paper-sequence", "sensorless"), default="closed-loop")
     ]
-    model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]
-    rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]
-    depth: Annotated[int, Integer(1, 10, default=2)]
+    model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]  # what looks ahead
+    rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]  # to learn "kcde" from
+    depth: Annotated[int, Integer(1, 10, default=2)]  # squeezes to look ahead
     squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]
     second_cost: Annotated[float, Number(0, 1, default=0.0)]
     stability_cost: Annotated[float, Number(0, 1, default=0.0)]
-    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]
-    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]
-    max_depth: Annotated[int, Integer(1, 100, default=12)]
+    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
+    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]  # to look ahead with
+    max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Limits of the cell that the runtime holds.
+    """Limits of the cell that the runtime holds."""
 
-    Attributes:
-        work_area_mm: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
-        retreat_height_mm: height of the finger tips between squeezes.
-        squeeze_height_mm: height of the finger tips while squeezing.
-        arm_speed_mm_s: speed of the arm.
-        max_force_n: largest grip force the cell allows.
-        max_speed_mm_s: largest closing speed the cell allows.
-    """
-
+    # ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
     work_area_mm: Annotated[
         tuple[tuple[float, float], tuple[float, float]],
         Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
     ]
-    retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
-    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]
+    retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]  # tips between squeezes
+    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(0, 10_000, above=True, default=250.0)]
     max_force_n: Annotated[float, Number(0, 10_000, above=True, default=235.0)]
-    max_speed_mm_s: Annotated[float, Number(0, MM, above=True, default=150.0)]
+    max_speed_mm_s: Annotated[float, Number(0, MM, above=True, default=150.0)]  # of closing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delivery:
-    """What becomes of a localised part; `runtime.execution.delivery` reads it from the table's embedded job.
+    """What becomes of a localised part; `runtime.execution.delivery` reads it from the table's job."""
 
-    Attributes:
-        drop_mm: (2,) where the origin of the part's frame goes, world frame, read-only.
-        drop_angle_deg: the part's angle there.
-        grasp_mm: (2,) the hand's centre in the part's frame, read-only.
-        grasp_angle_deg: the hand's angle there.
-        width_mm: what the fingers then have to read; None: anything but nothing.
-        width_tolerance_mm: how far off that they may read.
-        area_mm: (4,) x min, y min, x max, y max of the hand while it carries, read-only; None: the work area.
-    """
-
+    # (2,) where the origin of the part's frame goes, world frame, and the part's angle there.
     drop_mm: Annotated[Array, Numbers(PLACE, least=2, most=2)]
     drop_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
+    # (2,) the hand's centre in the part's frame, and the hand's angle there.
     grasp_mm: Annotated[Array, Numbers(PLACE, least=2, most=2, default=[0.0, 0.0])]
     grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
+    # What the fingers then have to read (None: anything but nothing), and how far off that they may read.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     width_tolerance_mm: Annotated[float, Number(0, MM, above=True, default=1.5)]
+    # (4,) x min, y min, x max, y max of the hand while it carries; None: the work area.
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
 
@@ -261,8 +190,7 @@ SECTIONS: Mapping[str, type[Any]] = {
     "search": Search,
     "cell": Cell,
     "delivery": Delivery,
-}
-"""The records of a job, in its order."""
+}  # The records of a job, in its order
 
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
 
@@ -272,8 +200,7 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
         "wishart_dof": Integer(3, 1_000_000, default=100),
     },
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
-}
-"""Keys that the records do not hold as they are stated."""
+}  # Keys that the records do not hold as they are stated
 
 FIELDS: Mapping[str, Mapping[str, Field]] = {
     name: {
@@ -285,16 +212,14 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         },
     }
     for name, record in SECTIONS.items()
-}
-"""What a job file may state, by section and key; [pressure] takes more, by its kind."""
+}  # What a job file may state, by section and key; [pressure] takes more, by its kind
 
 LIMIT_SURFACE: Mapping[str, Field] = {
     "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3, default=None),
     "quartic": Numbers(Number(-1e9, 1e9), least=15, most=15, default=None),
     "certificate": Numbers(Number(-1e9, 1e9), columns=9, least=9, most=9, default=None),
     "rho_mm": Number(0, MM, above=True, default=None),
-}
-"""An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho."""
+}  # An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho
 
 _FITTED: Mapping[str, Field] = {"limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")}
 
@@ -306,13 +231,12 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
         "points_mm": Numbers(PLACE, columns=2, least=2),
         "weights": Numbers(Number(0, 1e6, above=True), least=2, default=None),
     },
-    "identified": {"surface_file": FileName(default=None), **LIMIT_SURFACE},
+    "identified": {"surface_file": Text(longest=1_000, default=None), **LIMIT_SURFACE},
     "stated": {
         "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3),
         "rho_mm": Number(0, MM, above=True),
     },
-}
-"""Further keys of [pressure], by its kind."""
+}  # Further keys of [pressure], by its kind
 
 OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)

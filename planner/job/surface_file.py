@@ -7,8 +7,7 @@
 
     [identification]            # how it came about, for people; not read back
 
-A job takes it by `kind = "identified"` and `surface_file`, a path relative to the job file, or with the same
-keys written inline. A job in canonical form always holds them inline.
+A job takes it by `kind = "identified"` and `surface_file`, or inline, as a job in canonical form always does.
 """
 
 from __future__ import annotations
@@ -20,14 +19,13 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import KeyNameError, ValueRangeError
+from planner.errors import JobError, KeyNameError, ValueRangeError
 from planner.job import documents
 from planner.job.fields import Field, Integer, Text, read_section
 from planner.job.schema import LIMIT_SURFACE
 from planner.part import quartic_form
 
 FORMAT = 1
-LEAST_DOF = 9
 IDENTIFICATION = "identification"
 
 _FIELDS: Mapping[str, Field] = {
@@ -38,52 +36,45 @@ _FIELDS: Mapping[str, Field] = {
 
 
 def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
-    """Return the text of a surface file; numbers are exact.
+    """The text of a surface file with values of `schema.LIMIT_SURFACE`; numbers are exact.
 
-    Args:
-        values: rho_mm, and ellipsoid or quartic and certificate, as in `planner.job.schema.LIMIT_SURFACE`.
-        identification: texts, numbers and lists of texts that say how it came about.
+    `identification` has texts, numbers and lists of texts that say how it came about.
     """
     kind = "quartic" if "quartic" in values else "ellipsoid"
     head = {"format": FORMAT, "kind": kind, **values}
     lines = ["# A limit surface, written by plan-identify. Name it in a job file:"]
     lines += ['#     [pressure]\n#     kind = "identified"\n#     surface_file = "this file"']
     lines += [f"{key} = {_text(value)}" for key, value in head.items()]
-    lines += [
-        "",
-        f"[{IDENTIFICATION}]",
-        *(f"{key} = {_text(value)}" for key, value in identification.items()),
-    ]
+    lines += ["", f"[{IDENTIFICATION}]"]
+    lines += [f"{key} = {_text(value)}" for key, value in identification.items()]
     return "\n".join(lines) + "\n"
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Read a surface file: the values of `planner.job.schema.LIMIT_SURFACE`, checked, absent ones None.
+    """Reads a surface file: the values of `schema.LIMIT_SURFACE`, checked, absent ones None.
 
     Raises:
-        InputFileError: missing, unreadable or not UTF-8.
-        TomlError: not valid TOML.
-        JobError: a key unknown or missing, or a value out of range.
+        JobError: the file or a key is missing, unreadable, unknown or out of range.
     """
-    where = str(path)
-    document = documents.from_toml(documents.read(path, "check surface_file"), where)
+    document = documents.from_toml(documents.read(path, "check surface_file"), str(path))
     document.pop(IDENTIFICATION, None)
-    values = read_section(document, _FIELDS, where, "")
-    kind = values.pop("kind")
-    del values["format"]
-    check(values, where, "")
-    if values[kind] is None:
-        raise KeyNameError(f"missing key {kind}, as kind says; write the file again", where=where)
+    try:
+        values = read_section(document, _FIELDS, "")
+        kind = values.pop("kind")
+        del values["format"]
+        check(values, "")
+        if values[kind] is None:
+            raise KeyNameError(f"missing key {kind}, as kind says; write the file again")
+    except JobError as error:
+        raise error.at(str(path)) from None
     return values
 
 
 def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
-    """Replace `surface_file` by what the file holds, and check what is inline (in place).
+    """Replaces `surface_file` by what the file holds, and checks what is inline (in place).
 
-    Args:
-        pressure: the checked section of a job; other kinds than "identified" are left as they are.
-        where: the job file; `surface_file` is relative to it.
-        drawn: a job file as people write it; the canonical form may not refer to files.
+    Other kinds than "identified" are left as they are. `surface_file` is relative to the job file `where`;
+    the canonical form (not `drawn`) may not refer to files.
 
     Raises:
         JobError: the file cannot be used, or the surface is stated twice, not at all or not convex.
@@ -93,27 +84,18 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
     name = pressure.pop("surface_file")
     inline = [key for key in LIMIT_SURFACE if pressure[key] is not None]
     if name is None:
-        check(pressure, where, "pressure")
+        check(pressure, "pressure")
     elif inline or not drawn:
         problem = (
             f"and {inline[0]} are both stated; keep one" if inline else "must be resolved; compile again"
         )
-        raise ValueRangeError(problem, where=where, section="pressure", key="surface_file", value=name)
+        raise ValueRangeError(problem, section="pressure", key="surface_file")
     else:
         pressure.update(load(Path(where).parent / name))
-    if pressure["quartic"] is not None:
-        check_dof(pressure["wishart_dof"], where)
 
 
-def check_dof(dof: int, where: str) -> None:
-    """Refuse fewer degrees of freedom than a quartic's certificate has rows."""
-    if dof < LEAST_DOF:
-        problem = f"must be at least {LEAST_DOF} for a quartic, whose certificate is 9 x 9"
-        raise ValueRangeError(problem, where=where, section="pressure", key="wishart_dof", value=dof)
-
-
-def check(values: Mapping[str, Any], where: str, section: str) -> None:
-    """Refuse anything but one convex limit surface.
+def check(values: Mapping[str, Any], section: str) -> None:
+    """Refuses anything but one convex limit surface.
 
     Raises:
         KeyNameError: rho, the surface or the certificate of a quartic is missing.
@@ -121,42 +103,36 @@ def check(values: Mapping[str, Any], where: str, section: str) -> None:
     """
     ellipsoid, coefficients, certificate = (values[k] for k in ("ellipsoid", "quartic", "certificate"))
     if values["rho_mm"] is None:
-        raise _missing("rho_mm", "the length that torques are divided by", where, section)
+        raise _missing("rho_mm", "the length that torques are divided by", section)
     if ellipsoid is None and coefficients is None:
-        raise _missing("surface_file", "or ellipsoid, or quartic and certificate", where, section)
+        raise _missing("surface_file", "or ellipsoid, or quartic and certificate", section)
     if ellipsoid is not None and (coefficients is not None or certificate is not None):
         problem = "goes without quartic and certificate; keep one surface"
-        raise ValueRangeError(problem, where=where, section=section, key="ellipsoid")
+        raise ValueRangeError(problem, section=section, key="ellipsoid")
     if ellipsoid is not None:
-        check_ellipsoid(ellipsoid, where, section)
+        check_ellipsoid(ellipsoid, section)
         return
     if coefficients is None or certificate is None:
         absent = "certificate" if certificate is None else "quartic"
-        raise _missing(absent, "a quartic comes with its certificate", where, section)
+        raise _missing(absent, "a quartic comes with its certificate", section)
     if not quartic_form.certifies(certificate, coefficients):
         problem = "does not show that the quartic is convex; take both from one file of plan-identify"
-        raise ValueRangeError(problem, where=where, section=section, key="certificate")
+        raise ValueRangeError(problem, section=section, key="certificate")
 
 
-def check_ellipsoid(A: Array, where: str, section: str) -> None:
-    """Refuse an A (3, 3) that is no ellipsoid.
-
-    Raises:
-        ValueRangeError: not symmetric or not positive definite.
-    """
+def check_ellipsoid(A: Array, section: str) -> None:
+    """Refuses an A (3, 3) that is not symmetric positive definite."""
     if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
         problem = "must be a symmetric positive definite 3 x 3 matrix"
-        raise ValueRangeError(problem, where=where, section=section, key="ellipsoid", value=A.tolist())
+        raise ValueRangeError(problem, section=section, key="ellipsoid")
 
 
-def _missing(key: str, meaning: str, where: str, section: str) -> KeyNameError:
-    error = KeyNameError(f"missing key {key}; state it ({meaning})", where=where, section=section)
-    error.names = (key,)
-    return error
+def _missing(key: str, meaning: str, section: str) -> KeyNameError:
+    return KeyNameError(f"missing key {key}; state it ({meaning})", section=section)
 
 
 def _text(value: Any) -> str:
-    """Return a value as TOML."""
+    """A value as TOML."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple) and value and isinstance(value[0], list):

@@ -3,109 +3,71 @@
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight, exactly: all those count whose weight exceeds
-e^-20 of the largest, however many or few they are, so that rare outcomes keep their probability.
-
-Beyond the paper:
-
-- A touch is a matter of geometry alone (`planner.mechanics.clearance`), so the estimate is made of the
-  roll-outs that touch and used for the parts that are touched. All others stay exactly where they are.
-- Turning the hand by half a turn exchanges the fingers. Where both close alike every roll-out counts twice
-  (not in paper mode).
+part's rotational order. A draw picks a roll-out by its weight; all count whose weight exceeds e^-20 of the
+largest. Beyond the paper, only parts that are touched (`planner.mechanics.clearance`) are moved, and each
+roll-out counts twice where a hand turned by half a turn closes alike (not in paper mode).
 """
 
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections import deque
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
-from planner.learned.neighbours import Grid, grid_of, keep_least, nearest_within
+from planner.learned.neighbours import Grid, grid_of, keep_nearest, nearest_within
 from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
+from planner.work.scheduler import Threads
 
-SPREAD = 40.0
-"""In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing."""
-PAPER_MM = 0.5
-"""h1 and h2 of the paper."""
+SPREAD = 40.0  # In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing
+PAPER_MM = 0.5  # h1 and h2 of the paper
 PAPER_NEIGHBOURS = 400
-LOOK = 0.8
-"""Guess of the distance to the nearest roll-out, in spacings; it affects speed only."""
+LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
-HALF_TURN = np.array([-1.0, -1.0, 1.0])
+HALF_TURN, TURN = np.array([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, math.pi])
 
 
 class Sampled(NamedTuple):
-    """Draws from the estimate, one for each pose asked about.
+    """Draws from the estimate, one for each pose asked about."""
 
-    Attributes:
-        poses: (n, 3) in the hand frame [mm, mm, rad].
-        width_mm: (n,) opening at which the fingers stopped; 0 where they missed the part, and their full
-            opening where they came down on it.
-        source: (n,) the roll-out drawn, -1 where the fingers do not touch the part, or came down on it.
-        nearest_mm: (n,) distance of the nearest roll-out, 0 where none was needed.
-    """
-
-    poses: Array
-    width_mm: Array
-    source: IntArray
-    nearest_mm: Array
+    poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
+    width_mm: Array  # (n,) where the fingers stopped; 0: missed the part, full opening: came down on it
+    source: IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
+    nearest_mm: Array  # (n,) distance of the nearest roll-out, 0 where none was needed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Kcde:
-    """The estimate, ready to draw from; M roll-outs, in order of their cells.
+class Kcde(NamedTuple):
+    """The estimate, ready to draw from; M roll-outs, in order of their cells."""
 
-    Attributes:
-        grid: their normalised initial poses.
-        initial: (M, 3) initial poses in the hand frame [mm, mm, rad].
-        end: (M, 4) final poses and widths [mm, mm, rad, mm].
-        source: (M,) which of the roll-outs each is.
-        outline: (N, 2) the part [mm].
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-        h1_mm: bandwidth of initial poses.
-        h2_mm: bandwidth of final poses.
-        most: how many of the nearest roll-outs count; 0 for all.
-    """
-
-    grid: Grid
-    initial: Array
-    end: Array
-    source: IntArray
-    outline: Array
-    jaws: Array
-    rho_mm: float
-    order: int
-    h1_mm: float
-    h2_mm: float
-    most: int
+    grid: Grid  # their normalised initial poses
+    initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]
+    end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
+    source: IntArray  # (M,) which of the roll-outs each is
+    outline: Array  # (N, 2) the part [mm]
+    jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share
+    rho_mm: float  # what one radian weighs
+    order: int  # rotational order of the part
+    h1_mm: float  # bandwidth of initial poses
+    h2_mm: float  # bandwidth of final poses
+    most: int  # how many of the nearest roll-outs count; 0 for all
 
     @classmethod
     def fit(
         cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int,
         h1_mm: float = PAPER_MM, h2_mm: float = PAPER_MM, paper: bool = False,
     ) -> Self:  # fmt: skip
-        """Makes the estimate of n roll-outs.
+        """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
 
-        Args:
-            rolled: the roll-outs; only those whose fingers touch the part are used.
-            outline: (N, 2) the part [mm].
-            jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-            rho_mm: what one radian weighs, above 0.
-            order: rotational order of the part, at least 1.
-            h1_mm: bandwidth of initial poses, above 0.
-            h2_mm: bandwidth of final poses, not below 0.
-            paper: use each roll-out once, and the nearest 400 only.
+        The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
+        those of `clearance.jaws_of`. Bandwidths of initial and final poses are h1, above 0, and h2. In paper
+        mode each roll-out is used once, and the nearest 400 only.
 
         Raises:
-            ValueError: no roll-out touches the part, or a bandwidth is not above 0.
+            ValueError: no roll-out touches the part, or a bandwidth is out of range.
         """
         if not (0.0 < h1_mm < math.inf and 0.0 <= h2_mm < math.inf):
             raise ValueError(f"h1 = {h1_mm} mm must be above 0, and h2 = {h2_mm} mm not below")
@@ -115,19 +77,17 @@ class Kcde:
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
         if jaws[3] == 0.5 and not paper:
-            initial, end = _with_half_turns(initial, end)
-            used = np.concatenate([used, used])
+            turned = np.column_stack([end[:, :3] * HALF_TURN + TURN, end[:, 3]])
+            initial = np.concatenate([initial, initial * HALF_TURN + TURN])
+            end, used = np.concatenate([end, turned]), np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
         row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm, order, h1_mm, h2_mm, most)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
-        """Draws where parts end.
+        """Draws where parts at poses (n, 3) in the hand frame end, jaws open [mm, mm, rad].
 
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            rng: source of all randomness.
-            workers: threads; the result does not depend on it.
+        The result does not depend on the number of workers (threads).
         """
         verdict = classify_contact(self.outline, self.jaws, poses)
         touched = np.flatnonzero(verdict == TOUCHES)
@@ -135,23 +95,13 @@ class Kcde:
         asked = np.ascontiguousarray(poses[touched])
         chance, noise = rng.random(n), rng.standard_normal((n, 3))
         end, source, nearest = np.zeros((n, 4)), np.zeros(n, np.int64), np.zeros(n)
-
         look = math.sqrt(SPREAD * self.h1_mm**2 + (LOOK * self.grid.spacing_mm) ** 2)
-        data = _Estimate(
-            self.grid, self.initial, self.end, self.rho_mm, self.h1_mm, self.h2_mm, self.most, look
-        )
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
-            _draw(data, asked[part], chance[part], noise[part], end[part], source[part], nearest[part])
+            _draw(self, look, asked[part], chance[part], noise[part], end[part], source[part], nearest[part])
 
-        starts = range(0, n, CHUNK)
-        if workers == 1 or n <= CHUNK:
-            for start in starts:
-                run(start)
-        else:
-            with ThreadPoolExecutor(workers) as pool:
-                list(pool.map(run, starts))
+        deque(Threads(workers).map(run, range(0, n, CHUNK)), maxlen=0)
         result = Sampled(
             np.array(poses, dtype=np.float64),
             np.where(verdict == STANDS_ON, self.jaws[0], 0.0),
@@ -163,26 +113,6 @@ class Kcde:
         result.source[touched] = self.source[source]
         result.nearest_mm[touched] = nearest
         return result
-
-
-def _with_half_turns(initial: Array, end: Array) -> tuple[Array, Array]:
-    """Roll-outs and what they come to when the hand is turned by half a turn."""
-    turn = np.array([0.0, 0.0, math.pi])
-    turned = np.column_stack([end[:, :3] * HALF_TURN + turn, end[:, 3]])
-    return np.concatenate([initial, initial * HALF_TURN + turn]), np.concatenate([end, turned])
-
-
-class _Estimate(NamedTuple):
-    """What the kernel needs of a `Kcde`; `look` is the distance to search at first [mm]."""
-
-    grid: Grid
-    initial: Array
-    end: Array
-    rho: float
-    h1: float
-    h2: float
-    most: int
-    look: float
 
 
 @kernel
@@ -200,21 +130,26 @@ def _pick(squares: Array, found: int, h1: float, chance: float) -> int:
 
 @kernel
 def _draw(
-    model: _Estimate, poses: Array, chance: Array, noise: Array, out: Array, source: IntArray, nearest: Array
-) -> None:
-    """Draws one roll-out for each of `poses` (n, 3); `out` (n, 4), `source` (n,), `nearest` (n,) in place."""
-    grid, initial, h1, rho = model.grid, model.initial, model.h1, model.rho
+    model: Kcde, look: float, poses: Array, chance: Array, noise: Array, out: Array, source: IntArray,
+    nearest: Array,
+) -> None:  # fmt: skip
+    """Draws one roll-out for each of `poses` (n, 3), looking `look` [mm] far at first.
+
+    `out` (n, 4), `source` (n,) and `nearest` (n,) are modified in place.
+    """
+    grid, initial, h1, h2, rho = model.grid, model.initial, model.h1_mm, model.h2_mm, model.rho_mm
     q, turn = np.empty(3), grid.period / rho
     place, squares = np.empty(len(initial) + 1, np.int64), np.empty(len(initial) + 1)
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
-        found, least = nearest_within(grid, q, model.look, SPREAD * h1 * h1, place, squares)
-        if model.most > 0:
-            found = keep_least(place, squares, found, model.most)
+        found, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
+        if 0 < model.most < found:
+            keep_nearest(place, squares, found, model.most)
+            found = model.most
         j = place[_pick(squares, found, h1, chance[i])]
-        out[i, 0] = model.end[j, 0] + model.h2 * noise[i, 0]
-        out[i, 1] = model.end[j, 1] + model.h2 * noise[i, 1]
+        out[i, 0] = model.end[j, 0] + h2 * noise[i, 0]
+        out[i, 1] = model.end[j, 1] + h2 * noise[i, 1]
         turns = np.round((poses[i, 2] - initial[j, 2]) / turn)
-        out[i, 2] = model.end[j, 2] + turns * turn + model.h2 * noise[i, 2] / rho
+        out[i, 2] = model.end[j, 2] + turns * turn + h2 * noise[i, 2] / rho
         out[i, 3] = model.end[j, 3]
         source[i], nearest[i] = j, np.sqrt(least)

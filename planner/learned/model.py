@@ -1,17 +1,14 @@
 """The learned motion model of `model = "kcde"`: a density estimate, and direct simulation where that fails.
 
-Two things make the estimate inaccurate, and both show while drawing from it:
-
-- No roll-out lies near a particle: the region was too small, or too thin.
-- The belief is denser than the roll-outs, as after a squeeze that leaves most of it in a few poses. The same
-  roll-out is then drawn again and again, and with it the one friction and limit surface it happened to have,
-  while the simulator would draw new ones. So a roll-out serves one particle of a belief, and the others that
-  draw it are simulated. Small beliefs, as in the search, need that less often than large ones.
+It fails where no roll-out lies near a particle, and where the belief is denser than the roll-outs, as after a
+squeeze that leaves most of it in a few poses: the same roll-out is then drawn again and again, and with it
+the one friction and limit surface it happened to have. So a roll-out serves one particle of a belief, and the
+others that draw it are simulated.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -30,41 +27,24 @@ from planner.work.scheduler import Scheduler, Threads
 
 FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
-H1_SPACINGS = 0.125
-"""h1, in spacings of the roll-outs."""
+H1_SPACINGS = 0.125  # h1, in spacings of the roll-outs
 H2_MM = 0.05
-"""h2. Both are far below what the held-out likelihood prefers: it judges the density pose by pose, while a
-belief averages over its particles by itself. Its energy distance from the simulator's decides (0022).
-"""
+"""h2. Both are far below what the held-out likelihood prefers; the energy distance decides (0022)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedModel:
-    """Motion and sensor model, interchangeable with `planner.belief.transition.MotionModel`.
+    """Motion and sensor model, interchangeable with `planner.belief.transition.MotionModel`."""
 
-    Attributes:
-        simulator: what the roll-outs were made with, for particles that they do not cover.
-        encoder: what reads the widths.
-        motion: the estimate.
-        status: (n,) status of each of the estimate's roll-outs.
-        farthest_mm: distance of the nearest roll-out up to which the estimate is used.
-    """
-
-    simulator: Simulator
-    encoder: Encoder
-    motion: Kcde
-    status: IntArray
-    farthest_mm: float
+    simulator: Simulator  # what the roll-outs were made with, for particles that they do not cover
+    encoder: Encoder  # what reads the widths
+    motion: Kcde  # the estimate
+    status: IntArray  # (n,) status of each of the estimate's roll-outs
+    farthest_mm: float  # distance of the nearest roll-out up to which the estimate is used
 
     @classmethod
     def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
-        """Learns the model from n roll-outs.
-
-        Args:
-            simulator: what they were made with.
-            encoder: what reads the widths.
-            order: rotational order of the part.
-            rolled: the roll-outs.
+        """Learns the model from roll-outs of the simulator, for a part of a rotational order.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -72,22 +52,16 @@ class LearnedModel:
         outline, jaws, rho = simulator.outline, simulator.jaws, simulator.surface.rho_mm
         motion = Kcde.fit(rolled, outline, jaws, rho, order, h2_mm=H2_MM)
         spacing = motion.grid.spacing_mm
-        motion = replace(motion, h1_mm=H1_SPACINGS * spacing)
+        motion = motion._replace(h1_mm=H1_SPACINGS * spacing)
         return cls(simulator, encoder, motion, rolled.status, FARTHEST * spacing)
 
     def roll_out(
         self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
     ) -> RollOut:
-        """Squeezes poses, as `Simulator.roll_out` does.
+        """Squeezes poses (n, 3) in the hand frame, jaws open, as `Simulator.roll_out` does.
 
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            belief: (n,) number of the belief that each is a particle of, from 0 on.
-            rng: source of all randomness.
-            friction: (n,) of particles that carry one and so are simulated, NaN of the others; None: none do.
-
-        Returns:
-            Final poses, widths and statuses; those of the roll-out drawn where the estimate was used.
+        `belief` (n,) numbers the beliefs, from 0 on, that each is a particle of. `friction` (n,) is that of
+        particles that carry one and so are simulated, NaN of the others.
         """
         drawn = self.motion.sample(poses, rng, self.simulator.workers)
         touched = drawn.source >= 0
@@ -106,13 +80,7 @@ class LearnedModel:
         return RollOut(drawn.poses, drawn.width_mm, status, given_up)
 
     def covered(self, source: IntArray, nearest_mm: Array, belief: IntArray) -> BoolArray:
-        """Where a draw from the estimate may stand.
-
-        Args:
-            source: (n,) the roll-outs drawn.
-            nearest_mm: (n,) distance of the nearest one.
-            belief: (n,) number of the belief.
-        """
+        """Where the estimate may be used: draws `source` (n,) of particles of `belief` (n,)."""
         first = np.zeros(len(source), np.bool_)
         first[np.unique(belief * (len(self.status) + 1) + source, return_index=True)[1]] = True
         return np.asarray(first & (nearest_mm <= self.farthest_mm))
@@ -130,7 +98,7 @@ def learns(job: Job) -> bool:
     """Whether a job's look-ahead uses a learned model: where it says so.
 
     "auto" is the simulator: learning once costs about as much as it saves, and the plans are no better
-    (decision 0011). Nor may what the cache happens to hold decide: it would change the table's bytes.
+    (decision 0011). What the cache happens to hold may not decide: it would change the table's bytes.
     """
     return job.search.model == "kcde"
 
@@ -142,18 +110,11 @@ def learned_model(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> tuple[LearnedModel, RollOuts]:
-    """The model learned from the roll-outs of a job, and the roll-outs.
-
-    Args:
-        job: the checked job.
-        simulator: its squeezes.
-        store: where roll-outs are kept; nowhere if None.
-        scheduler: who rolls them out; as many threads as the simulator has if None.
-        report: told about progress.
+    """The model learned from the roll-outs of a job, and the roll-outs; arguments as `roll_outs`.
 
     Raises:
         ClusterError: the cluster was lost.
     """
-    threads = scheduler or Threads(simulator.workers)
-    rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, threads, report)
+    scheduler = scheduler or Threads(simulator.workers)
+    rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler, report)
     return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled), rolled

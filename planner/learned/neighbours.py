@@ -1,8 +1,7 @@
 """Which training points lie near a pose: cells of a grid, searched without a branch of a tree.
 
 Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
-rotational order. Points are stored cell by cell, cells with the angle fastest: what lies near in angle lies
-in a row, and a search scans a few rows.
+rotational order. Cells are stored with the angle fastest, so that a search scans a few rows.
 """
 
 from __future__ import annotations
@@ -15,30 +14,19 @@ from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
 POINTS_PER_CELL = 2.0
-LARGEST_GRID = 4_000_000
-"""Cells; thin data spread over much space gets larger ones."""
+LARGEST_GRID = 4_000_000  # Cells; thin data spread over much space gets larger ones
 
 
 class Grid(NamedTuple):
-    """Points in the cells of a grid.
+    """Points in the cells of a grid."""
 
-    Attributes:
-        points: (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm].
-        row: (N,) the row each had before.
-        first: (cells + 1,) the first point of each cell.
-        corner: (2,) least x and y of the grid [mm].
-        size: (3,) sides of a cell [mm].
-        shape: (3,) number of cells along each axis.
-        period: of the last coordinate [mm].
-    """
-
-    points: Array
-    row: IntArray
-    first: IntArray
-    corner: Array
-    size: Array
-    shape: IntArray
-    period: float
+    points: Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
+    row: IntArray  # (N,) the row each had before
+    first: IntArray  # (cells + 1,) the first point of each cell
+    corner: Array  # (2,) least x and y of the grid [mm]
+    size: Array  # (3,) sides of a cell [mm]
+    shape: IntArray  # (3,) number of cells along each axis
+    period: float  # of the last coordinate [mm]
 
     @property
     def spacing_mm(self) -> float:
@@ -47,12 +35,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(points: Array, period: float) -> Grid:
-    """Sorts points into a grid.
-
-    Args:
-        points: (N, 3) normalised, N >= 1; the last coordinate is wrapped here [mm].
-        period: of the last coordinate [mm].
-    """
+    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is that of the last coordinate [mm]."""
     wrapped = np.array(points, dtype=np.float64)
     wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
     corner = wrapped[:, :2].min(axis=0)
@@ -71,13 +54,12 @@ def grid_of(points: Array, period: float) -> Grid:
 
 def wrap_up(coordinate: Array, period: float) -> Array:
     """Coordinates reduced to [0, period)."""
-    wrapped = np.mod(coordinate, period)
+    wrapped = np.mod(coordinate, period)  # a tiny negative one rounds up to the period itself
     return np.asarray(np.where(wrapped >= period, 0.0, wrapped))
 
 
 @kernel
 def _gap(coordinate: float, low: float, size: float) -> float:
-    """Distance of a coordinate from the interval [low, low + size]."""
     return max(low - coordinate, coordinate - low - size, 0.0)
 
 
@@ -100,17 +82,10 @@ def _scan(
 
 @kernel
 def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) -> int:
-    """Finds all points within `reach` of a pose.
+    """Finds the points within `reach` [mm] of a normalised pose q (3,), its last coordinate in [0, period).
 
-    Args:
-        grid: the points.
-        q: (3,) normalised, the last coordinate in [0, period) [mm].
-        reach: distance [mm].
-        place: (N + 1,) receives where in the grid they stand, in order; modified in place.
-        squares: (N + 1,) receives their squared distances [mm^2]; modified in place.
-
-    Returns:
-        How many there are.
+    Returns how many; `place` and `squares` (N + 1,) receive where in the grid they stand, in order, and their
+    squared distances [mm^2].
     """
     nx, ny, nz = grid.shape
     sx, sy, sz = grid.size
@@ -146,18 +121,11 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
 ) -> tuple[int, float]:
-    """Finds the nearest point and all that are at most `spread` farther, in squares of distance.
+    """Finds the nearest point and all that are at most `spread` [mm^2] farther, in squared distance.
 
-    Args:
-        grid: the points, at least one.
-        q: (3,) normalised, the last coordinate in [0, period) [mm].
-        start: distance to look at first [mm]; a good guess saves a second look.
-        spread: what is added to the nearest point's squared distance [mm^2].
-        place: (N + 1,) receives where in the grid they stand; modified in place.
-        squares: (N + 1,) receives by how much each squared distance exceeds the least [mm^2].
-
-    Returns:
-        How many there are, at least 1; and the nearest point's squared distance [mm^2].
+    Looks at a distance of `start` [mm] first: a good guess saves a second look. Returns how many there are,
+    at least 1, and the nearest point's squared distance; `place` and `squares` (N + 1,) receive where in the
+    grid they stand and by how much each squared distance exceeds the least.
     """
     reach, found = start, 0
     while True:
@@ -179,39 +147,14 @@ def nearest_within(
 
 
 @kernel
-def keep_least(place: IntArray, squares: Array, found: int, most: int) -> int:
-    """Moves the `most` points of least squared distance to the front (quickselect, Hoare 1961).
-
-    Args:
-        place: (N + 1,) points found; modified in place.
-        squares: (N + 1,) their squared distances; modified in place.
-        found: how many there are.
-        most: how many to keep, at least 1.
-
-    Returns:
-        How many are left.
-    """
-    low, high = 0, found - 1
-    while low < high and most < found:
-        pivot = squares[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while squares[i] < pivot:
-                i += 1
-            while squares[j] > pivot:
-                j -= 1
-            if i <= j:
-                squares[i], squares[j] = squares[j], squares[i]
-                place[i], place[j] = place[j], place[i]
-                i += 1
-                j -= 1
-        if most - 1 <= j:
-            high = j
-        elif most - 1 >= i:
-            low = i
-        else:
-            break
-    return min(found, most)
-
-
-__all__ = ["Grid", "grid_of", "keep_least", "nearest_within", "within", "wrap_up"]
+def keep_nearest(place: IntArray, squares: Array, found: int, most: int) -> None:
+    """Moves the `most` nearest of the points found to the front, in their order; of ties the first."""
+    farthest = np.partition(squares[:found], most - 1)[most - 1]
+    ties = most - np.sum(squares[:found] < farthest)
+    kept = 0
+    for k in range(found):
+        tie = squares[k] == farthest and ties > 0
+        if tie or squares[k] < farthest:
+            place[kept], squares[kept] = place[k], squares[k]
+            kept += 1
+            ties -= tie

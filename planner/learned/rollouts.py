@@ -1,13 +1,9 @@
 """Roll-outs: the squeezes that the learned models are made from (paper V, VII).
 
 They start all over a disc of part centres about the hand, at any angle, each with its own limit surface and
-friction. The disc is cut into rings, filled one by one with one density, so that a larger disc contains the
-smaller ones. Where no finger can reach the part a squeeze changes nothing, and needs no roll-out.
-
-Each ring is rolled out in blocks of `BLOCK` starts. A block depends on nothing but the squeeze itself and its
-place, which name it in the store and seed its random stream; more roll-outs, or a larger region, are
-therefore more blocks beside the ones that are there. Uncertainty, actions, goal and seed of a job play no
-part in it.
+friction. The disc is cut into rings of one density, rolled out in blocks of `BLOCK` starts. A block depends
+on nothing but the squeeze and its place, which name it in the store and seed its random stream: a larger
+region or more roll-outs are more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
 """
 
 from __future__ import annotations
@@ -31,43 +27,30 @@ from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
 from planner.mechanics.quartic import QuarticSurface
 from planner.mechanics.simulator import Simulator
+from planner.part.outline import reach
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 
 COLLIDES = -1
-DEFAULT_COUNT = 100_000
-PAPER_COUNT = 9_000
-"""Roll-outs for a model in the paper (VII)."""
-BLOCK = 1024
-"""Starts that are rolled out, sent and stored together: a few hundredths of a second."""
+PAPER_COUNT = 9_000  # Roll-outs for a model in the paper (VII)
+BLOCK = 1024  # Starts that are rolled out, sent and stored together: a few hundredths of a second
 FORMAT = b"roll-outs 1"
-RING_MM = 5.0
-"""Width of a ring."""
-FACTOR = 3.0
-"""Radius of the region in radii of the job's uncertainty (paper, VII)."""
+RING_MM = 5.0  # Width of a ring
+FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
 
 Rows: TypeAlias = NDArray[np.void]
 ROW = np.dtype(
     [("index", "<u2"), ("status", "i1"), ("initial", "<f8", 3), ("final", "<f8", 3), ("width_mm", "<f8")]
-)
-"""One roll-out of a block, in the store and on the way between machines."""
+)  # One roll-out of a block, in the store and on the way between machines
 
 
 class RollOuts(NamedTuple):
-    """Squeezes from all over the region, in the order of their rings.
+    """Squeezes from all over the region, in the order of their rings."""
 
-    Attributes:
-        initial: (n, 3) poses before, in the hand frame [mm, mm, rad].
-        final: (n, 3) poses after.
-        width_mm: (n,) opening at which the fingers stopped.
-        status: (n,) index into `planner.mechanics.simulator.STATUS_NAMES`; or `COLLIDES` where an open finger
-            would stand on the part: final is then initial, and width_mm the opening.
-    """
-
-    initial: Array
-    final: Array
-    width_mm: Array
-    status: IntArray
+    initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
+    final: Array  # (n, 3) poses after
+    width_mm: Array  # (n,) opening at which the fingers stopped
+    status: IntArray  # (n,) index into `STATUS_NAMES`; or `COLLIDES`: final = initial, width_mm = opening
 
 
 class Block(NamedTuple):
@@ -80,54 +63,41 @@ class Block(NamedTuple):
 def roll_outs(
     simulator: Simulator,
     radius_mm: float,
-    count: int | None = None,
+    count: int,
     store: Store | None = None,
     scheduler: Scheduler | None = None,
-    report: Report | None = None,
+    report: Report = silent,
 ) -> RollOuts:
     """Roll-outs over a disc of part centres about the hand, at any angle.
 
-    The result depends on the simulator, the radius and the count alone. A larger region, at the same number
-    of roll-outs per area, contains the smaller one's; more roll-outs contain, ring by ring, the fewer.
-
-    Args:
-        simulator: the squeeze; its number of workers does not matter.
-        radius_mm: of the disc; `region_radius` has a job's.
-        count: starts spread over the disc, `DEFAULT_COUNT` if None. Those beyond the fingers' reach are left
-            out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
-        store: where blocks are kept; nowhere if None.
-        scheduler: who rolls out; the threads of this machine if None.
-        report: told about progress in blocks.
+    The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
+    left out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
+    Blocks are kept in the store, if any, rolled out by the scheduler (threads if None), and counted for the
+    report.
 
     Raises:
         ValueError: radius or count are not above 0.
         ClusterError: the cluster was lost, or runs another version of this program.
     """
-    count = DEFAULT_COUNT if count is None else count
     if not (0.0 < radius_mm < math.inf and count > 0):
         raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
     wanted = ring_counts(radius_mm, count)
     rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
     blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
-    rows = _finished(simulator, blocks, store, scheduler or Threads(), report or silent)
+    rows = _finished(simulator, blocks, store, scheduler or Threads(), report)
     kept = [
         part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
         for (ring, number), part in zip(blocks, rows, strict=True)
     ]
     table = np.concatenate([np.empty(0, ROW), *kept])
     table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
-    return RollOuts(
-        np.ascontiguousarray(table["initial"]),
-        np.ascontiguousarray(table["final"]),
-        np.ascontiguousarray(table["width_mm"]),
-        table["status"].astype(np.int64),
-    )
+    initial, final, width = (np.ascontiguousarray(table[name]) for name in ("initial", "final", "width_mm"))
+    return RollOuts(initial, final, width, table["status"].astype(np.int64))
 
 
 def _finished(
     simulator: Simulator, blocks: list[Block], store: Store | None, scheduler: Scheduler, report: Report
 ) -> list[Rows]:
-    """The rows of every block, from the store or rolled out and stored one by one."""
     content, version = content_of(simulator), code_version()
     names = {block: _name(content, version, block) for block in blocks}
     found = {block: store.get(name) for block, name in names.items()} if store else {}
@@ -145,18 +115,10 @@ def _finished(
 
 
 def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
-    """Rolls out one block, wherever it runs.
-
-    Args:
-        simulator: the squeeze, with one worker.
-        version: what `code_version` says where the block was asked for.
-        block: its place.
-
-    Returns:
-        An array of `ROW`: the starts within the fingers' reach, in the order they were drawn.
+    """Rolls out one block, wherever it runs: an array of `ROW`, the starts within the fingers' reach.
 
     Raises:
-        ClusterError: this is another version of the program.
+        ClusterError: `code_version` is not `version`, that of the program that asked.
     """
     if version != code_version():
         raise ClusterError(
@@ -187,11 +149,8 @@ def content_of(simulator: Simulator) -> bytes:
         arrays.append(surface.certificate)
     for array in arrays:
         digest.update(repr(array.shape).encode() + np.ascontiguousarray(array, "<f8").tobytes())
-    numbers = [
-        surface.rho_mm, *simulator.friction, simulator.wishart_dof, *simulator.release,
-        simulator.step_mm,
-    ]  # fmt: skip
-    digest.update(np.array(numbers, "<f8").tobytes())
+    scatter = [*simulator.friction, simulator.wishart_dof, *simulator.release]
+    digest.update(np.array([surface.rho_mm, *scatter, simulator.step_mm], "<f8").tobytes())
     return digest.digest()
 
 
@@ -207,7 +166,6 @@ def code_version() -> bytes:
 
 
 def _seed(content: bytes, block: Block) -> bytes:
-    """Seed of a block's random stream; the version of the code is no part of it."""
     return hashlib.sha256(content + b"%d %d" % block).digest()
 
 
@@ -215,53 +173,33 @@ def _name(content: bytes, version: bytes, block: Block) -> str:
     return hashlib.sha256(version + _seed(content, block)).hexdigest()
 
 
-def region_radius(job: Job, factor: float = FACTOR) -> float:
-    """Radius of the disc that a job's roll-outs start from [mm].
-
-    At least one ring, and at most as far as the fingers reach the part.
-    """
-    reach = farthest(job.part.outline_mm, jaws_of(job.gripper))
-    return max(RING_MM, min(factor * job.uncertainty.radius_mm, reach))
+def region_radius(job: Job) -> float:
+    """Radius of the disc that a job's roll-outs start from: one ring to the fingers' reach [mm]."""
+    limit = farthest(job.part.outline_mm, jaws_of(job.gripper))
+    return max(RING_MM, min(FACTOR * job.uncertainty.radius_mm, limit))
 
 
 def farthest(outline: Array, jaws: Array) -> float:
-    """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm].
-
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: opening, finger length, finger thickness [mm].
-    """
+    """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm]."""
     half_x, half_y = _swept(jaws)
-    return math.hypot(half_x, half_y) + _extent(outline)
+    return math.hypot(half_x, half_y) + reach(outline)
 
 
 def within_reach(outline: Array, jaws: Array, poses: Array) -> BoolArray:
-    """Where closing fingers could touch the part, were it turned the right way.
+    """Where the circle about a part (N, 2) at `poses` (n, 3) meets the box that the fingers sweep: (n,).
 
     Elsewhere a squeeze leaves the part exactly where it is.
-
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: opening, finger length, finger thickness [mm].
-        poses: (n, 3) in the hand frame.
-
-    Returns:
-        (n,) True where the circle about the part meets the box that the fingers sweep.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)
     dy = np.maximum(np.abs(poses[:, 1]) - half_y, 0.0)
-    return np.asarray(np.hypot(dx, dy) <= _extent(outline))
+    return np.asarray(np.hypot(dx, dy) <= reach(outline))
 
 
 def ring_counts(radius_mm: float, count: int) -> list[int]:
     """How many starts each ring gets, from the innermost on, for `count` of them in the disc.
 
     The last ring is filled as a whole, whether or not the disc ends within it.
-
-    Args:
-        radius_mm: radius of the disc, above 0.
-        count: starts in the disc, at least 1.
     """
     density = count / (math.pi * radius_mm**2)
     rings = math.ceil(radius_mm / RING_MM)
@@ -272,15 +210,10 @@ def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
     """Draw (n, 3) poses: centres uniform in a ring, angles uniform [mm, mm, rad]."""
     radius = RING_MM * np.sqrt(rng.uniform(ring**2, (ring + 1) ** 2, n))
     bearing = rng.uniform(-math.pi, math.pi, n)
-    return np.stack(
-        [radius * np.cos(bearing), radius * np.sin(bearing), rng.uniform(-math.pi, math.pi, n)], axis=1
-    )
+    angle = rng.uniform(-math.pi, math.pi, n)
+    return np.column_stack([radius * np.cos(bearing), radius * np.sin(bearing), angle])
 
 
 def _swept(jaws: Array) -> tuple[float, float]:
     """Half the extents of the box that open fingers lie in, and never leave."""
     return 0.5 * float(jaws[1]), 0.5 * float(jaws[0]) + float(jaws[2])
-
-
-def _extent(outline: Array) -> float:
-    return float(np.max(np.hypot(outline[:, 0], outline[:, 1])))

@@ -1,8 +1,8 @@
 """A folder of finished work, named by what it depends on.
 
-An entry is written beside its place and moved there whole. It carries a digest of its name and content, which
-is verified when it is read: what a full disk, a power cut or a curious editor left behind is never used, and
-needs no flushing to be safe from. Several processes may share a folder; equal names mean equal content.
+An entry is moved to its place whole, with a digest of its name and content that is verified when it is read:
+what a power cut left behind is never used. Several processes may share a folder; equal names mean equal
+content.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 
 DIGEST = 32
-LIMIT_BYTES = 4 * 2**30
-"""Size above which the entries not used for longest are removed."""
-STALE_S = 3600.0
-"""Age at which a half-written file counts as left by a process that was killed."""
+LIMIT_BYTES = 4 * 2**30  # Size above which the entries not used for longest are removed
+STALE_S = 3600.0  # Age at which a half-written file counts as left by a process that was killed
 
 _KEY = re.compile(r"[0-9a-f]{8,}")
 
@@ -30,23 +28,14 @@ class StoreWarning(UserWarning):
 
 
 class Store:
-    """Entries in a folder. Each kind of trouble is warned about once, however often it happens.
-
-    Attributes:
-        folder: where the entries lie, in folders named after the first two letters of their names; made when
-            the first is written.
-    """
+    """Entries in a folder, made when the first is written. Each kind of trouble is warned about once."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._warned: set[str] = set()
 
     def get(self, key: str) -> bytes | None:
-        """Return an entry, or None if it is not there, damaged or unreadable (with a warning).
-
-        Args:
-            key: its name, in lower-case hexadecimal.
-        """
+        """An entry by its name in lower-case hexadecimal; None if absent or unusable (with a warning)."""
         path = self._path(key)
         try:
             content = path.read_bytes()
@@ -64,11 +53,9 @@ class Store:
         return data
 
     def put(self, key: str, data: bytes) -> None:
-        """Write an entry, whole or not at all; where the folder refuses, warn and go on without.
+        """Writes an entry, whole or not at all; where the folder refuses, warns and goes on without.
 
-        Args:
-            key: its name, in lower-case hexadecimal.
-            data: its content; whatever writes the same name must write the same content.
+        Whatever writes the same key (lower-case hexadecimal) must write the same data.
         """
         path = self._path(key)
         if "write" in self._warned:
@@ -89,7 +76,7 @@ class Store:
                     os.unlink(draft)  # noqa: PTH108
 
     def trim(self, limit_bytes: int = LIMIT_BYTES) -> None:
-        """Remove what was not used for longest beyond `limit_bytes`, and drafts that nobody will finish."""
+        """Removes what was not used for longest beyond `limit_bytes`, and drafts that nobody will finish."""
         entries, now = [], time.time()
         for path in self.folder.glob("??/*"):
             with suppress(OSError):

@@ -1,7 +1,4 @@
-"""Fingers and a part that does not move yet: do they overlap, how far may they close, do they touch at all.
-
-Pure geometry, the same for every friction and limit surface.
-"""
+"""Fingers and a part that does not move yet: do they overlap, how far may they close, do they touch."""
 
 from __future__ import annotations
 
@@ -20,16 +17,11 @@ SIDE_MARGIN_MM = 1.0
 
 MISSES = 0
 TOUCHES = 1
-STANDS_ON = 2
-"""Verdicts of `classify_contact`."""
+STANDS_ON = 2  # Verdicts of `classify_contact`
 
 
 def jaws_of(gripper: Gripper) -> Array:
-    """A gripper as kernels see it.
-
-    Returns:
-        (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-    """
+    """A gripper for kernels: (4,) opening, finger length, finger thickness [mm], the upper finger's share."""
     return np.array(
         [gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, gripper.upper_finger_share]
     )
@@ -37,16 +29,10 @@ def jaws_of(gripper: Gripper) -> Array:
 
 @kernel
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
-    """Distance a finger can close before it touches the part: exact, by rays along y.
+    """Distance a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
 
-    Args:
-        points: (N, 2) outline in the hand frame [mm].
-        finger: +1 or -1.
-        face: y of its inner face [mm].
-        h: half the finger's length [mm].
-
-    Returns:
-        The distance [mm], infinite where the part lies beside or behind the finger.
+    Of an outline (N, 2) in the hand frame; the inner face lies at y = face, h is half the finger's length.
+    Infinite where the part lies beside or behind the finger.
     """
     n = points.shape[0]
     nearest = np.inf
@@ -83,12 +69,7 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
     """Whether part and finger box share any area: the finger cannot be set down there.
 
-    Args:
-        points: (N, 2) outline in the hand frame [mm].
-        finger: +1 or -1.
-        face: y of its inner face [mm].
-        h: half the finger's length [mm].
-        thickness: the finger's thickness [mm].
+    Arguments as `clearance`, and the finger's thickness [mm].
     """
     n = points.shape[0]
     inside = False
@@ -115,13 +96,8 @@ def free_closing(
 ) -> float:
     """How far the fingers close before either touches the part [mm]; infinite where neither will.
 
-    Args:
-        points: (N, 2) outline in the hand frame [mm].
-        top: y of the upper finger's inner face [mm].
-        bottom: y of the lower finger's [mm].
-        h: half the finger's length [mm].
-        top_share: motion of the upper finger for each millimetre of the mean finger's.
-        bottom_share: of the lower one.
+    Of an outline (N, 2) in the hand frame and inner faces at y = top and bottom; h is half the finger's
+    length, the shares are a finger's motion for each millimetre of the mean finger's.
     """
     free = np.inf
     if top_share > 0.0:
@@ -143,7 +119,6 @@ def _room(points: Array, opening: float, h: float, thickness: float) -> float:
 
 @kernel
 def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> None:
-    """`classify_contact`; `verdict` (n,) in place."""
     n = outline.shape[0]
     points, listed = np.empty((n, 2)), np.arange(n)
     h, top = 0.5 * jaws[1], 0.5 * jaws[0]
@@ -158,16 +133,10 @@ def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> N
 
 
 def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
-    """What closing fingers do to a part first.
+    """What closing fingers do first to a part (N, 2) with `jaws` (4,), at `poses` (n, 3) in the hand frame.
 
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        poses: (n, 3) in the hand frame [mm, mm, rad].
-
-    Returns:
-        (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger
-        would come down on the part.
+    (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger would
+    come down on the part.
     """
     verdict = np.zeros(len(poses), np.int64)
     _classify(outline, np.ascontiguousarray(poses), jaws, verdict)
@@ -215,19 +184,11 @@ def _free(
 def least_clearance(
     outline: Array, jaws: Array, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
 ) -> float:
-    """Distance between the open fingers at a placement and the nearest of the believed parts [mm].
+    """Distance along the closing direction between open fingers and the nearest of the believed parts [mm].
 
-    Measured along the closing direction.
-
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: opening, finger length, finger thickness [mm].
-        poses: (n, 3) believed poses in the world.
-        placement: (3,) the hand frame in the world.
-        margin_mm: the fingers count as this much longer at both ends.
-
-    Returns:
-        At most half the opening; -1 where a finger would stand on the part.
+    For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
+    count as `margin_mm` longer at both ends. At most half the opening; -1 where a finger would stand on the
+    part.
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
     return float(_least_room(outline, hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2]))
@@ -236,18 +197,10 @@ def least_clearance(
 def free_placements(
     outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float, share: float = 0.0
 ) -> BoolArray:
-    """Which placements keep a clearance of at least `least_mm` from every believed pose, or all but a few.
+    """Which placements (k, 3) keep `least_mm` from believed poses (n, 3), all or but a share of them: (k,).
 
-    With a share of 0 the same judgement as `least_clearance(...) >= least_mm`, without measuring what is far
-    anyway.
-
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: opening, finger length, finger thickness [mm].
-        belief: (n, 3) believed poses in the world.
-        placements: (k, 3) hand frames in the world.
-        least_mm: clearance asked for, at most half the opening.
-        share: of the poses that may be nearer.
+    With a share of 0 the same as `least_clearance(...) >= least_mm` (at most half the opening), without
+    measuring what is far anyway. Poses and placements are in the world.
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)

@@ -2,8 +2,8 @@
 
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
 slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode is
-a linear system of order one to three; it is the solution of eqs 3-5 where its forces and slips have the
-right signs. Two contacts that both stick have one condition too many and are covered by their neighbours.
+a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right signs.
+Two contacts that both stick have one condition too many and are covered by their neighbours.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SLIP_TOLERANCE_MM = 1e-10
 
 @kernel
 def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
-    """The form f . A g for two wrenches given by their components."""
+    """F . A g for two wrenches given by their components."""
     return float(
         f0 * (A[0, 0] * g0 + A[0, 1] * g1 + A[0, 2] * g2)
         + f1 * (A[1, 0] * g0 + A[1, 1] * g1 + A[1, 2] * g2)
@@ -30,14 +30,8 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
 def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
 
-    Args:
-        A: (3, 3) limit surface matrix in the hand frame.
-        C: contacts; the forces of row k are modified in place.
-        k: the contact.
-        mu: its coefficient of friction.
-
-    Returns:
-        `SOLVED`, or `RAY` where neither is consistent.
+    A (3, 3) is in the hand frame; the forces of row k of the contacts C are modified in place. Returns
+    `SOLVED`, or `RAY` where neither is consistent.
     """
     nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
     a, b, c = (
@@ -123,19 +117,9 @@ def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: 
 
 @kernel
 def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
-    """Solves eqs 1-5 for contacts i and j, both pressed.
+    """Solves eqs 1-5 for contacts i and j, both pressed; as `one_contact`, with G, a (4, 4) workspace.
 
-    Args:
-        A: (3, 3) limit surface matrix in the hand frame.
-        C: contacts; the forces of rows i and j are modified in place.
-        i: the first contact.
-        j: the second.
-        mu_i: its coefficient of friction.
-        mu_j: that of the second.
-        G: (4, 4) workspace.
-
-    Returns:
-        `SOLVED`, or `RAY` where no mode in which both press is consistent.
+    Returns `SOLVED`, or `RAY` where no mode in which both press is consistent.
     """
     _gram(A, C, i, j, G)
     for si in (1.0, -1.0):

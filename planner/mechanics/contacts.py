@@ -8,11 +8,10 @@ extend outwards by their thickness. Four pairs of features can touch:
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
-A pair counts only where its normal lies in the normal cones of both features, so that "vertex on face" and
-"corner on edge" at the end of a finger are alternatives and never both; nearly parallel pairs are the
+A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
 
-Contacts live in two plain arrays, one row a contact, so that the kernels pass few arguments:
+Contacts live in two plain arrays, one row a contact:
 
     C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
@@ -39,28 +38,17 @@ FINGER, KIND, SIDE, VERTEX = range(4)
 I_COLUMNS = 4
 
 MAX_CONTACTS = 12
-NEARLY_PARALLEL = 0.08
-"""Sine of the angle below which an edge counts as parallel to a finger's face."""
+NEARLY_PARALLEL = 0.08  # Sine of the angle below which an edge counts as parallel to a finger's face
 LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
-OUTSIDE_MM = 5e-3
-"""A corner deeper than this behind all edges is inside the part."""
-END_DEPTH_MM = 0.01
-"""How far behind the inner face a vertex must be to count as beside the finger."""
+OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
+END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
 
 
 @kernel
 def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
-    """Places the listed vertices of the outline at pose q = (x, y, theta).
-
-    Args:
-        outline: (N, 2) in the part's frame [mm].
-        q: (3,) pose in the hand frame [mm, mm, rad].
-        points: (N, 2), the listed rows are modified in place.
-        listed: (N,) vertex numbers.
-        count: how many of them are valid.
-    """
+    """Places the `count` listed vertices of an outline (N, 2) at pose q = (x, y, theta) into `points`."""
     c, s = np.cos(q[2]), np.sin(q[2])
     for k in range(count):
         i = listed[k]
@@ -81,16 +69,9 @@ def _slot(C: Array, count: int, gap: float) -> int:
 
 
 @kernel
-def _name(I: IntArray, slot: int, finger: int, kind: int, side: int, vertex: int) -> None:
-    """Fills one row of the integer buffer."""
-    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, vertex
-
-
-@kernel
 def _write(
     C: Array, slot: int, gap: float, rx: float, ry: float, nx: float, ny: float, low: float, high: float
 ) -> None:
-    """Fills one row of the other one."""
     C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
     C[slot, LOW], C[slot, HIGH] = low, high
 
@@ -128,13 +109,12 @@ def _add_face(
     for k in range(count):
         if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
             return count
-    rx, ry = points[i, 0], points[i, 1]
     along = finger * points[i, 0]
     slot = _slot(C, count, gap)
     if slot < 0:
         return count
-    _name(I, slot, finger, FACE, 0, i)
-    _write(C, slot, gap, rx, ry, 0.0, -float(finger), -h - along, h - along)
+    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, FACE, 0, i
+    _write(C, slot, gap, points[i, 0], points[i, 1], 0.0, -float(finger), -h - along, h - along)
     return min(count + 1, MAX_CONTACTS)
 
 
@@ -172,7 +152,7 @@ def _add_corners(
             continue
         count = min(count + 1, MAX_CONTACTS)
         rx, ry = side * h - gap * ey, face + gap * ex
-        _name(I, slot, finger, kind, side, i)
+        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, i
         _write(C, slot, gap, rx, ry, -ey, ex, -along, length - along)
         if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
@@ -187,25 +167,12 @@ def find(
     C: Array, I: IntArray, points: Array, listed: IntArray, listed_count: int, q: Array, top: float,
     bottom: float, h: float, thickness: float, margin: float,
 ) -> int:  # fmt: skip
-    """Finds all pairs of features that are within `margin` of touching.
+    """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
 
-    On the inner face only local minima of the gap count, and the lower neighbour of each.
-
-    Args:
-        C: contact buffers, modified in place.
-        I: the same, integers.
-        points: (N, 2) outline in the hand frame, counter-clockwise [mm].
-        listed: (N,) the vertices to look at; they and their neighbours must be placed.
-        listed_count: how many of them are valid.
-        q: (3,) the part's pose in the hand frame [mm, mm, rad].
-        top: y of the upper finger's inner face [mm].
-        bottom: y of the lower finger's inner face [mm].
-        h: half the finger's length [mm].
-        thickness: the finger's thickness [mm].
-        margin: largest gap reported [mm].
-
-    Returns:
-        The number of contacts.
+    On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
+    modified in place. The outline (N, 2) is counter-clockwise in the hand frame [mm], the part's pose there q
+    (3,); the listed vertices are looked at, and must be placed, as must their neighbours. The fingers' inner
+    faces lie at y = top and bottom; h is half their length, `thickness` theirs [mm].
     """
     n = points.shape[0]
     count = 0
@@ -238,11 +205,10 @@ def find(
                 gap = side * xi - h
                 local = side * points[b, 0] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
-                    rx, ry = xi, yi
                     slot = _slot(C, count, gap)
                     if slot >= 0:
-                        _name(I, slot, finger, END, side, i)
-                        _write(C, slot, gap, rx, ry, float(side), 0.0, -np.inf, np.inf)
+                        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, END, side, i
+                        _write(C, slot, gap, xi, yi, float(side), 0.0, -np.inf, np.inf)
                         count = min(count + 1, MAX_CONTACTS)
     for k in range(count):
         C[k, RX] -= q[0]

@@ -2,14 +2,11 @@
 
 Find z with  w = M z + q,  w >= 0,  z >= 0,  z . w = 0   (Cottle, Pang & Stone 1992, section 4.4).
 
-The contact matrices are copositive, so a ray means that no solution exists: the paper's sign for a part that
-is jammed or grasped (section IV). Ties in the ratio test are broken lexicographically, so that flush grasps,
-which are degenerate by nature, neither cycle nor depend on rounding.
+The contact matrices are copositive, so a ray means that no solution exists: the part is held (paper, IV).
+Ties in the ratio test are broken lexicographically: flush grasps, which are degenerate, do not cycle.
 """
 
 from __future__ import annotations
-
-import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
@@ -18,10 +15,8 @@ SOLVED = 0
 RAY = 1
 PIVOT_LIMIT = 2
 
-PIVOT_TOLERANCE = 1e-8
-"""A smaller pivot is rounding: forces beyond its inverse have no finite cause."""
-TIE = 1e-9
-"""Ratios nearer than this are equal, and the lexicographic order decides."""
+PIVOT_TOLERANCE = 1e-8  # A smaller pivot is rounding: forces beyond its inverse have no finite cause
+TIE = 1e-9  # Ratios nearer than this are equal, and the lexicographic order decides
 PIVOTS_PER_ROW = 50
 
 
@@ -78,18 +73,15 @@ def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
 
 @kernel
 def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array) -> int:
-    """Solves w = M z + q, w >= 0, z >= 0, z . w = 0.
+    """Solves w = M z + q, w >= 0, z >= 0, z . w = 0: `SOLVED`, `RAY` (no solution) or `PIVOT_LIMIT`.
 
     Args:
-        M: shape (>= n, >= n), the leading block is read.
+        M: shape (>= n, >= n), copositive; the leading block is read.
         q: shape (>= n,).
         n: order of the problem.
         tableau: workspace (>= n, >= 2 n + 2). Columns: w (n), z (n), the artificial z0, the right-hand side.
         basis: integer workspace (>= n,): the variable basic in each row.
         z: shape (>= n,), receives the solution; zero where none was found.
-
-    Returns:
-        `SOLVED`, `RAY` (no solution for a copositive M) or `PIVOT_LIMIT`.
     """
     start = 0
     for i in range(n):
@@ -136,19 +128,3 @@ def residual(M: Array, q: Array, z: Array, n: int) -> float:
         gap = min(abs(w), abs(z[i]))
         worst = max(worst, -w, -z[i], gap)
     return worst
-
-
-def solve(M: Array, q: Array) -> tuple[int, Array]:
-    """Allocating front of `lemke` for tests and small uses.
-
-    Args:
-        M: shape (n, n).
-        q: shape (n,).
-
-    Returns:
-        Status and z of shape (n,).
-    """
-    n = len(q)
-    z = np.zeros(n)
-    status = int(lemke(M, q, n, np.empty((n, 2 * n + 2)), np.empty(n, np.int64), z))
-    return status, z

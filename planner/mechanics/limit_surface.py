@@ -4,12 +4,10 @@ Wrenches and twists are normalised, so that all components have one unit and pow
 
     F = [fx, fy, tau / rho] / (mu N)        V = [vx, vy, omega rho]
 
-about the origin of the part's frame, the area centroid of the outline, wherever the centre of pressure lies.
-mu N is the friction with the table at full slip, and rho the radius of gyration of the outline's area, the
-same that the success metric uses (eq. 9). Any other positive rho would describe the same mechanics.
-
-The ellipsoid is H(F) = F^T A F with H = 1 on the surface, and V = s grad H(F), s > 0 (eq. 1). It is fitted to
-pairs (F, V), from Coulomb friction integrated over a pressure distribution or from measurements alike.
+about the origin of the part's frame, the centroid of the outline. mu N is the friction with the table at full
+slip, and rho the radius of gyration of the outline's area, as in the success metric (eq. 9); any other rho
+would describe the same mechanics. The ellipsoid is H(F) = F^T A F with H = 1 on the surface, V = s grad H(F),
+s > 0.
 """
 
 from __future__ import annotations
@@ -20,12 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.job.model import Job
-from planner.part.outline import radius_of_gyration
-from planner.part.pressure import support
 
-DIRECTIONS = 400
-"""Twists that friction is integrated over for a fit."""
+DIRECTIONS = 400  # Twists that friction is integrated over for a fit
 
 STILL = 1e-12
 """A support point slower than this, as a fraction of the twist, is at rest and given no friction."""
@@ -38,62 +32,38 @@ _UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LimitSurface:
-    """An ellipsoid limit surface.
+    """An ellipsoid limit surface."""
 
-    Attributes:
-        A: (3, 3) symmetric positive definite, F^T A F = 1 on the surface; read-only.
-        rho_mm: the length that torques are divided and angular velocities multiplied by.
-    """
-
-    A: Array
-    rho_mm: float
+    A: Array  # (3, 3) symmetric positive definite, F^T A F = 1 on the surface; read-only
+    rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 
 
-def of_job(job: Job) -> LimitSurface:
-    """Return the nominal limit surface of a job: fitted to its pressure, or as stated."""
-    pressure = job.pressure
-    if pressure.ellipsoid is not None and pressure.rho_mm is not None:
-        return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
-    outline = job.part.outline_mm
-    points, weights = support(pressure, outline)
-    return fit_ellipsoid(points, weights, radius_of_gyration(outline))
+def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
+    """Fits the ellipsoid to a pressure distribution; arguments as `about_centre`."""
+    F, V, shift = about_centre(points, weights, rho_mm)
+    return LimitSurface(_frozen(shift.T @ fit(F, V) @ shift), rho_mm)
 
 
-def fit_ellipsoid(points: Array, weights: Array, rho_mm: float, directions: int = DIRECTIONS) -> LimitSurface:
-    """Fit the ellipsoid to a pressure distribution.
+def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
+    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3) that leads there.
 
-    Fitted about the centre of pressure and then expressed about the origin: so the result does not depend on
-    where the frame lies, and a force through the centre of pressure turns the part as little as it should.
-
-    Args:
-        points: (M, 2) support points in the part's frame, mm.
-        weights: (M,) shares of the load, summing to 1.
-        rho_mm: normalising length.
-        directions: number of twists to integrate friction over.
+    A surface fitted to these, H(F), is H(S F) about the origin: so the result does not depend on where the
+    frame lies, and a force through the centre of pressure turns the part as little as it should. The pressure
+    has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
     """
     centre = weights @ points
-    twists = twist_directions(directions)
-    A = fit(wrenches(points - centre, weights, rho_mm, twists), twists)
-    # F about the centre = shift @ F about the origin, and H is the same number.
+    twists = twist_directions()
     shift = np.eye(3)
     shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
-    return LimitSurface(_frozen(shift.T @ A @ shift), rho_mm)
+    return wrenches(points - centre, weights, rho_mm, twists), twists, shift
 
 
 def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
-    """Integrate Coulomb friction over a pressure distribution: the wrench that makes the part slide.
+    """Integrates Coulomb friction over a pressure distribution: the wrenches (K, 3) that make the part slide.
 
-    Each support point carries friction of its share of mu N along its velocity (Goyal et al., the paper's
-    reference [20]). A point at rest may carry any smaller friction: it is given none, the middle.
-
-    Args:
-        points: (M, 2) support points, mm.
-        weights: (M,) shares of the load, summing to 1.
-        rho_mm: normalising length.
-        twists: (K, 3) normalised, any magnitude but 0.
-
-    Returns:
-        (K, 3) normalised wrenches on the limit surface.
+    Each support point (M, 2) [mm] carries friction of its share (M,) of mu N along its velocity (Goyal et
+    al., the paper's reference [20]). A point at rest may carry any smaller friction: it is given none, the
+    middle. Twists (K, 3) are normalised with rho, of any magnitude but 0.
     """
     x, y = points[:, 0] / rho_mm, points[:, 1] / rho_mm  # (M,)
     velocity_x = twists[:, 0:1] - twists[:, 2:3] * y  # (K, M)
@@ -108,7 +78,7 @@ def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Arr
 
 
 def twist_directions(count: int = DIRECTIONS) -> Array:
-    """Return unit twists (K, 3) spread evenly over the sphere, the same each time.
+    """Unit twists (K, 3) spread evenly over the sphere, the same each time.
 
     A quarter of `count` Fibonacci points, each with all signs of its y and z (an opposite twist has the
     opposite wrench and adds nothing). So a part that is its own mirror image gets an ellipsoid that is, too.
@@ -123,19 +93,12 @@ def twist_directions(count: int = DIRECTIONS) -> Array:
 
 
 def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
-    """Fit A to pairs of wrench and twist by linear least squares.
+    """Fits A, (3, 3) symmetric positive definite and read-only, to wrenches and twists by least squares.
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the part of A F across the
-    unit twist (eq. 1: the gradient 2 A F is parallel to the twist), as Zhou et al. (the paper's [22]) fit a
-    convex quadratic. Where noise makes the result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`.
-
-    Args:
-        F: (K, 3) normalised wrenches.
-        V: (K, 3) normalised twists, any magnitude but 0.
-        weights: (K,) of the pairs' squared residuals; even if not given.
-
-    Returns:
-        A, (3, 3) symmetric positive definite, read-only.
+    unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the result
+    indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any magnitude
+    but 0; `weights` (K,) are those of the squared residuals.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b
@@ -155,25 +118,8 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     return _frozen((vectors * raised) @ vectors.T)
 
 
-def sample(surface: LimitSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Draw random ellipsoids around a nominal one: Wishart with `dof` degrees of freedom and mean A.
-
-    Var(A_ij) = (A_ij^2 + A_ii A_jj) / dof (paper, footnote 1).
-
-    Args:
-        surface: the nominal limit surface.
-        dof: degrees of freedom n_df, at least 3.
-        rng: source of randomness.
-        n: number of draws.
-
-    Returns:
-        (n, 3, 3) symmetric positive definite matrices, to be used with the same rho.
-    """
-    return wishart(surface.A, dof, rng, n)
-
-
 def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Draw (n, D, D) Wishart matrices with `dof` >= D degrees of freedom and a positive definite mean.
+    """Draws (n, D, D) Wishart matrices with `dof` >= D and a positive definite mean (D, D).
 
     Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
     """
@@ -187,13 +133,12 @@ def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
 
 
 def twist(A: Array, F: Array) -> Array:
-    """Return the unit twists (..., 3) that answer the wrenches F (..., 3): along grad H (eq. 1)."""
+    """The unit twists (..., 3) that answer the wrenches F (..., 3): along grad H (eq. 1)."""
     gradient = np.asarray(F) @ A
     return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
 
 def _frozen(A: Array) -> Array:
-    """Return A made symmetric to the last bit, read-only."""
     symmetric = 0.5 * (A + A.T)
     symmetric.setflags(write=False)
     return symmetric

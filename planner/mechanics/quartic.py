@@ -1,27 +1,18 @@
 """Convex quartic limit surfaces: H(F) homogeneous of degree 4, V = s grad H(F) (paper IV, eq. 1).
 
 H(F) = sum_k a_k F^e_k over the 15 monomials of degree 4, with H = 1 on the surface; F and V are normalised as
-in `limit_surface`. H is convex by a sum-of-squares certificate (Zhou et al., arXiv 1602.06056): a positive
-definite 9 x 9 matrix Q with
+in `limit_surface`. A positive definite certificate Q (9, 9) shows that H is convex
+(`planner.part.quartic_form`; Zhou et al., arXiv 1602.06056). Every convex quartic form in three variables has
+such a Q (Ahmadi and Parrilo 2013). It is not unique: the surfaces made here carry the Q of largest
+determinant.
 
-    z^T hess H(F) z = y^T Q y    for all z and F,    y = kron(z, F).
-
-For quartic forms in three variables this is no restriction: every convex one has such a Q (Ahmadi and
-Parrilo, "A complete characterization of the gap between convexity and SOS-convexity", 2013). Q is not unique:
-9 dimensions of it do not show in H. The surfaces made here carry the Q of largest determinant.
-
-Euler's theorem for a form of degree 4 gives F . grad H = 4 H and hess H(F) F = 3 grad H(F). So
-
-    V = s A(F) F    with    A(F) = hess H(F) / 3,
-
-an ellipsoid's law whose matrix depends on the wrench: a quasi-static step with a quartic is a sequence of
-ellipsoid steps, each with A taken at the wrench before.
+By Euler's theorem V = s A(F) F with A(F) = hess H(F) / 3: an ellipsoid's law whose matrix depends on the
+wrench.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,53 +32,43 @@ from planner.part.quartic_form import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarticSurface:
-    """A convex quartic limit surface.
+    """A convex quartic limit surface."""
 
-    Attributes:
-        coefficients: (15,) of the monomials `EXPONENTS`; read-only.
-        certificate: (9, 9) symmetric positive definite Q of the convexity; read-only.
-        rho_mm: the length that torques are divided and angular velocities multiplied by.
-    """
-
-    coefficients: Array
-    certificate: Array
-    rho_mm: float
+    coefficients: Array  # (15,) of the monomials `EXPONENTS`; read-only
+    certificate: Array  # (9, 9) symmetric positive definite Q of the convexity; read-only
+    rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 
     def value(self, F: Array) -> Array:
-        """Return H at wrenches F (..., 3)."""
+        """H at wrenches F (..., 3)."""
         return np.asarray(monomials(F) @ self.coefficients)
 
     def gradient(self, F: Array) -> Array:
-        """Return grad H (..., 3) at wrenches F (..., 3)."""
+        """Grad H (..., 3) at wrenches F (..., 3)."""
         return np.asarray(gradient_rows(F) @ self.coefficients)
 
     def hessian_table(self) -> Array:
-        """Return (6, 6) for kernels: xx, xy, xz, yy, yz, zz of hess H = this table @ the six `quadratics`."""
+        """(6, 6) for kernels: xx, xy, xz, yy, yz, zz of hess H = this table @ the six products of F."""
         table = (FORM @ gram(self.coefficients).reshape(81)).reshape(6, 6)
         return np.asarray(np.where(PAIRS[:, :1] == PAIRS[:, 1:], table, 0.5 * table))
 
     def twist(self, F: Array) -> Array:
-        """Return the unit twists (..., 3) that answer the wrenches F (..., 3)."""
+        """The unit twists (..., 3) that answer the wrenches F (..., 3)."""
         gradient = self.gradient(F)
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
     def in_coordinates(self, S: Array) -> QuarticSurface:
-        """Return the surface H'(F) = H(S F), S (3, 3) regular; the certificate goes along by congruence."""
+        """The surface H'(F) = H(S F), S (3, 3) regular; the certificate goes along by congruence."""
         both = np.kron(S, S)
         return from_certificate(both.T @ self.certificate @ both, self.rho_mm)
 
 
 def of_ellipsoid(A: Array, rho_mm: float) -> QuarticSurface:
-    """Return the ellipsoid as a quartic: H = (F^T A F)^2, with Q = 8 vec(A) vec(A)^T + 4 A x A."""
+    """The ellipsoid as a quartic: H = (F^T A F)^2, with Q = 8 vec(A) vec(A)^T + 4 A x A."""
     return from_certificate(8.0 * np.outer(A, A) + 4.0 * np.kron(A, A), rho_mm)
 
 
 def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
-    """Return the surface that a certificate belongs to, with the certificate centred.
-
-    Args:
-        Q: (9, 9) positive definite; what is not part of any quartic's Hessian is projected away.
-        rho_mm: normalising length.
+    """The surface of a certificate Q (9, 9); what is not part of any quartic's Hessian is projected away.
 
     Raises:
         ValueError: Q is not positive definite, so that it certifies nothing.
@@ -102,34 +83,13 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
     return QuarticSurface(coefficients, certificate, rho_mm)
 
 
-class Draws(NamedTuple):
-    """Random quartics.
+def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
+    """Draws random convex quartics around a nominal one: their certificates (n, 9, 9), by Wishart.
 
-    Attributes:
-        coefficients: (n, 15).
-        certificates: (n, 9, 9), positive definite: each draw is convex.
-        drawn_in: number of draws that had to be moved towards the nominal quartic to be certified.
-    """
-
-    coefficients: Array
-    certificates: Array
-    drawn_in: int
-
-
-def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) -> Draws:
-    """Draw random convex quartics around a nominal one, by Wishart draws of its certificate.
-
-    A Wishart draw with mean Q is positive definite, but y^T Q' y is not the Hessian of any H: 21 of the 45
-    dimensions of Q' belong to no quartic. They are projected away, orthogonally in the metric of Q (that is,
-    with Q = C C^T, on C^-1 Q' C^-T); averaging plain entries instead would lose convexity. The mean stays Q,
-    and the result does not depend on the units of F. The rare draw that the projection leaves indefinite is
-    moved towards Q until it is not.
-
-    Args:
-        surface: the nominal quartic.
-        dof: degrees of freedom n_df, at least 9.
-        rng: source of randomness.
-        n: number of draws.
+    A Wishart draw with mean Q is positive definite, but 21 of its 45 dimensions belong to no quartic. They
+    are projected away, orthogonally in the metric of Q (with Q = C C^T, on C^-1 Q' C^-T): so the mean stays
+    Q, and the result does not depend on the units of F. The rare draw that this leaves indefinite is moved
+    towards Q until it is not. `dof` is at least 9.
     """
     factor = np.linalg.cholesky(surface.certificate)
     inverse = np.linalg.inv(factor)
@@ -141,12 +101,11 @@ def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) 
     floor = limit_surface.MIN_EIGENVALUE
     kept = np.where(least > floor, 1.0, (1.0 - floor) / np.maximum(1.0 - least, 1.0 - floor))
     white = np.eye(9) + kept[:, None, None] * (white - np.eye(9))
-    certificates = factor @ white @ factor.T
-    return Draws(coefficients_of(certificates), certificates, int((kept < 1.0).sum()))
+    return np.asarray(factor @ white @ factor.T)
 
 
 def _centred(Q: Array) -> Array:
-    """Return the same quartic's certificate of largest determinant, by Newton steps on -log det."""
+    """The same quartic's certificate of largest determinant, by Newton steps on -log det."""
     for _ in range(100):
         factor = np.linalg.inv(np.linalg.cholesky(Q))
         white = factor @ GAUGE @ factor.T  # (9, 9, 9)

@@ -1,11 +1,9 @@
-"""Fit a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
+"""Fits a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
 
 The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the part of grad H(F) / 4 across the
-unit twist (eq. 1). Both are linear in the coefficients, and those are linear in the certificate Q: least
-squares over positive semidefinite Q that belong to a quartic. It is solved in wrench coordinates in which the
-fitted ellipsoid is the unit sphere, so that the numbers are of one size whatever the load.
-
-CVXPY takes a second to import, so it is imported where the program is built, and that once.
+unit twist (eq. 1), linear in the coefficients, and those in the certificate Q: least squares over positive
+semidefinite Q that belong to a quartic. Wrench coordinates in which the fitted ellipsoid is the unit sphere
+keep the numbers of one size. CVXPY takes a second to import, so it is imported where the program is built.
 """
 
 from __future__ import annotations
@@ -26,11 +24,9 @@ from planner.part import quartic_form
 MARGIN = 1e-3
 """How much of the sphere's certificate every fitted one contains: strictly convex, so it can be checked."""
 
-REWEIGHTS = 2
-"""Rounds of a robust fit after the first."""
+REWEIGHTS = 2  # Rounds of a robust fit after the first
 
-TYPICAL_ERROR_RAD = 0.1
-"""Twist errors above this pull with their size, not its square, in a robust fit."""
+TYPICAL_ERROR_RAD = 0.1  # Twist errors above this pull with their size, not its square, in a robust fit
 
 _SPHERE = quartic.of_ellipsoid(np.eye(3), 1.0)
 _DIRECTIONS = limit_surface.twist_directions(200)
@@ -39,67 +35,31 @@ _SPREAD = quartic_form.monomials(_DIRECTIONS) / np.sqrt(len(_DIRECTIONS))
 
 
 class QuarticFitError(PlannerError):
-    """The conic solver found no certified quartic.
-
-    Attributes:
-        status: what the solver says.
-        pairs: number of pairs that were to be fitted.
-    """
-
-    def __init__(self, status: str = "", pairs: int = 0) -> None:
-        super().__init__(
-            f"the conic solver found no convex quartic for {pairs} pairs ({status}); "
-            "check the pairs for outliers, or fit an ellipsoid"
-        )
-        self.status = status
-        self.pairs = pairs
+    """The conic solver found no certified quartic."""
 
 
-def fit_pressure(
-    points: Array, weights: Array, rho_mm: float, directions: int = limit_surface.DIRECTIONS
-) -> QuarticSurface:
-    """Fit the quartic to a pressure distribution, about its centre, then expressed about the origin.
-
-    Args:
-        points: (M, 2) support points in the part's frame, mm.
-        weights: (M,) shares of the load, summing to 1.
-        rho_mm: normalising length.
-        directions: number of twists to integrate friction over.
-    """
-    centre = weights @ points
-    twists = limit_surface.twist_directions(directions)
-    wrenches = limit_surface.wrenches(points - centre, weights, rho_mm, twists)
-    shift = np.eye(3)
-    shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
-    return fit(wrenches, twists, rho_mm).in_coordinates(shift)
+def fit_pressure(points: Array, weights: Array, rho_mm: float) -> QuarticSurface:
+    """Fits the quartic to a pressure distribution; arguments as `limit_surface.about_centre`."""
+    F, V, shift = limit_surface.about_centre(points, weights, rho_mm)
+    return fit(F, V, rho_mm).in_coordinates(shift)
 
 
 def fit(
-    F: Array,
-    V: Array,
-    rho_mm: float,
-    weights: Array | None = None,
-    ridge: float = 0.0,
-    robust: bool = False,
+    F: Array, V: Array, rho_mm: float, weights: Array | None = None, ridge: float = 0.0, robust: bool = False
 ) -> QuarticSurface:
-    """Fit a convex quartic to pairs of wrench and twist.
+    """Fits a convex quartic to pairs of normalised wrenches (K, 3) and twists (K, 3) of any magnitude but 0.
 
-    Args:
-        F: (K, 3) normalised wrenches.
-        V: (K, 3) normalised twists, any magnitude but 0.
-        rho_mm: the length that both are normalised with.
-        weights: (K,) of the pairs' squared residuals; even if not given.
-        ridge: pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
-        robust: fit the twist's angle, and that by size instead of square, for measured pairs with outliers.
+    `rho_mm` normalises both; `weights` (K,) are those of the pairs' squared residuals. `ridge` pulls towards
+    the ellipsoid fitted to the same pairs, as a number of pairs. `robust` fits the twist's angle, and that by
+    size instead of square, for measured pairs with outliers.
 
     Raises:
         QuarticFitError: the solver fails.
     """
     weights = np.ones(len(F)) if weights is None else np.asarray(weights, dtype=np.float64)
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
-    whiten: Array = np.asarray(
-        np.linalg.cholesky(limit_surface.fit(F, V, weights)).T, dtype=np.float64
-    )  # |whiten F| = 1 on the ellipsoid
+    # |whiten F| = 1 on the ellipsoid
+    whiten = np.asarray(np.linalg.cholesky(limit_surface.fit(F, V, weights)).T, dtype=np.float64)
     level = quartic_form.monomials(F @ whiten.T)
     gradient = whiten.T @ quartic_form.gradient_rows(F @ whiten.T) / 4.0  # (K, 3, 15)
     across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
@@ -115,7 +75,7 @@ def fit(
 
 
 def _emphasis(gradient: Array, unit: Array) -> Array:
-    """Return weights (K,) that turn squares across the twist into angles, large ones by their size."""
+    """Weights (K,) that turn squares across the twist into angles, large ones by their size."""
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
     return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))
@@ -147,13 +107,13 @@ def _program() -> _Program:
 
 
 def _independent(rows: Array) -> Array:
-    """Return an orthonormal basis of the row space: solvers dislike constraints that repeat each other."""
+    """An orthonormal basis of the row space: solvers dislike constraints that repeat each other."""
     _, values, vectors = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(vectors[values > 1e-9 * values[0]])
 
 
 def _solve(rows: Array, target: Array, rho_mm: float, pairs: int) -> QuarticSurface:
-    """Return the certified quartic with the least |rows a - target|^2."""
+    """The certified quartic with the least |rows a - target|^2."""
     cvxpy: Any = import_module("cvxpy")
     program = _program()
     values, vectors = np.linalg.eigh(rows.T @ rows)
@@ -166,7 +126,14 @@ def _solve(rows: Array, target: Array, rho_mm: float, pairs: int) -> QuarticSurf
             warnings.filterwarnings("ignore", message="Solution may be inaccurate")
             program.problem.solve(solver=cvxpy.CLARABEL)
         if program.certificate.value is None:
-            raise QuarticFitError(program.problem.status, pairs)
+            raise _failure(program.problem.status, pairs)
         return quartic.from_certificate(program.certificate.value, rho_mm)
     except (cvxpy.SolverError, ValueError) as error:
-        raise QuarticFitError(str(error), pairs) from error
+        raise _failure(error, pairs) from error
+
+
+def _failure(reason: object, pairs: int) -> QuarticFitError:
+    return QuarticFitError(
+        f"the conic solver found no convex quartic for {pairs} pairs ({reason}); "
+        "check the pairs for outliers, or fit an ellipsoid"
+    )

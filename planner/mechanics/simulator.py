@@ -1,14 +1,10 @@
-"""Squeezes by the thousand: a part, a gripper and its parameters, rolled out on all cores.
-
-A `Simulator` holds what does not change between squeezes. Every roll-out has its own limit surface and
-friction, so the result depends on the arguments alone, never on the number of workers.
-"""
+"""Squeezes by the thousand, rolled out on all cores; the number of workers does not change the result."""
 
 from __future__ import annotations
 
 import math
 import os
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -18,19 +14,11 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.squeeze import (
-    GRASPED,
-    JAMMED,
-    STATUS_NAMES,
-    Body,
-    Scratch,
-    grip_of,
-    squeeze,
-    squeeze_many,
-    squeeze_workspace,
-)
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, grip_of, squeeze, squeeze_many
+from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
-from planner.part.outline import simplified
+from planner.part.outline import reach, simplified
+from planner.work.scheduler import Threads
 
 DEFAULT_STEP_MM = 0.4
 SIMPLIFY_MM = 0.005
@@ -40,17 +28,11 @@ TRACE_ROWS = 2000
 
 
 class Parameters(NamedTuple):
-    """The uncertain mechanics of n roll-outs.
+    """The uncertain mechanics of n roll-outs."""
 
-    Attributes:
-        surfaces: (n, 3, 3) ellipsoids or (n, 6, 6) quartics, as `planner.mechanics.surface` makes them.
-        mu: (n, 2) friction at the upper and the lower finger.
-        release: (n, 3) what a held part does when the jaws open [mm, mm, rad]; nothing if None.
-    """
-
-    surfaces: Array
-    mu: Array
-    release: Array | None = None
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics, as `planner.mechanics.surface` makes them
+    mu: Array  # (n, 2) friction at the upper and the lower finger
+    release: Array | None = None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
 
     def with_friction(self, friction: Array) -> Self:
         """The same, with these coefficients (n,) at both fingers where they are not NaN."""
@@ -58,44 +40,26 @@ class Parameters(NamedTuple):
 
 
 class RollOut(NamedTuple):
-    """What n squeezes came to.
+    """What n squeezes came to."""
 
-    Attributes:
-        poses: (n, 3) final poses in the hand frame [mm, mm, rad].
-        width_mm: (n,) opening at which the fingers stopped.
-        status: (n,) index into `STATUS_NAMES`.
-        given_up: (n,) 1 where the stepping failed and the squeeze was cut short there.
-    """
-
-    poses: Array
-    width_mm: Array
-    status: IntArray
-    given_up: IntArray
+    poses: Array  # (n, 3) final poses in the hand frame [mm, mm, rad]
+    width_mm: Array  # (n,) opening at which the fingers stopped
+    status: IntArray  # (n,) index into `STATUS_NAMES`
+    given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulator:
-    """The squeeze of one part by one gripper.
+    """The squeeze of one part by one gripper."""
 
-    Attributes:
-        outline: (N, 2) the part, counter-clockwise, curves simplified to `SIMPLIFY_MM` [mm].
-        surface: the nominal limit surface.
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        friction: bounds of the coefficient between finger and part.
-        wishart_dof: degrees of freedom of the limit surface's scatter (paper, IV: n_df).
-        release: standard deviations of x, y [mm] and angle [rad] when the jaws open on a held part.
-        step_mm: nominal closing step of each finger.
-        workers: threads that share the roll-outs.
-    """
-
-    outline: Array
-    surface: Surface
-    jaws: Array
-    friction: tuple[float, float]
-    wishart_dof: int
-    release: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    step_mm: float = DEFAULT_STEP_MM
-    workers: int = 1
+    outline: Array  # (N, 2) the part, counter-clockwise, curves simplified to `SIMPLIFY_MM` [mm]
+    surface: Surface  # the nominal limit surface
+    jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing
+    friction: tuple[float, float]  # bounds of the coefficient between finger and part
+    wishart_dof: int  # degrees of freedom of the limit surface's scatter (paper, IV: n_df)
+    release: tuple[float, float, float] = (0.0, 0.0, 0.0)  # std of x, y [mm] and angle [rad] on opening
+    step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
+    workers: int = 1  # threads that share the roll-outs
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
@@ -113,9 +77,8 @@ class Simulator:
 
     def nominal(self, n: int, mu: float) -> Parameters:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
-        return Parameters(
-            np.repeat(limit_surface.nominal(self.surface)[None], n, axis=0), np.full((n, 2), mu)
-        )
+        surface = limit_surface.nominal(self.surface)
+        return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
 
     def sample(self, n: int, rng: np.random.Generator) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
@@ -125,20 +88,13 @@ class Simulator:
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
-        """One squeeze, step by step.
+        """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 
-        Args:
-            pose: (3,) in the hand frame, jaws open.
-            surface: (3, 3) ellipsoid or (6, 6) quartic.
-            mu: friction at both fingers.
-
-        Returns:
-            (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], the first row as given, the last final;
-            and the status.
+        Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
+        status.
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
-        reach = float(np.max(np.hypot(*self.outline.T)))
-        body = Body(self.outline, reach, surface, self.surface.rho_mm)
+        body = Body(self.outline, reach(self.outline), surface, self.surface.rho_mm)
         grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
         indices = np.zeros(n, np.int64), np.zeros(n, np.int64)
         scratch = Scratch(np.zeros((n, 2)), *indices, squeeze_workspace())
@@ -147,15 +103,7 @@ class Simulator:
         return np.concatenate([rows[:count], end]), int(status)
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes each pose once.
-
-        Args:
-            poses: (n, 3) in the hand frame, jaws open [mm, mm, rad]; not modified.
-            parameters: one set for each.
-
-        Returns:
-            Final poses, widths and statuses, independent of the number of workers.
-        """
+        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)
@@ -169,21 +117,10 @@ class Simulator:
                 squeeze_workspace(),
             )  # fmt: skip
 
-        starts = range(0, n, CHUNK)
-        if self.workers == 1 or n <= CHUNK:
-            for start in starts:
-                run(start)
-        else:
-            with ThreadPoolExecutor(self.workers) as pool:
-                try:
-                    list(pool.map(run, starts))
-                except BaseException:  # Ctrl-C must not wait for what has not begun
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    raise
+        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
         if parameters.release is not None:
-            final += (
-                np.where((status == GRASPED) | (status == JAMMED), 1.0, 0.0)[:, None] * parameters.release
-            )
+            held = (status == GRASPED) | (status == JAMMED)
+            final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
 

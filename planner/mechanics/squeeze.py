@@ -1,9 +1,8 @@
 """A whole squeeze: the fingers close until the part is held, or until they meet.
 
 Free motion is skipped exactly (`clearance.free_closing`), contact motion is stepped (`stepping.try_step`).
-Where the LCP has no solution the part is held (paper, section IV: "the no-solution case corresponds to the
-object being jammed or grasped"): *grasped* where no motion of the part at all lets the fingers close further,
-*jammed* where friction alone prevents it.
+Where the LCP has no solution the part is held (paper, IV): *grasped* where no motion of the part at all lets
+the fingers close further, *jammed* where friction alone prevents it.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ from planner.kernel import kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
-from planner.mechanics.step import SOLVED, directions, solve
+from planner.mechanics.lcp import SOLVED
+from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
     FOUND,
@@ -28,7 +28,6 @@ from planner.mechanics.stepping import (
     SqueezeWork,
     find_contacts,
     list_near,
-    squeeze_workspace,
     try_step,
 )
 
@@ -38,14 +37,16 @@ GRASPED = 2
 JAMMED = 3
 STATUS_NAMES = ("untouched", "slipped", "grasped", "jammed")
 MAX_STEPS = 20_000
-PROBE_MM = 0.1
+HELD_GAP = 0.001
+"""Contacts within this share of the part's reach hold it: what rounding and the steps' drift leave open."""
+HELD_PROBE = 0.005
+"""How far the fingers are tried to close further, as a share of the reach."""
 LARGEST_ESCAPE = 1e4
 """Motion of the part in units of the fingers', beyond which a frictionless part counts as blocked."""
 
 
 @kernel
 def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
-    """Places the whole outline."""
     n = outline.shape[0]
     for i in range(n):
         scratch.placed[i] = i
@@ -54,7 +55,7 @@ def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
 
 @kernel
 def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
-    """Places the whole outline and closes the fingers up to the first touch; False where there is none."""
+    """Closes the fingers up to the first touch of the whole outline; False where there is none."""
     _place_all(body.outline, q, scratch)
     work = scratch.work
     top_share, bottom_share = grip.top_share, grip.bottom_share
@@ -69,13 +70,13 @@ def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
 
 
 @kernel
-def _held_as(rho: float, q: Array, grip: Grip, scratch: Scratch) -> int:
-    """GRASPED where the part is blocked without friction too, else JAMMED.
+def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
+    """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, grip, 0.02, scratch)
+    find_contacts(q, grip, HELD_GAP * body.reach, scratch)
     work = scratch.work
     count = work.listed[FOUND]
     for k in range(count):
@@ -83,10 +84,11 @@ def _held_as(rho: float, q: Array, grip: Grip, scratch: Scratch) -> int:
     for i in range(3):
         for j in range(3):
             work.A[i, j] = 1.0 if i == j else 0.0
-    directions(work.C, work.I, count, rho, PROBE_MM, PROBE_MM)
+    probe = HELD_PROBE * body.reach
+    directions(work.C, work.I, count, body.rho, probe, probe)
     status = solve(work.A, 0.0, 0.0, work.C, work.I, count, work.step, work.V)
     V = work.V
-    far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * PROBE_MM) ** 2
+    far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * probe) ** 2
     return JAMMED if status == SOLVED and not far else GRASPED
 
 
@@ -103,27 +105,15 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 
 @kernel
 def grip_of(mu: Array, jaws: Array, step: float) -> Grip:
-    """How fingers close.
-
-    Args:
-        mu: (2,) friction at the upper and the lower finger.
-        jaws: (4,) opening, finger length, finger thickness [mm] and the upper finger's share of the closing
-            motion (0.5 = both alike).
-        step: nominal closing step of each finger [mm].
-    """
+    """How fingers close: `mu` (2,) at the upper and the lower one, `jaws` (4,) and a closing step [mm]."""
     return Grip(mu[0], mu[1], jaws[0], 0.5 * jaws[1], jaws[2], 2.0 * jaws[3], 2.0 * (1.0 - jaws[3]), step)
 
 
 @kernel
 def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) -> tuple[float, int, int, int]:
-    """Closes the fingers on one part.
+    """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    Args:
-        body: the part.
-        grip: the fingers.
-        q: (3,) pose in the hand frame [mm, mm, rad]; modified in place into the final pose.
-        scratch: workspaces, modified in place.
-        trace: (rows, 4) receives poses and widths on the way; no rows for none.
+    `trace` (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
         Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
@@ -164,7 +154,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(body.rho, q, grip, scratch)
+    held = _held_as(body, q, grip, scratch)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
@@ -181,18 +171,3 @@ def squeeze_many(
     for i in range(poses.shape[0]):
         body, grip = Body(outline, reach, surfaces[i], rho), grip_of(mu[i], jaws, step)
         width[i], status[i], given_up[i], _ = squeeze(body, grip, poses[i], scratch, trace)
-
-
-__all__ = [
-    "GRASPED",
-    "JAMMED",
-    "SLIPPED",
-    "STATUS_NAMES",
-    "UNTOUCHED",
-    "Body",
-    "Grip",
-    "Scratch",
-    "squeeze",
-    "squeeze_many",
-    "squeeze_workspace",
-]

@@ -45,19 +45,15 @@ from planner.mechanics.contacts import (
 )
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 
-TOUCHING_MM = 1e-3
-"""Contacts with a smaller gap enter the step; the others are awaited as events."""
-PAST_END_MM = 1e-4
-"""How far a contact goes past the end of its feature, so that the next feature takes over."""
+TOUCHING_MM = 1e-3  # Contacts with a smaller gap enter the step; the others are awaited as events
+PAST_END_MM = 1e-4  # How far a contact goes past the end of its feature, so that the next feature takes over
 UNBOUNDED = 1e7
 """A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
-RESIDUAL = 5e-5
-"""Largest complementarity residual of an accepted solution [mm]."""
+RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]
 ATTEMPTS = 3
 PERTURBATION_MM = 1e-8
 """Flush grasps are degenerate; where rounding defeats the lexicographic order, the gaps move by this much."""
-OVERLAP_MM = 1e-7
-"""Overlap that a contact outside the active set may have after a step."""
+OVERLAP_MM = 1e-7  # Overlap that a contact outside the active set may have after a step
 
 
 _N = 4 * MAX_CONTACTS
@@ -75,14 +71,9 @@ STEP_WORK = np.dtype(
 )
 """Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G.
 
-One record instead of many arrays: a kernel hands it on as one pointer, without counting references.
+One record is handed on as one pointer, without counting references (decision 0008).
 """
 StepWork: TypeAlias = Any
-
-
-def workspace() -> StepWork:
-    """A fresh workspace: a record of `STEP_WORK`."""
-    return np.zeros(1, STEP_WORK).view(np.recarray)[0]
 
 
 @kernel
@@ -221,23 +212,12 @@ def _most_violated(C: Array, count: int, V: Array) -> int:
 def solve(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
-    """Solves the step for the touching contacts.
+    """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
 
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method.
-
-    Args:
-        A: (3, 3) limit surface matrix in the hand frame.
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
-        C: contacts, completed by `directions`; the forces are modified in place.
-        I: the same, integers.
-        count: how many of them are valid.
-        work: workspace, modified in place.
-        V: (3,) receives the displacement (dx, dy, rho dtheta) [mm].
-
-    Returns:
-        `SOLVED`, `RAY` (no solution: jammed or grasped) or `PIVOT_LIMIT`.
+    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method. A
+    (3, 3) is in the hand frame; C and I are `count` contacts, completed by `directions`, whose forces are
+    modified in place; V (3,) receives the displacement (dx, dy, rho dtheta) [mm].
     """
     V[0] = V[1] = V[2] = 0.0
     active = work.active
@@ -289,17 +269,3 @@ def event_fraction(C: Array, count: int, V: Array) -> float:
             if abs(slip) > limit + PAST_END_MM:
                 fraction = min(fraction, (limit + PAST_END_MM) / abs(slip))
     return fraction
-
-
-__all__ = [
-    "PIVOT_LIMIT",
-    "RAY",
-    "SOLVED",
-    "StepWork",
-    "directions",
-    "event_fraction",
-    "rotate_surface",
-    "solve",
-    "turn",
-    "workspace",
-]

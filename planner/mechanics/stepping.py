@@ -16,21 +16,17 @@ from planner.kernel import kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
-from planner.mechanics.step import RAY, SOLVED, STEP_WORK, directions, event_fraction, turn
+from planner.mechanics.lcp import RAY, SOLVED
+from planner.mechanics.step import STEP_WORK, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
 
-PENETRATION_MM = 0.01
-"""Overlap at which a step is refused."""
-LARGEST_TURN = 0.1
-"""Largest rotation in one step [rad]."""
-EULER_ERROR = 0.02
-"""Largest difference between Euler and midpoint step, as a share of the nominal step."""
+PENETRATION_MM = 0.01  # Overlap at which a step is refused
+LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
+EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-WIDEN = 2
-"""Vertices kept placed on either side of one near a finger."""
-NEAR_MM = 3.0
-"""How far around the fingers vertices are followed between two looks at the whole outline."""
+WIDEN = 2  # Vertices kept placed on either side of one near a finger
+NEAR_MM = 3.0  # How far around the fingers vertices are followed between two looks at the whole outline
 
 
 SQUEEZE_WORK = np.dtype(
@@ -51,15 +47,13 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-C, I: contact buffers. step: workspace of the step. listed: how many vertices are placed, how many are near,
-and how many contacts were found. A: the ellipsoid, or the quartic's local one, in the hand frame; local: the
-same in the part's frame. F: unit wrench of the last step, in the part's frame. V: displacement. trial: pose
-after the step; half: pose in its middle. fingers: y of the inner faces, upper and lower.
+C, I: contacts. listed: how many vertices are placed and near, how many contacts were found. A: the
+ellipsoid, or the quartic's local one, in the hand frame; local: in the part's. F: unit wrench of the last
+step, in the part's frame. trial, half: pose after the step and in its middle. fingers: y of the inner faces.
 """
 SqueezeWork: TypeAlias = Any
 
-PLACED, NEAR, FOUND = 0, 1, 2
-"""Columns of `SqueezeWork.listed`."""
+PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
 ACCEPTED, RETRY, HELD, GIVEN_UP = 0, 1, 2, 3
 """What came of a step: taken; to be tried again, shorter; no solution; neither."""
 
@@ -70,59 +64,34 @@ def squeeze_workspace() -> SqueezeWork:
 
 
 class Body(NamedTuple):
-    """A part, in its own frame.
+    """A part, in its own frame."""
 
-    Attributes:
-        outline: (N, 2) counter-clockwise [mm].
-        reach: largest distance of a vertex from the part's origin [mm].
-        surface: (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table.
-        rho: length that normalises rotations [mm].
-    """
-
-    outline: Array
-    reach: float
-    surface: Array
-    rho: float
+    outline: Array  # (N, 2) counter-clockwise [mm]
+    reach: float  # largest distance of a vertex from the part's origin [mm]
+    surface: Array  # (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table
+    rho: float  # length that normalises rotations [mm]
 
 
 class Grip(NamedTuple):
-    """How the fingers close.
+    """How the fingers close."""
 
-    Attributes:
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
-        opening: of the jaws [mm].
-        h: half the finger's length [mm].
-        thickness: of a finger [mm].
-        top_share: motion of the upper finger for each millimetre of the mean finger's; 1 = both alike.
-        bottom_share: of the lower one; both together are 2.
-        step: nominal closing step of a finger [mm].
-    """
-
-    mu_top: float
-    mu_bottom: float
-    opening: float
-    h: float
-    thickness: float
-    top_share: float
-    bottom_share: float
-    step: float
+    mu_top: float  # friction at the upper finger
+    mu_bottom: float  # friction at the lower finger
+    opening: float  # of the jaws [mm]
+    h: float  # half the finger's length [mm]
+    thickness: float  # of a finger [mm]
+    top_share: float  # motion of the upper finger for each millimetre of the mean finger's; 1 = both alike
+    bottom_share: float  # of the lower one; both together are 2
+    step: float  # nominal closing step of a finger [mm]
 
 
 class Scratch(NamedTuple):
-    """Workspaces of a squeeze, modified in place.
+    """Workspaces of a squeeze, modified in place."""
 
-    Attributes:
-        points: (N, 2) the placed outline.
-        placed: (N,) the vertices kept placed.
-        near: (N,) those near the fingers.
-        work: a record of `SQUEEZE_WORK`.
-    """
-
-    points: Array
-    placed: IntArray
-    near: IntArray
-    work: SqueezeWork
+    points: Array  # (N, 2) the placed outline
+    placed: IntArray  # (N,) the vertices kept placed
+    near: IntArray  # (N,) those near the fingers
+    work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
 @kernel
@@ -131,8 +100,7 @@ def _midpoint(
 ) -> tuple[int, float]:
     """One midpoint step from pose q into `work.trial`, for contacts already found at q.
 
-    Returns the status and the difference between the Euler and the midpoint step [mm]; -1 where there is no
-    Euler step.
+    Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
     C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
     surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
@@ -225,17 +193,10 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
 def try_step(
     body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
-    """Tries a step of the given size; returns what came of it and the size to go on with.
+    """Tries a closing step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
-    An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there.
-
-    Args:
-        body: the part.
-        grip: the fingers.
-        size: closing step of each finger [mm].
-        margin: largest gap of the contacts found [mm].
-        q: (3,) pose in the hand frame [mm, mm, rad].
-        scratch: workspaces, with the contacts at q.
+    An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there,
+    with gaps of at most `margin` [mm]. The scratch holds the contacts at q.
     """
     step, work = grip.step, scratch.work
     step_top, step_bottom = grip.top_share * size, grip.bottom_share * size

@@ -13,7 +13,7 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import support
-from planner.part.quartic_form import FORM, PAIRS, gram
+from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
 
@@ -23,9 +23,11 @@ def of_job(job: Job) -> Surface:
     pressure, outline = job.pressure, job.part.outline_mm
     if pressure.quartic is not None and pressure.certificate is not None and pressure.rho_mm is not None:
         return QuarticSurface(pressure.quartic, pressure.certificate, pressure.rho_mm)
-    if pressure.limit_surface == "quartic":
-        return quartic_fit.fit_pressure(*support(pressure, outline), radius_of_gyration(outline))
-    return limit_surface.of_job(job)
+    if pressure.ellipsoid is not None and pressure.rho_mm is not None:
+        return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
+    quartic_wanted = pressure.limit_surface == "quartic"
+    fit = quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
+    return fit(*support(pressure, outline), radius_of_gyration(outline))
 
 
 def nominal(surface: Surface) -> Array:
@@ -34,20 +36,10 @@ def nominal(surface: Surface) -> Array:
 
 
 def sample(surface: Surface, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Physically consistent random surfaces for kernels (paper IV: Wishart).
-
-    Args:
-        surface: the nominal one.
-        dof: degrees of freedom n_df.
-        rng: source of randomness.
-        n: number of draws.
-
-    Returns:
-        (n, 3, 3) matrices of ellipsoids or (n, 6, 6) tables of quartics.
-    """
+    """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
-        return limit_surface.sample(surface, dof, rng, n)
-    return hessian_tables(quartic.sample(surface, dof, rng, n).coefficients)
+        return limit_surface.wishart(surface.A, dof, rng, n)
+    return hessian_tables(coefficients_of(quartic.sample(surface, dof, rng, n)))
 
 
 def hessian_tables(coefficients: Array) -> Array:

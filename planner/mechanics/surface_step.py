@@ -1,8 +1,8 @@
 """The step for either limit surface: one LCP for the ellipsoid, a sequence of them for the quartic.
 
-A convex quartic answers V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem), an ellipsoid's law whose
-matrix depends on the wrench. The step is solved with A at the wrench before, until the wrench's direction
-stands still: a fixed point of eqs 1-5 (paper, IV.A: "solving a sequence of LCP problems").
+A convex quartic answers V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem). The step is solved with A
+at the wrench before, until the wrench's direction stands still: a fixed point of eqs 1-5 (paper, IV.A:
+"solving a sequence of LCP problems").
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
-from planner.mechanics.step import PIVOT_LIMIT, SOLVED, StepWork, rotate_surface, solve
+from planner.mechanics.lcp import PIVOT_LIMIT, SOLVED
+from planner.mechanics.step import StepWork, rotate_surface, solve
 
-DIRECTION_TOLERANCE = 1e-6
-"""Change of the unit wrench at which the sequence has converged."""
+DIRECTION_TOLERANCE = 1e-6  # Change of the unit wrench at which the sequence has converged
 MOST_ITERATIONS = 60
 DAMPED_FROM = 8
 """From this iteration on the wrench moves half way: two modes of sliding may otherwise take turns."""
@@ -23,12 +23,9 @@ DAMPED_FROM = 8
 
 @kernel
 def local_matrix(table: Array, F: Array, out: Array) -> None:
-    """A(F) = hess H(F) / 3 of a quartic.
+    """A(F) = hess H(F) / 3 of a quartic into `out` (3, 3), for the wrench F (3,) in the part's frame.
 
-    Args:
-        table: (6, 6), xx, xy, xz, yy, yz, zz of hess H as forms in the six products of F.
-        F: (3,) normalised wrench in the part's frame.
-        out: (3, 3), modified in place.
+    `table` (6, 6) is xx, xy, xz, yy, yz, zz of hess H as forms in the six products of F.
     """
     for row in range(6):
         i = 0 if row < 3 else (1 if row < 5 else 2)
@@ -60,24 +57,12 @@ def solve_surface(
     surface: Array, theta: float, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int,
     work: StepWork, A: Array, local: Array, F: Array, V: Array,
 ) -> int:  # fmt: skip
-    """Solves the step for a part turned by theta.
+    """Solves the step for a part turned by theta; arguments and result as `step.solve`, but for these.
 
-    Args:
-        surface: (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame.
-        theta: the part's angle in the hand frame.
-        mu_top: friction at the upper finger.
-        mu_bottom: friction at the lower finger.
-        C: contacts, completed by `directions`; the forces are modified in place.
-        I: the same, integers.
-        count: how many of them are valid.
-        work: workspace of `solve`.
-        A: (3, 3) receives the matrix of the last LCP, in the hand frame.
-        local: (3, 3) workspace.
-        F: (3,) unit wrench to start from, in the part's frame; receives the last one (quartic only).
-        V: (3,) receives the displacement.
-
-    Returns:
-        As `step.solve`; `PIVOT_LIMIT` also where the sequence did not converge.
+    The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame. A (3, 3)
+    receives the matrix of the last LCP, in the hand frame; `local` (3, 3) is workspace. F (3,) is the unit
+    wrench to start from, in the part's frame, and receives the last one (quartic only). `PIVOT_LIMIT` also
+    where the sequence did not converge.
     """
     if surface.shape[0] == 3:
         rotate_surface(surface, theta, A)

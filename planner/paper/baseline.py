@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +18,7 @@ from planner.part.outline import convex_hull, radius_of_gyration
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorlds
 
-ORIENTED_DEG = 5.0
-"""A part counts as oriented within this (the paper's tolerance, VII)."""
+ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
 IDEAL = {
     "friction": {"finger_part_min": 0.0, "finger_part_max": 0.0},
     "gripper": {"finger_length_mm": 900.0},
@@ -28,39 +27,22 @@ SEED_BASELINE = 0x42415345
 
 
 class Achieved(NamedTuple):
-    """What the plan does in one world.
+    """What the plan does in one world."""
 
-    Attributes:
-        oriented: share of the parts that end within `ORIENTED_DEG` of the angle the theory says, modulo the
-            plan's period.
-        located: share within the job's goal of the pose that most are within it of; of several poses, where
-            the goal allows them.
-        located_modulo: the same, modulo the plan's period.
-        seconds: a part, estimated.
-    """
-
-    oriented: float
-    located: float
-    located_modulo: float
-    seconds: float
+    oriented: float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+    located: float  # share within the job's goal of the pose(s) that most are within it of
+    located_modulo: float  # the same, modulo the plan's period
+    seconds: float  # a part, estimated
 
 
 class Baseline(NamedTuple):
-    """The sensorless plan of a job, and what it comes to.
+    """The sensorless plan of a job, and what it comes to."""
 
-    Attributes:
-        plan: the squeezes.
-        bound: 2 n - 1 for a hull of n vertices, the most it could take.
-        real: in the job's stochastic contact world.
-        ideal: the same with long jaws and no friction; only that they touch one after the other is left.
-        trials: number of parts in both.
-    """
-
-    plan: SqueezePlan
-    bound: int
-    real: Achieved
-    ideal: Achieved
-    trials: int
+    plan: SqueezePlan  # the squeezes
+    bound: int  # 2 n - 1 for a hull of n vertices, the most it could take
+    real: Achieved  # in the job's stochastic contact world
+    ideal: Achieved  # the same with long jaws and no friction: only the order of touching is left
+    trials: int  # number of parts in both
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -79,12 +61,9 @@ class Baseline(NamedTuple):
 
 
 def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
-    """Plans without sensors and runs the plan.
+    """Plans without sensors and runs the plan on `trials` parts; the hand is always placed at the origin.
 
-    Args:
-        job: the job; its actions are not used, its hand is always placed at the origin.
-        trials: number of parts.
-        scheduler: who squeezes them; all cores if None. The result does not depend on it.
+    The result does not depend on the scheduler: all cores if None.
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)
@@ -112,31 +91,23 @@ of {baseline.trials} parts each; oriented: within {ORIENTED_DEG:.0f} deg; locate
 modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """The plan in one world; called with a chunk of the parts, in whatever process."""
-
-    job: Job
-    worlds: ContactWorlds
-    angles: Array
-
-    def __call__(self, chunk: Chunk) -> tuple[Array, Array]:
-        """Final poses (n, 3) in the world, and seconds (n,) a part."""
-        rng = np.random.default_rng([self.job.seed, chunk.number, SEED_BASELINE])
-        world = self.worlds.world(chunk.number)
-        gripper, cell = self.job.gripper, self.job.cell
-        poses, seconds = initial(self.job, chunk.trials, rng), np.zeros(chunk.trials)
-        for angle in self.angles:
-            hand = np.array([0.0, 0.0, angle])
-            rolled = world.squeeze_many(to_hand(poses, hand))
-            poses = to_world(rolled.poses, hand)
-            seconds += 2.0 * (gripper.opening_mm - rolled.width_mm) / gripper.speed_mm_s
-            seconds += 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
-        return poses, seconds
+def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
+    """The plan with a chunk of the parts: final poses (n, 3) in the world, and seconds (n,) a part."""
+    rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
+    world = worlds.world(chunk.number)
+    gripper, cell = job.gripper, job.cell
+    poses, seconds = initial(job, chunk.trials, rng), np.zeros(chunk.trials)
+    for angle in angles:
+        hand = np.array([0.0, 0.0, angle])
+        rolled = world.squeeze_many(to_hand(poses, hand))
+        poses = to_world(rolled.poses, hand)
+        seconds += 2.0 * (gripper.opening_mm - rolled.width_mm) / gripper.speed_mm_s
+        seconds += 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
+    return poses, seconds
 
 
 def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
-    run = _Run(job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
+    run = partial(_squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))

@@ -1,17 +1,13 @@
 """OpenLoopSearch and OpenLoopSearchBFSExpand: Algorithms 2 and 3 of the paper, as printed.
 
-A breadth-first search over sequences of actions, blind to what the squeezes would show. Four readings of the
-print:
+A breadth-first search over sequences of actions, blind to what the squeezes would show. Four readings:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
-- UpdateBestAction replaces the best only by a larger ratio, so ties go to the sequence found first, the
-  shorter one and then the one of earlier actions. The root is no sequence: some action is found even if none
-  gains anything.
-- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one whose ratio has fallen to less than
-  alpha of its parent's. They differ where both are 0, as they are for a belief of two modes, and there the
-  text is followed: the print would end such a tree at once, with it the search goes on, if blindly.
-- CollisionFree asks of the whole belief. A learned detector errs, and a belief wider than the jaws always
-  has a few particles under a finger, so a small share is let through (`COLLIDING_SHARE`).
+- Ties go to the sequence found first. The root is no sequence: some action is found even if none gains.
+- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one below alpha of its parent's. Where
+  both are 0, as for a belief of two modes, the print would end the tree at once, so the text is followed.
+- CollisionFree asks of the whole belief. A learned detector errs, so a small share is let through
+  (`COLLIDING_SHARE`).
 """
 
 from __future__ import annotations
@@ -25,7 +21,8 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.frames import to_hand, to_world
-from planner.paper.models import CollisionTree, KernelMotion
+from planner.paper.models import Motion
+from planner.paper.sensor import CollisionTree
 
 ALPHA = 0.75
 """A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""
@@ -34,15 +31,10 @@ COLLIDING_SHARE = 0.005
 
 
 class Sequence(NamedTuple):
-    """A sequence of actions and what it comes to.
+    """A sequence of actions and what it comes to."""
 
-    Attributes:
-        actions: indices of placements; empty if every first action collides or is pruned.
-        ratio: singleton ratio of the belief afterwards.
-    """
-
-    actions: tuple[int, ...]
-    ratio: float
+    actions: tuple[int, ...]  # indices of placements; empty if every first action collides or is pruned
+    ratio: float  # singleton ratio of the belief afterwards
 
 
 class _Element(NamedTuple):
@@ -55,36 +47,19 @@ class _Element(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenLoop:
-    """The search for a sequence of actions.
+    """The search for a sequence of actions."""
 
-    Attributes:
-        placements: (k, 3) the actions: the hand frame in the world.
-        motion: forward motion model.
-        collision: collision detector.
-        ratio: singleton ratio of a belief (n, 3).
-        depth: d, the longest sequence.
-        alpha: share of its ratio that a belief must keep.
-        enough: a sequence that exceeds this ratio ends the search; above 1, none does.
-        budget: beliefs expanded before the search ends with the best sequence so far: the paper's time
-            budget, counted rather than clocked so that a plan can be repeated.
-    """
-
-    placements: Array
-    motion: KernelMotion
-    collision: CollisionTree
-    ratio: Callable[[Array], float]
-    depth: int
-    alpha: float = ALPHA
-    enough: float = 2.0
-    budget: int | None = None
+    placements: Array  # (k, 3) the actions: the hand frame in the world
+    motion: Motion  # forward motion model
+    collision: CollisionTree  # collision detector
+    ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
+    depth: int  # d, the longest sequence
+    alpha: float = ALPHA  # share of its ratio that a belief must keep
+    enough: float = 2.0  # a sequence that exceeds this ratio ends the search; above 1, none does
+    budget: int | None = None  # beliefs expanded before the search ends, in place of the paper's time limit
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
-        """Algorithm 2 up to the choice of a*: the sequence with the largest singleton ratio.
-
-        Args:
-            poses: (n, 3) the node's particles in the world.
-            rng: source of the motion model's randomness.
-        """
+        """Algorithm 2 up to a*, for particles (n, 3) in the world: the sequence of largest ratio."""
         queue = deque([_Element(poses, self.ratio(poses), ())])
         best, expanded = Sequence((), -np.inf), 0
         while queue and best.ratio <= self.enough:
@@ -97,12 +72,12 @@ class OpenLoop:
         return best
 
     def free(self, poses: Array, placement: Array) -> bool:
-        """Whether the hand can be set down at a placement among the believed poses."""
+        """Whether the hand can be set down at a placement (3,) among the believed poses (n, 3)."""
         return bool(self.collision.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
 
     def moved(self, poses: Array, placement: Array, rng: np.random.Generator) -> Array:
-        """ForwardMotionModel-KCDE(X, a): to the hand frame, through the model, and back to the world."""
-        return to_world(self.motion.move(to_hand(poses, placement), rng), placement)
+        """ForwardMotionModel-KCDE(X, a), poses (n, 3) in the world."""
+        return to_world(self.motion(to_hand(poses, placement), rng), placement)
 
     def _expand(self, element: _Element, rng: np.random.Generator) -> Iterator[_Element]:
         """Algorithm 3: the element's successors that are free of collision and not pruned."""

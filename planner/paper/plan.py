@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from planner.belief.observation import encoder_of
@@ -25,39 +27,26 @@ def plan_paper(
     simulator: Simulator,
     store: Store | None = None,
     scheduler: Scheduler | None = None,
-    report: Report | None = None,
+    report: Report = silent,
 ) -> TreeNode:
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
-    The paper's own numbers are used throughout: of the job's [search] only the method, the number of
-    particles (6000 by default, as in the paper) and the longest path count; of its [actions] the angles and
-    centres.
-
-    Args:
-        job: the checked job.
-        simulator: its squeeze.
-        store: where roll-outs are kept.
-        scheduler: who rolls out.
-        report: told about progress.
-
-    Returns:
-        The tree. It has one node if no first squeeze is free of collision, or none keeps the ratio.
+    The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
+    longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
+    free of collision, or none keeps the ratio. Roll-outs as `roll_outs`.
     """
-    say = report or silent
-    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, say)
+    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
     placements = actions_of(job).placements
     planner = PaperPlanner(
         placements=placements,
         models=learn(rolled, simulator, encoder, rho_mm, job.part.symmetry),
         encoder=encoder,
-        clearance=lambda belief, placement: least_clearance(
-            simulator.outline, simulator.jaws, belief, placement
-        ),
+        clearance=partial(least_clearance, simulator.outline, simulator.jaws),
         method=job.search.method,
         depth=search_depth(len(placements)),
         max_depth=job.search.max_depth,
         order=job.part.symmetry,
     )
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
-    return planner.plan(belief, [job.seed], lambda done, waiting: say("search", done, done + waiting))
+    return planner.plan(belief, [job.seed], lambda done, waiting: report("search", done, done + waiting))

@@ -1,9 +1,8 @@
 """Projection of particles onto the subspace that their width stands for (paper V.C).
 
 A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The subspaces
-are kept as the final poses that roll-outs ended in, and a particle moves to the nearest of those of its own
-subspace. Free space has all three dimensions, so nothing is moved there. Whatever limit surface the roll-outs
-were made with, the poses are theirs.
+are kept as the final poses of roll-outs, and a particle moves to the nearest of its own subspace. Free space
+has all three dimensions, so nothing is moved there.
 """
 
 from __future__ import annotations
@@ -17,85 +16,51 @@ from scipy.spatial import cKDTree
 
 from planner.arrays import Array, IntArray
 from planner.frames import wrap
+from planner.learned.neighbours import wrap_up
 
-STILL_MM = 1e-6
-"""A particle this near to a stored pose is that pose already."""
+STILL_MM = 1e-6  # A particle this near to a stored pose is that pose already
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """The subspaces of one part, as final poses in the hand frame.
+    """The subspaces of one part, as final poses in the hand frame."""
 
-    Attributes:
-        poses: for each subspace the (n_k, 3) poses seen in it; the first is free space, and empty.
-        trees: for each of them its search tree, None for free space.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-    """
-
-    poses: list[Array]
-    trees: list[cKDTree | None]
-    rho_mm: float
-    order: int
+    stored: dict[int, tuple[Array, cKDTree]]  # by subspace: the poses (n_k, 3) seen in it, and their tree
+    rho_mm: float  # what one radian weighs
+    order: int  # rotational order of the part
 
     @classmethod
     def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:
-        """Stores final poses by subspace.
-
-        Args:
-            final: (n, 3) final poses in the hand frame [mm, mm, rad].
-            label: (n,) the subspace of each, as `planner.paper.subspaces.Subspaces.label` has it.
-            rho_mm: what one radian weighs, above 0.
-            order: rotational order of the part.
+        """Stores final poses (n, 3) in the hand frame by the subspaces (n,) that `Subspaces.label` says.
 
         Raises:
             ValueError: a subspace has no pose, though one with a higher number has.
         """
-        poses, trees = [np.empty((0, 3))], [None]
+        stored = {}
         for k in range(1, int(label.max(initial=0)) + 1):
-            members = np.ascontiguousarray(final[label == k])
-            if not len(members):
+            poses = np.ascontiguousarray(final[label == k])
+            if not len(poses):
                 raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
-            poses.append(members)
-            box = [0.0, 0.0, _period_mm(rho_mm, order)]
-            trees.append(cKDTree(_points(members, rho_mm, order), boxsize=box))
-        return cls(poses, trees, rho_mm, order)
+            box = [0.0, 0.0, rho_mm * math.tau / order]
+            stored[k] = poses, cKDTree(_points(poses, rho_mm, order), boxsize=box)
+        return cls(stored, rho_mm, order)
 
     def project(self, poses: Array, label: IntArray) -> Array:
-        """Moves particles onto their subspaces.
+        """BeliefUpdateProjection: the nearest stored poses for particles (n, 3) of subspaces `label` (n,).
 
-        Args:
-            poses: (n, 3) in the hand frame [mm, mm, rad]; not modified.
-            label: (n,) the subspace of each.
-
-        Returns:
-            The nearest stored poses, at that of their equal angles which is nearest to the particle's; free
-            particles as they are. Projecting twice is the same as once.
+        At that of their equal angles which is nearest to the particle's; free particles stay. Idempotent.
         """
         result = np.array(poses, dtype=np.float64)
-        for k in range(1, len(self.trees)):
+        for k, (stored, tree) in self.stored.items():
             members = np.flatnonzero(label == k)
-            if len(members):
-                result[members] = self._onto(k, result[members])
+            start = result[members]
+            distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
+            end = stored[nearest]
+            end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
+            result[members] = np.where(distance[:, None] > STILL_MM, end, start)
         return result
-
-    def _onto(self, k: int, start: Array) -> Array:
-        """The stored poses of subspace k that are nearest to poses (m, 3)."""
-        tree = self.trees[k]
-        assert tree is not None
-        distance, nearest = tree.query(_points(start, self.rho_mm, self.order))
-        end = self.poses[k][nearest]
-        end[:, 2] = start[:, 2] + wrap(end[:, 2] - start[:, 2], self.order)
-        return np.where(distance[:, None] > STILL_MM, end, start)
 
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:
     """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
-    turned = rho_mm * np.mod(poses[:, 2], math.tau / order)
-    turned[turned >= _period_mm(rho_mm, order)] = 0.0  # a tiny negative angle rounds up to the period itself
-    return np.column_stack([poses[:, :2], turned])
-
-
-def _period_mm(rho_mm: float, order: int) -> float:
-    """Length of a period: angles are compared as rho theta."""
-    return rho_mm * math.tau / order
+    return np.column_stack([poses[:, :2], wrap_up(rho_mm * poses[:, 2], rho_mm * math.tau / order)])

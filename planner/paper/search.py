@@ -1,8 +1,7 @@
 """ExpandTree: Algorithm 1 of the paper as printed, its two variants, and the tree in the planner's own nodes.
 
-The tree differs from the default method's in four ways: the action is the first of the best open-loop
-sequence, progress is the printed singleton ratio, beliefs are moved by learned models, and the branch with
-the nearest expected width always wins, however far it is.
+Unlike in the default method the action is the first of the best open-loop sequence, progress is the printed
+singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
 """
 
 from __future__ import annotations
@@ -19,16 +18,14 @@ from planner.belief.observation import COUNTS, Encoder, Partition
 from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world
 from planner.paper.models import Models
-from planner.paper.open_loop import ALPHA, OpenLoop
+from planner.paper.open_loop import OpenLoop
 from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
 from planner.search.expand import PlannedSqueeze, Progress, TreeNode
 
 METHODS = ("paper", "paper-sequence", "sensorless")
 """Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
 TOLERANCES = Tolerances()
-SINGLETON_SHARE = 0.95
-"""r_s."""
-PARTICLES = 6000
+SINGLETON_SHARE = 0.95  # r_s
 MOST_SEQUENCES = 500
 DEEPEST = 3
 SENSORLESS_DEPTH = 5
@@ -38,53 +35,29 @@ SENSORLESS_BUDGET = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperPlanner:
-    """Grows trees as the paper does.
+    """Grows trees as the paper does."""
 
-    Attributes:
-        placements: (k, 3) the actions: the hand frame in the world.
-        models: what moves and observes beliefs.
-        encoder: turns expected widths into counts.
-        clearance: least distance between the open fingers and any of the poses (n, 3) at a placement (3,),
-            for the table; negative in collision [mm].
-        method: one of `METHODS`.
-        depth: d, the longest open-loop sequence.
-        max_depth: longest path of the tree, which the paper does not bound [squeezes].
-        order: the part's rotational order; the paper's parts have 2.
-        tolerances: eps.
-        alpha: pruning.
-        enough: r_s.
-    """
-
-    placements: Array
-    models: Models
-    encoder: Encoder
-    clearance: Callable[[Array, Array], float]
-    method: str = "paper"
-    depth: int = DEEPEST
-    max_depth: int = 12
-    order: int = PRINTED_ORDER
-    tolerances: Tolerances = TOLERANCES
-    alpha: float = ALPHA
-    enough: float = SINGLETON_SHARE
+    placements: Array  # (k, 3) the actions: the hand frame in the world
+    models: Models  # what moves and observes beliefs
+    encoder: Encoder  # turns expected widths into counts
+    clearance: Callable[[Array, Array], float]  # open fingers at (3,) from poses (n, 3) [mm], < 0: collide
+    method: str = "paper"  # one of `METHODS`
+    depth: int = DEEPEST  # d, the longest open-loop sequence
+    max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
+    order: int = PRINTED_ORDER  # the part's rotational order; the paper's parts have 2
 
     def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> TreeNode:
-        """ExpandTree(C, eps, r_s, d), breadth first instead of by recursion.
+        """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first, not recursive.
 
-        Args:
-            belief: (n, 3) particles of the initial uncertainty in the world.
-            seed: every node draws from a stream of its own, named after its path.
-            progress: called with the number of nodes done and the number waiting.
-
-        Returns:
-            The root. A leaf whose ratio is not above r_s could not be expanded: no action was free of
-            collision and kept the ratio, or the path was too long.
+        A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
+        the ratio, or the path was too long. Every node draws from a stream named after the seed and its path.
         """
-        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, self.tolerances, self.order))
+        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, TOLERANCES, self.order))
         waiting, done = deque([root]), 0
         while waiting:
             node = waiting.popleft()
             done += 1
-            if node.mode.ratio <= self.enough and node.depth < self.max_depth:
+            if node.mode.ratio <= SINGLETON_SHARE and node.depth < self.max_depth:
                 waiting.extend(self._expanded(node, np.random.default_rng([*seed, node.depth, *node.path])))
             if progress is not None:
                 progress(done, len(waiting))
@@ -95,54 +68,46 @@ class PaperPlanner:
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "paper":
             actions = actions[:1]
-        blind, branching = actions[:-1], actions[-1:]
+        blind, last = actions[:-1], actions[-1:]
         if self.method == "sensorless":
-            blind, branching = actions, ()
+            blind, last = actions, ()
         for action in blind:
-            node = self._blind(node, self.placements[action], rng)
-        return [end for a in branching for end in self._branched(node, self.placements[a], rng)]
+            (node,) = self._squeezed(node, self.placements[action], rng, branching=False)
+        return [end for a in last for end in self._squeezed(node, self.placements[a], rng, branching=True)]
 
     def _search(self, longest: int) -> OpenLoop:
         search = OpenLoop(
             placements=self.placements,
             motion=self.models.motion,
             collision=self.models.collision,
-            ratio=lambda poses: singleton(poses, self.tolerances, self.order).ratio,
+            ratio=lambda poses: singleton(poses, TOLERANCES, self.order).ratio,
             depth=min(self.depth, longest),
-            alpha=self.alpha,
         )
         if self.method != "sensorless":
             return search
         return dataclasses.replace(
-            search, depth=min(SENSORLESS_DEPTH, longest), enough=self.enough, budget=SENSORLESS_BUDGET
+            search, depth=min(SENSORLESS_DEPTH, longest), enough=SINGLETON_SHARE, budget=SENSORLESS_BUDGET
         )
 
-    def _branched(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> list[TreeNode]:
-        """Adds a child for each observation (the end of Algorithm 2, then the loop of Algorithm 1)."""
-        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
-        width = self.models.sensor.predict(hand)
-        subspace = self.models.subspaces.label(width)
-        poses = to_world(self.models.subspaces.project(hand, subspace), placement)
-        clusters, label = nearest_observation(self.encoder, width, subspace)
-        return self._add(node, placement, clusters, [poses[label == k] for k in range(len(clusters.mean))])
-
-    def _blind(self, node: TreeNode, placement: Array, rng: np.random.Generator) -> TreeNode:
-        """Adds the one child that every width leads to."""
-        hand = self.models.motion.move(to_hand(node.belief.poses, placement), rng)
-        width = self.models.sensor.predict(hand)
-        clusters, _ = nearest_observation(self.encoder, width, np.zeros(len(width), np.int64))
-        return self._add(node, placement, clusters, [to_world(hand, placement)])[0]
-
-    def _add(
-        self, node: TreeNode, placement: Array, clusters: Partition, beliefs: list[Array]
+    def _squeezed(
+        self, node: TreeNode, placement: Array, rng: np.random.Generator, branching: bool
     ) -> list[TreeNode]:
-        """Gives a node its action and its children."""
+        """Gives a node its action, and a child for each observation or one that every width leads to."""
+        hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
+        width = self.models.sensor.predict(hand)
+        subspace = np.zeros(len(width), np.int64)
+        if branching:  # the end of Algorithm 2, then the loop of Algorithm 1
+            subspace = self.models.subspaces.label(width)
+            hand = self.models.projection.project(hand, subspace)
+        clusters, label = nearest_observation(self.encoder, width, subspace)
+        poses = to_world(hand, placement)
         # Particles that the learned detector let through would make the clearance negative.
         clearance = max(self.clearance(node.belief.poses, placement), 0.0)
         node.squeeze = PlannedSqueeze(placement, self.encoder.opening_mm, clearance, clusters)
-        for k, belief in enumerate(beliefs):
+        for k in range(len(clusters.mean)):
+            belief = poses[label == k]
             share = node.share * len(belief) / len(node.belief)
-            mode = singleton(belief, self.tolerances, self.order)
+            mode = singleton(belief, TOLERANCES, self.order)
             node.children.append(TreeNode(Belief.of(belief), share, mode, (*node.path, k)))
         return node.children
 
@@ -150,14 +115,9 @@ class PaperPlanner:
 def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -> tuple[Partition, IntArray]:
     """The paper's rule at run time: the child with the closest expected observation, whatever the width.
 
-    Args:
-        encoder: turns widths into counts.
-        width_mm: (n,) expected width of each particle, n >= 1.
-        subspace: (n,) subspace of each particle. Subspaces whose mean widths fall on one count become one
-            child: no reading could lead to the other.
-
-    Returns:
-        The children's cells, which share out all counts, and each particle's child (n,).
+    Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one count
+    become one child: no reading could lead to the other. Returns the children's cells, which share out all
+    counts, and each particle's child (n,).
     """
     counts = np.clip(
         encoder.count_closed - width_mm / encoder.mm_per_count, encoder.count_open, encoder.count_closed

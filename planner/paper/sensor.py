@@ -1,8 +1,6 @@
-"""The sensor model: which width the fingers show at a final pose (paper V.B: a regression tree).
+"""The sensor model and the collision detector (paper V.B): decision trees over poses.
 
-The width is a function of the final pose alone, since the pose in the hand frame tells where both fingers
-touch. The tree sees x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: turns
-that nobody can tell apart are one place, without a seam.
+The trees see x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: without a seam.
 """
 
 from __future__ import annotations
@@ -13,55 +11,35 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
-    from sklearn.tree import DecisionTreeRegressor
+    from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
-HELD_OUT = 10
-"""Every tenth roll-out tells the error."""
+HELD_OUT = 10  # Every tenth roll-out tells the error
 
 
 class SensorError(NamedTuple):
-    """How far predictions are from the widths of roll-outs held out.
+    """How far predictions are from the widths of roll-outs held out."""
 
-    Attributes:
-        held_out: how many roll-outs that is.
-        rms_mm: root mean square error.
-        median_mm: error that half of them keep.
-        q95_mm: error that 95 % of them keep.
-        worst_mm: greatest error.
-    """
-
-    held_out: int
-    rms_mm: float
-    median_mm: float
-    q95_mm: float
-    worst_mm: float
+    held_out: int  # how many roll-outs that is
+    rms_mm: float  # root mean square error
+    median_mm: float  # error that half of them keep
+    q95_mm: float  # error that 95 % of them keep
+    worst_mm: float  # greatest error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
-    """A regression tree from final poses to widths.
+    """A regression tree from final poses to widths."""
 
-    Attributes:
-        tree: on the columns of `features`.
-        order: rotational order of the part.
-        error: on roll-outs that had no part in making the tree.
-    """
-
-    tree: DecisionTreeRegressor
-    order: int
-    error: SensorError
+    tree: DecisionTreeRegressor  # on the columns of `features`
+    order: int  # rotational order of the part
+    error: SensorError  # on roll-outs that had no part in making the tree
 
     @classmethod
     def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
-        """Learns from roll-outs.
-
-        Args:
-            final: (n, 3) final poses in the hand frame [mm, mm, rad].
-            width_mm: (n,) opening at which the fingers stopped.
-            order: rotational order of the part.
+        """Learns from final poses (n, 3) in the hand frame and the widths (n,) seen there [mm].
 
         Raises:
             ValueError: there are fewer than `HELD_OUT` roll-outs.
@@ -72,11 +50,34 @@ class SensorModel:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
         X, testing = features(final, order), np.arange(len(final)) % HELD_OUT == 0
         tree = DecisionTreeRegressor(random_state=0).fit(X[~testing], width_mm[~testing])
-        return cls(tree, order, error_of(tree.predict(X[testing]), width_mm[testing]))
+        error = np.abs(tree.predict(X[testing]) - width_mm[testing])
+        rms, (median, q95) = np.sqrt(np.mean(error**2)), np.quantile(error, [0.5, 0.95])
+        figures = map(float, (rms, median, q95, error.max()))
+        return cls(tree, order, SensorError(len(error), *figures))
 
     def predict(self, poses: Array) -> Array:
         """Expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
         return np.asarray(self.tree.predict(features(poses, self.order)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CollisionTree:
+    """CollisionFree-DecisionTree: what roll-outs found. The planner itself goes by `mechanics.clearance`."""
+
+    tree: DecisionTreeClassifier
+    order: int
+
+    @classmethod
+    def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
+        """Learns from initial poses (n, 3) where an open finger stands on the part (n,)."""
+        from sklearn.tree import DecisionTreeClassifier  # takes two seconds; most plans learn nothing
+
+        tree = DecisionTreeClassifier(random_state=0)
+        return cls(tree.fit(features(initial, order), stands), order)
+
+    def collides(self, poses: Array) -> BoolArray:
+        """Where an open finger would stand on the part; poses are (n, 3) in the hand frame."""
+        return np.asarray(self.tree.predict(features(poses, self.order)), dtype=np.bool_)
 
 
 def features(poses: Array, order: int) -> NDArray[np.float32]:
@@ -84,11 +85,3 @@ def features(poses: Array, order: int) -> NDArray[np.float32]:
     turned = order * poses[:, 2]
     columns = [poses[:, 0], poses[:, 1], np.cos(turned), np.sin(turned)]
     return np.column_stack(columns).astype(np.float32)
-
-
-def error_of(predicted: Array, width_mm: Array) -> SensorError:
-    """The error of predictions (n,) of widths (n,), n >= 1."""
-    error = np.abs(predicted - width_mm)
-    median, q95 = np.quantile(error, [0.5, 0.95])
-    rms = float(np.sqrt(np.mean(error**2)))
-    return SensorError(len(error), rms, float(median), float(q95), float(error.max()))

@@ -1,10 +1,9 @@
-"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993).
+"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993), Algorithmica 10.
 
-K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993). Jaws that are long and
-frictionless and touch at once turn the part until its width is at a local minimum. The squeeze function maps
-each closing direction to that minimum: it is constant between two maxima of the width. A plan is a list of
-intervals of directions, each of which one squeeze takes into the next narrower one; it is found backwards, in
-O(n^2).
+Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
+squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
+A plan is a list of intervals of directions, each of which one squeeze takes into the next narrower one; it is
+found backwards, in O(n^2).
 """
 
 from __future__ import annotations
@@ -20,35 +19,21 @@ from planner.arrays import Array
 from planner.paper.width import width_function
 from planner.part.outline import Outline
 
-RIPPLE_MM = 0.05
-"""Minima of the width shallower than this hold no part: the facets of a sampled curve."""
-ALIKE_RAD = 1e-6
-"""Steps of the squeeze function that differ by less are equal."""
+RIPPLE_MM = 0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+ALIKE_RAD = 1e-6  # Steps of the squeeze function that differ by less are equal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SqueezeFunction:
-    """Where a frictionless squeeze takes a closing direction: a step function.
+    """Where a frictionless squeeze takes a closing direction: a step function."""
 
-    Attributes:
-        maxima: (k,) directions where a step begins, in one period, rising; the last step ends at the first
-            one, a period on.
-        minima: (k,) where each step leads, between its maximum and the next.
-        period: the function repeats, turned along, after this angle: pi, or less for a symmetric hull.
-    """
-
-    maxima: Array
-    minima: Array
-    period: float
+    maxima: Array  # (k,) directions where a step begins, in one period, rising
+    minima: Array  # (k,) where each step leads, between its maximum and the next
+    period: float  # the function repeats, turned along, after this angle: pi, or less for a symmetric hull
 
     @classmethod
     def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
-        """The squeeze function of a part.
-
-        Args:
-            outline: (N, 2) counter-clockwise [mm].
-            ripple_mm: shallower minima are left out.
-        """
+        """The squeeze function of a part (N, 2) [mm]; minima shallower than `ripple_mm` are left out."""
         minima, maxima = width_function(outline).extrema(ripple_mm)
         if minima[0] < maxima[0]:
             minima = np.append(minima[1:], minima[0] + math.pi)
@@ -81,40 +66,25 @@ class SqueezeFunction:
 
 
 def _repeats(steps: Array, after: int) -> bool:
-    """Whether a cyclic list of steps (k, 2) is the same after so many of them."""
     return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
 
 
 class Interval(NamedTuple):
-    """A run of steps of the squeeze function.
+    """A run of steps of the squeeze function."""
 
-    Attributes:
-        start: direction at which it begins.
-        length: how far it goes.
-        image: least direction it is squeezed to.
-        spread: length of the smallest interval that holds all it is squeezed to.
-    """
-
-    start: float
-    length: float
-    image: float
-    spread: float
+    start: float  # direction at which it begins
+    length: float  # how far it goes
+    image: float  # least direction it is squeezed to
+    spread: float  # length of the smallest interval that holds all it is squeezed to
 
 
 class SqueezePlan(NamedTuple):
-    """A sensorless plan.
+    """A sensorless plan."""
 
-    Attributes:
-        angles: (k,) of the hand in the world, one for each squeeze, the first one 0 [rad].
-        final: angle of the part in the world after the last one, if the theory holds, modulo `period`.
-        period: what the plan cannot tell apart: pi, or less for a symmetric hull [rad].
-        slack: least margin of an intermediate direction to where it would go elsewhere [rad].
-    """
-
-    angles: Array
-    final: float
-    period: float
-    slack: float
+    angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
+    final: float  # angle of the part in the world after the last one, if the theory holds, modulo `period`
+    period: float  # what the plan cannot tell apart: pi, or less for a symmetric hull [rad]
+    slack: float  # least margin of an intermediate direction to where it would go elsewhere [rad]
 
 
 def chain(function: SqueezeFunction) -> list[Interval]:
@@ -137,11 +107,7 @@ def chain(function: SqueezeFunction) -> list[Interval]:
 
 
 def plan(outline: Outline) -> SqueezePlan:
-    """The shortest sequence of squeezes that orients a part up to the symmetry of its hull, without friction.
-
-    Args:
-        outline: (N, 2) counter-clockwise [mm].
-    """
+    """The shortest sequence of squeezes that orients a part (N, 2) [mm], in theory without friction."""
     function = SqueezeFunction.of(outline)
     intervals = chain(function)
     angles, slack = [0.0], 0.5 * function.period

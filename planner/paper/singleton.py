@@ -1,7 +1,6 @@
 """SingletonRatio as the paper prints it (VI.1): the share of a belief in a box about its average pose.
 
-The average of a belief of two modes lies between them, so its ratio is near 0 whatever one does; and
-averaging cos and sin of 2 theta is right for parts of rotational order 2 only, as the paper's are.
+The average of a belief of two modes lies between them, so its ratio is near 0 whatever one does.
 `planner.belief.metric` has the mode ratio that the default method uses instead.
 """
 
@@ -16,34 +15,19 @@ from planner.arrays import Array, BoolArray
 from planner.belief.metric import Mode
 from planner.frames import wrap
 
-PRINTED_ORDER = 2
-"""The paper maps theta to [cos 2 theta, sin 2 theta]."""
+PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 
 
 class Tolerances(NamedTuple):
-    """The box about the average pose: plus and minus each of these (paper, VII).
+    """The box about the average pose: plus and minus each of these (paper, VII)."""
 
-    Attributes:
-        x_mm: along x of the world.
-        y_mm: along y of the world.
-        theta_rad: orientation, under the part's symmetry.
-    """
-
-    x_mm: float = 2.5
-    y_mm: float = 2.5
-    theta_rad: float = math.radians(5.0)
+    x_mm: float = 2.5  # along x of the world
+    y_mm: float = 2.5  # along y of the world
+    theta_rad: float = math.radians(5.0)  # orientation, under the part's symmetry
 
 
 def average_pose(poses: Array, order: int = PRINTED_ORDER) -> Array:
-    """Average of x, y, cos(n theta) and sin(n theta), mapped back to a pose.
-
-    Args:
-        poses: (m, 3), m >= 1 [mm, mm, rad].
-        order: n, the part's rotational order.
-
-    Returns:
-        (3,), the orientation within half a period of zero.
-    """
+    """Average (3,) of x, y, cos(n theta), sin(n theta) of poses (m, 3), mapped back; n is the order."""
     x, y = poses[:, 0].mean(), poses[:, 1].mean()
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
@@ -59,12 +43,6 @@ def within(poses: Array, pose: Array, tolerances: Tolerances, order: int = PRINT
 
 
 def singleton(poses: Array, tolerances: Tolerances, order: int = PRINTED_ORDER) -> Mode:
-    """SingletonRatio(X, eps): the average pose and the share of the belief within the box about it.
-
-    Args:
-        poses: (m, 3) particles, m >= 1 [mm, mm, rad].
-        tolerances: eps.
-        order: the part's rotational order; the paper's parts have 2.
-    """
+    """SingletonRatio(X, eps): the average pose of particles (m, 3), and the share in the box about it."""
     pose = average_pose(poses, order)
     return Mode(pose, float(within(poses, pose, tolerances, order).mean()))

@@ -1,9 +1,9 @@
 """The subspaces of final poses that a width stands for (paper V.A, Fig. 4), from all roll-outs of a part.
 
-k-means on the widths, as in the paper, which leaves k to the reader: "the minimum number of characteristic
-equilibria". Here k is the smallest number of clusters that explains nearly all of the variance of the held
-widths; for the paper's rectangle that is its k of 4. Clusters that the encoder cannot tell apart are merged,
-and `Subspaces.notes` says so. Free space, where the jaws close on nothing, is always the first subspace.
+k-means on the widths, as in the paper. k is the smallest number of clusters that explains nearly all of the
+variance of the held widths; for the paper's rectangle that is its k of 4. Clusters that the encoder cannot
+tell apart are merged, and `Subspaces.notes` says so. Free space, where the jaws close on nothing, is always
+the first.
 """
 
 from __future__ import annotations
@@ -16,37 +16,23 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.belief.observation import HOLE, Encoder, cut, resolution_of
 
-EXPLAINED = 0.97
-"""Share of the variance of held widths that lies between subspaces."""
-BIN_MM = 0.05
-"""Widths nearer than that are the same: finer than the simulator's step resolves."""
-ONE_WIDTH_MM = 0.1
-"""Root mean square spread at which a cluster is one width, and needs no cutting."""
+EXPLAINED = 0.97  # Share of the variance of held widths that lies between subspaces
+BIN_MM = 0.05  # Widths nearer than that are the same: finer than the simulator's step resolves
+ONE_WIDTH_MM = 0.1  # Root mean square spread at which a cluster is one width, and needs no cutting
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspaces:
-    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there.
+    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there."""
 
-    Attributes:
-        low_mm: (k,) least width in each.
-        mean_mm: (k,) mean width.
-        high_mm: (k,) greatest width.
-        size: (k,) roll-outs that ended in it.
-        edges_mm: (k - 1,) widths between neighbours.
-        merged_mm: (m, 2) mean widths of the pairs of clusters that were made one, narrower first.
-        apart_mm: least distance of two mean widths that the encoder tells apart.
-        overlooked: roll-outs that ended held at a width that reads like an empty hand; they count as free.
-    """
-
-    low_mm: Array
-    mean_mm: Array
-    high_mm: Array
-    size: IntArray
-    edges_mm: Array
-    merged_mm: Array
-    apart_mm: float
-    overlooked: int
+    low_mm: Array  # (k,) least width in each
+    mean_mm: Array  # (k,) mean width
+    high_mm: Array  # (k,) greatest width
+    size: IntArray  # (k,) roll-outs that ended in it
+    edges_mm: Array  # (k - 1,) widths between neighbours
+    merged_mm: Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
+    apart_mm: float  # least distance of two mean widths that the encoder tells apart
+    overlooked: int  # roll-outs that ended held at a width that reads like an empty hand; they count as free
 
     def __len__(self) -> int:
         return len(self.mean_mm)
@@ -78,27 +64,21 @@ class Subspaces:
         return sentences
 
 
-def subspaces_of(width_mm: Array, encoder: Encoder, explained: float = EXPLAINED) -> Subspaces:
-    """Clusters the widths of all roll-outs of a part.
-
-    Args:
-        width_mm: (n,) opening at which the fingers stopped, 0 where they closed on nothing.
-        encoder: what will read the widths.
-        explained: share of the variance of held widths that must lie between clusters, 0 to 1.
-    """
+def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
+    """Clusters the widths (n,) of all roll-outs of a part [mm]; 0 where the fingers closed on nothing."""
     resolution = resolution_of(encoder)
     apart_mm = resolution.apart * encoder.mm_per_count
     free_mm = max(float(encoder.width_mm(np.asarray(resolution.free - 0.5))), BIN_MM)
     empty = width_mm < free_mm
     held = width_mm[~empty]
-    groups, merged = _held_groups(held, encoder.opening_mm, apart_mm, 1.0 - explained)
+    groups, merged = _held_groups(held, encoder.opening_mm, apart_mm, 1.0 - EXPLAINED)
     groups = [width_mm[empty], *groups]
-    low = np.array([part.min() if len(part) else 0.0 for part in groups])
-    high = np.array([part.max() if len(part) else 0.0 for part in groups])
+    measures = [(part.min(), part.mean(), part.max()) if len(part) else (0.0, 0.0, 0.0) for part in groups]
+    low, mean, high = np.array(measures).T
     between = 0.5 * (high[1:-1] + low[2:])
     return Subspaces(
         low_mm=low,
-        mean_mm=np.array([part.mean() if len(part) else 0.0 for part in groups]),
+        mean_mm=mean,
         high_mm=high,
         size=np.array([len(part) for part in groups]),
         edges_mm=np.concatenate([[free_mm], between])[: len(groups) - 1],

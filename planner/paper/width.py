@@ -1,51 +1,31 @@
 """The width function of a part: how far apart two parallel jaws stand that both touch it (Goldberg 1993).
 
-K. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993), calls it the diameter
-function. Its argument here is the closing direction phi in the part's frame: a part at angle theta in the
-hand frame, where the jaws close along y, has phi = pi / 2 - theta. The period is pi.
-
-Between the normals of the hull's edges two fixed vertices touch, and the width is their distance times the
-cosine to their chord: concave, so that maxima lie within such an arc and minima at its ends, where a jaw lies
-flush on an edge.
+Its argument is the closing direction phi in the part's frame: a part at angle theta in the hand frame, where
+the jaws close along y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges
+two fixed vertices touch: maxima lie within such an arc and minima at its ends.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.part.outline import Outline, convex_hull
 
-FLUSH_RAD = 1e-9
-"""Edges whose normals differ by less than this are parallel."""
-
-
-class Extrema(NamedTuple):
-    """Local minima and maxima of a width function, each (k,), in [0, pi), rising and alternating."""
-
-    minima: Array
-    maxima: Array
+FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this are parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WidthFunction:
-    """The width of a part in every direction.
+    """The width of a part in every direction."""
 
-    Attributes:
-        knots: (m,) the normals of the hull's edges, reduced to [0, pi), rising.
-        chords: (m, 2) from each knot to the next, the vector between the two vertices that touch [mm].
-        minima: (k,) directions of the local minima, in [0, pi), rising.
-        maxima: (k,) and of the local maxima; between two of them lies one minimum.
-    """
-
-    knots: Array
-    chords: Array
-    minima: Array
-    maxima: Array
+    knots: Array  # (m,) the normals of the hull's edges, reduced to [0, pi), rising
+    chords: Array  # (m, 2) from each knot to the next, the vector between the two vertices that touch [mm]
+    minima: Array  # (k,) directions of the local minima, in [0, pi), rising
+    maxima: Array  # (k,) and of the local maxima; between two of them lies one minimum
 
     def __call__(self, direction: Array) -> Array:
         """Widths in some directions [rad] -> [mm]."""
@@ -54,14 +34,11 @@ class WidthFunction:
         chord = self.chords[arc]
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
-    def extrema(self, ripple_mm: float = 0.0) -> Extrema:
-        """The minima and maxima that are left when shallow ripples are smoothed out.
+    def extrema(self, ripple_mm: float = 0.0) -> tuple[Array, Array]:
+        """The minima and maxima that are left when ripples shallower than `ripple_mm` are smoothed out.
 
         A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
-        apart; no jaw feels them. The shallowest pair goes first, until none is as shallow as that.
-
-        Args:
-            ripple_mm: depth of a ripple; at least one minimum and one maximum are kept.
+        apart. The shallowest pair goes first; at least one minimum and one maximum are kept.
         """
         at = np.concatenate([self.minima, self.maxima])
         order = np.argsort(at)
@@ -74,15 +51,11 @@ class WidthFunction:
                 break
             kept = np.setdiff1d(np.arange(len(at)), [first, (first + 1) % len(at)])
             at, depth, kinds = at[kept], depth[kept], kinds[kept]
-        return Extrema(at[kinds], at[~kinds])
+        return at[kinds], at[~kinds]
 
 
 def width_function(outline: Outline) -> WidthFunction:
-    """The width function of a part, of its convex hull that is.
-
-    Args:
-        outline: (N, 2) counter-clockwise [mm].
-    """
+    """The width function of the convex hull of a part (N, 2), counter-clockwise [mm]."""
     hull = convex_hull(outline)
     edges = np.roll(hull, -1, axis=0) - hull
     normals = np.sort(_reduced(np.arctan2(-edges[:, 0], edges[:, 1])))

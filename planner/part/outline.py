@@ -18,33 +18,23 @@ from planner.errors import OutlineError
 
 Outline: TypeAlias = Array
 
-REPEAT_MM = 1e-6
-"""Vertices closer than this are one vertex written twice."""
+REPEAT_MM = 1e-6  # Vertices closer than this are one vertex written twice
 
 CENTRED = 1e-6
-"""An outline is centred if its centroid is this close to the origin, as a fraction of its diameter."""
+"""An outline is centred if its centroid is this close to the origin, as a fraction of its reach."""
 
 
 class Canonical(NamedTuple):
-    """A checked outline and where it came from.
+    """A checked outline and where it came from."""
 
-    Attributes:
-        outline_mm: (N, 2), counter-clockwise, area centroid at the origin, read-only.
-        shift_mm: (2,), what was added to the drawing's coordinates: other points of the drawing move along.
-    """
-
-    outline_mm: Outline
-    shift_mm: Array
+    outline_mm: Outline  # (N, 2), counter-clockwise, area centroid at the origin, read-only
+    shift_mm: Array  # (2,), what was added to the drawing's coordinates
 
 
 def canonical(points: ArrayLike) -> Canonical:
-    """Check an outline as drawn, turn it counter-clockwise and move its area centroid to the origin.
+    """Checks an outline (N, 2) as drawn [mm], turns it counter-clockwise and centres its area.
 
-    Args:
-        points: (N, 2) vertices, mm, in either sense, not closed.
-
-    Returns:
-        The outline in the part's frame and the shift that took it there. The first vertex stays the first.
+    The first vertex stays the first.
 
     Raises:
         OutlineError: fewer than 3 vertices, a number that is not finite, a vertex written twice, or a
@@ -63,13 +53,7 @@ def canonical(points: ArrayLike) -> Canonical:
 
 
 def checked(points: ArrayLike) -> Outline:
-    """Check an outline that claims to be canonical already, without moving it by a rounding error.
-
-    Args:
-        points: (N, 2) vertices, mm.
-
-    Returns:
-        The same vertices, read-only.
+    """Checks an outline (N, 2) that claims to be canonical [mm]; does not move it by a rounding error.
 
     Raises:
         OutlineError: as `canonical`, or the outline is clockwise or off centre.
@@ -77,22 +61,22 @@ def checked(points: ArrayLike) -> Outline:
     vertices = _vertices(points)
     _check_simple(vertices)
     if area(vertices) < 0.0:
-        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise", value=points)
+        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise")
     offset = float(np.hypot(*centroid(vertices)))
-    if offset > CENTRED * diameter(vertices):
+    if offset > CENTRED * reach(vertices):
         problem = f"area centroid is {offset:.6g} mm from the origin; move the outline there"
-        raise OutlineError(problem, value=points)
+        raise OutlineError(problem)
     vertices.setflags(write=False)
     return vertices
 
 
 def area(outline: Outline) -> float:
-    """Return the enclosed area in mm^2, positive for a counter-clockwise outline."""
+    """The enclosed area in mm^2, positive for a counter-clockwise outline."""
     return 0.5 * math.fsum(_cross_terms(outline - outline[0]))
 
 
 def centroid(outline: Outline) -> Array:
-    """Return the area centroid (2,) in mm."""
+    """The area centroid (2,) in mm."""
     # Relative to a vertex, so that an outline drawn far from the origin loses no digits;
     # fsum, so that the text of a job does not depend on the machine's order of summation.
     local = outline - outline[0]
@@ -105,10 +89,10 @@ def centroid(outline: Outline) -> Array:
 
 
 def radius_of_gyration(outline: Outline) -> float:
-    """Return the radius of gyration of the enclosed area about the origin, mm.
+    """The radius of gyration of the enclosed area about the origin, mm.
 
-    This is the rho of the paper's metric (eq. 9) and of its normalised pose (section V.B): a property of the
-    part alone, whatever the pressure under it. For a rectangle a x b it is sqrt((a^2 + b^2) / 12).
+    This is the rho of the paper's metric (eq. 9) and of its normalised pose (V.B): a property of the part
+    alone, whatever the pressure under it. For a rectangle a x b it is sqrt((a^2 + b^2) / 12).
     """
     following = np.roll(outline, -1, axis=0)
     squares = (outline**2 + outline * following + following**2).sum(axis=1)
@@ -116,24 +100,21 @@ def radius_of_gyration(outline: Outline) -> float:
     return math.sqrt(math.fsum(cross * squares) / (6.0 * math.fsum(cross)))
 
 
-def diameter(outline: Outline) -> float:
-    """Return the largest distance between two points of the outline, mm."""
-    hull = convex_hull(outline)
-    differences = hull[:, None, :] - hull[None, :, :]
-    return float(np.sqrt((differences**2).sum(axis=2).max()))
+def reach(outline: Outline) -> float:
+    """Largest distance of a vertex from the origin, mm."""
+    return float(np.max(np.hypot(*outline.T)))
 
 
 def width(outline: Outline, angle: float) -> float:
-    """Return the extent of the outline along the direction at `angle` (rad), mm."""
-    along = outline @ np.array([math.cos(angle), math.sin(angle)])
-    return float(along.max() - along.min())
+    """The extent of the outline along the direction at `angle` (rad), mm."""
+    return float(np.ptp(outline @ np.array([math.cos(angle), math.sin(angle)])))
 
 
 def min_width(outline: Outline) -> float:
-    """Return the least extent over all directions, mm: the narrowest jaws the outline passes between.
+    """The least extent over all directions, mm: the narrowest jaws the outline passes between.
 
-    The width function has its minima where one jaw lies flush on an edge of the convex hull, so only the
-    normals of these edges need a look (Goldberg's diameter function, the paper's reference [12]).
+    The minima lie where one jaw is flush on an edge of the convex hull (Goldberg's diameter function, the
+    paper's reference [12]).
     """
     hull = convex_hull(outline)
     edges = np.roll(hull, -1, axis=0) - hull
@@ -143,36 +124,34 @@ def min_width(outline: Outline) -> float:
 
 
 def convex_hull(outline: Outline) -> Outline:
-    """Return the vertices (M, 2) of the convex hull, counter-clockwise, mm."""
+    """The vertices (M, 2) of the convex hull, counter-clockwise, mm."""
     hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(outline)))
     return np.asarray(shapely.get_coordinates(hull)[:-1], dtype=np.float64)
 
 
 def _cross_terms(outline: Outline) -> Array:
-    """Return x_i y_(i+1) - x_(i+1) y_i for each edge, (N,): twice its triangle with the origin."""
+    """x_i y_(i+1) - x_(i+1) y_i for each edge, (N,): twice its triangle with the origin."""
     following = np.roll(outline, -1, axis=0)
     return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])
 
 
 def _vertices(points: ArrayLike) -> Outline:
-    """Return the points as a fresh float array after the checks that concern single vertices."""
     try:
         vertices = np.array(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points) from error
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers") from error
     if vertices.ndim != 2 or vertices.shape[1] != 2:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers", value=points)
+        raise OutlineError("outline is not a list of [x, y] pairs of numbers")
     if len(vertices) < 3:
-        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3", value=points)
+        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3")
     if not np.isfinite(vertices).all():
         index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
-        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm", value=points)
-    _check_distinct(vertices, points)
+        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm")
+    _check_distinct(vertices)
     return vertices
 
 
-def _check_distinct(vertices: Outline, points: ArrayLike) -> None:
-    """Refuse a vertex that is written twice, wherever the two stand in the list."""
+def _check_distinct(vertices: Outline) -> None:
     tree = shapely.STRtree(shapely.points(vertices))
     pairs = tree.query(tree.geometries, predicate="dwithin", distance=REPEAT_MM)
     repeated = pairs[:, pairs[0] < pairs[1]]
@@ -184,33 +163,26 @@ def _check_distinct(vertices: Outline, points: ArrayLike) -> None:
         advice = "drop the last one, the outline closes by itself"
     x, y = vertices[first]
     problem = f"vertices {first + 1} and {second + 1} are the same point ({x:g}, {y:g}); {advice}"
-    raise OutlineError(problem, value=points)
+    raise OutlineError(problem)
 
 
 def _check_simple(vertices: Outline) -> None:
-    """Refuse a boundary that crosses or touches itself or encloses nothing."""
     if shapely.area(shapely.convex_hull(shapely.multipoints(vertices))) <= REPEAT_MM**2:
-        raise OutlineError("outline encloses no area; its vertices lie on one line", value=vertices)
+        raise OutlineError("outline encloses no area; its vertices lie on one line")
     reason = shapely.is_valid_reason(shapely.polygons(vertices))
     if reason == "Valid Geometry":
         return
     place = re.search(r"\[(\S+) (\S+)\]", reason)
     where = f" at ({float(place[1]):g}, {float(place[2]):g})" if place else ""
     verb = "touches" if reason.startswith("Ring Self") else "crosses"
-    raise OutlineError(
-        f"outline {verb} itself{where}; list the vertices in order around the part", value=vertices
-    )
+    raise OutlineError(f"outline {verb} itself{where}; list the vertices in order around the part")
 
 
 def simplified(outline: Outline, tolerance_mm: float) -> Outline:
-    """Return the outline with the vertices left out that lie within a tolerance of the rest.
+    """The outline without the vertices that lie within a tolerance of the rest (Douglas and Peucker 1973).
 
-    Douglas and Peucker (1973), by shapely; the result is simple, and no point of the one outline is further
-    than the tolerance from the other.
-
-    Args:
-        outline: (N, 2) mm.
-        tolerance_mm: largest distance; 0 leaves out collinear vertices only.
+    The result is simple, and no point of the one outline is further than the tolerance from the other; 0
+    leaves out collinear vertices only.
     """
     ring = shapely.Polygon(outline).simplify(tolerance_mm, preserve_topology=True)
     result: Outline = shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]

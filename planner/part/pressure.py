@@ -1,15 +1,14 @@
 """How the part presses on the table: the distribution that friction with the table is integrated over.
 
-Everything is in the part's frame, whose origin is the area centroid of the outline. The centre of pressure
-(below the centre of mass) need not lie there: where it does not, forces and torques are coupled in the limit
-surface, and the mechanics needs no further correction.
+Everything is in the part's frame, whose origin is the outline's centroid. The centre of pressure need not lie
+there: then forces and torques are coupled in the limit surface.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, TypeAlias
 
 import numpy as np
 import shapely
@@ -25,52 +24,29 @@ CELLS = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressure:
-    """The supporting pressure, or a limit surface stated in its place.
+    """The supporting pressure, or a limit surface in its place.
 
-    Attributes:
-        kind: "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
-            "points" (discrete supports), "identified" (no pressure; a limit surface from measured pushes) or
-            "stated" (no pressure; the ellipsoid is given).
-        limit_surface: "ellipsoid" or "quartic", what is fitted to a pressure; None where there is none.
-        points_mm: (M, 2) supports in the part's frame, for "points".
-        weights: (M,) share of the load on each support, summing to 1, for "points".
-        ellipsoid: (3, 3) matrix A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N), for "stated", and for
-            "identified" unless it is a quartic.
-        rho_mm: the rho that `ellipsoid` or `quartic` is normalised with.
-        quartic: (15,) coefficients of a convex quartic (`planner.mechanics.quartic`), for "identified".
-        certificate: (9, 9) certificate that `quartic` is convex.
-        wishart_dof: degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1).
+    Its kind is "boundary" (even along the outline, as the paper assumes), "uniform" (even over the area),
+    "points" (discrete supports), "identified" (a limit surface from pushes) or "stated" (an ellipsoid).
     """
 
     kind: Kind
-    wishart_dof: int
-    limit_surface: str | None = None
-    points_mm: Array | None = None
-    weights: Array | None = None
-    ellipsoid: Array | None = None
-    rho_mm: float | None = None
-    quartic: Array | None = None
-    certificate: Array | None = None
+    wishart_dof: int  # degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1)
+    limit_surface: str | None = None  # "ellipsoid" or "quartic", fitted to the pressure; None: there is none
+    points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
+    weights: Array | None = None  # (M,) share of the load on each support, summing to 1, for "points"
+    ellipsoid: Array | None = None  # (3, 3) A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N)
+    rho_mm: float | None = None  # the rho that `ellipsoid` or `quartic` is normalised with
+    quartic: Array | None = None  # (15,) of a convex quartic (`planner.mechanics.quartic`)
+    certificate: Array | None = None  # (9, 9) certificate that `quartic` is convex
 
 
-class Support(NamedTuple):
-    """A pressure distribution as weighted points.
-
-    Attributes:
-        points_mm: (M, 2) in the part's frame.
-        weights: (M,) positive, summing to 1.
-    """
-
-    points_mm: Array
-    weights: Array
+Support: TypeAlias = tuple[Array, Array]
+"""A pressure distribution: points (M, 2) in the part's frame [mm], and positive weights (M,) of sum 1."""
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:
-    """Return the pressure as weighted points, with exact centre and second moments.
-
-    Args:
-        pressure: any kind but "identified" and "stated".
-        outline: (N, 2), mm, the part's frame.
+    """The pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
 
     Raises:
         ValueError: a limit surface is given in place of a pressure, so there is nothing to integrate over.
@@ -81,11 +57,11 @@ def support(pressure: Pressure, outline: Outline) -> Support:
         return _area_support(outline)
     if pressure.points_mm is None or pressure.weights is None:
         raise ValueError(f"pressure of kind {pressure.kind!r} has no support points")
-    return Support(pressure.points_mm, pressure.weights)
+    return pressure.points_mm, pressure.weights
 
 
 def _boundary_support(outline: Outline) -> Support:
-    """Cut each edge into equal pieces, two Gauss points each: exact up to third moments along an edge."""
+    """Cuts each edge into equal pieces, two Gauss points each: exact up to third moments along an edge."""
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     piece = lengths.sum() / CELLS
@@ -103,7 +79,7 @@ def _boundary_support(outline: Outline) -> Support:
 
 
 def _area_support(outline: Outline) -> Support:
-    """Triangulate, cut the triangles alike, three points each: exact up to second moments."""
+    """Triangulates, cuts the triangles alike, three points each: exact up to second moments."""
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
     triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)
     total = shapely.area(parts).sum()
@@ -117,14 +93,13 @@ def _area_support(outline: Outline) -> Support:
 
 
 def _split_triangle(count: int) -> Array:
-    """Return barycentric coordinates (3 count^2, 3) of three points in each of count^2 equal triangles."""
+    """Barycentric coordinates (3 count^2, 3) of three points in each of count^2 equal triangles."""
     i, j = (index.ravel() for index in np.mgrid[:count, :count])
     upright = np.column_stack([i, j])[i + j < count]
     corners = np.array([[0, 0], [1, 0], [0, 1]])
     inverted = upright[upright.sum(axis=1) < count - 1]
-    small = (
-        np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
-    )  # (count^2, 3, 2)
+    # (count^2, 3, 2)
+    small = np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
     # The rule of degree 2 with points at (2/3, 1/6, 1/6) and its turns.
     rule = np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3)
     inner = (rule @ small).reshape(-1, 2)
@@ -132,8 +107,7 @@ def _split_triangle(count: int) -> Array:
 
 
 def _normalised(points: Array, weights: Array) -> Support:
-    """Scale the weights to sum 1 and freeze both arrays."""
     weights = weights / weights.sum()
     points.setflags(write=False)
     weights.setflags(write=False)
-    return Support(points, weights)
+    return points, weights

@@ -3,8 +3,7 @@
     H(F) = sum_k a_k F^e_k                        the 15 monomials of degree 4, `EXPONENTS`
     z^T hess H(F) z = y^T Q y, y = kron(z, F)     Q certifies H if positive definite
 
-With T the symmetric 4-tensor of H, hess H(F) is 12 T contracted twice with F. A 9 x 9 matrix Q belongs to
-some quartic on 24 of its 45 dimensions, and 9 of those do not show in y^T Q y.
+A 9 x 9 matrix Q belongs to some quartic on 24 of its 45 dimensions, and 9 of those do not show in y^T Q y.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """Return (15, 9, 9): which coefficient each entry of the symmetric 4-tensor T_aibj belongs to, 0 or 1."""
+    """(15, 9, 9): which coefficient each entry of the symmetric 4-tensor T_aibj belongs to, 0 or 1."""
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
         count = Counter(axes)
@@ -48,22 +47,19 @@ def _form_index() -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis (K, 9, 9) of the symmetric matrices Q with rows @ vec(Q) = 0."""
+    """An orthonormal basis (K, 9, 9) of the symmetric matrices Q with rows @ vec(Q) = 0."""
     swap = np.eye(81).reshape(9, 9, 81).transpose(1, 0, 2).reshape(81, 81)
     _, values, vectors = np.linalg.svd(np.concatenate([rows, np.eye(81) - swap]))
     return np.asarray(vectors[np.sum(values > 1e-9) :].reshape(-1, 9, 9))
 
 
 def gram(coefficients: Array) -> Array:
-    """Return 12 T, (..., 9, 9): one of the Q with y^T Q y = z^T hess H z; symmetric, not always definite."""
+    """12 T, (..., 9, 9): one of the Q with y^T Q y = z^T hess H z; symmetric, not always definite."""
     return np.asarray(np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1))
 
 
 def coefficients_of(certificate: Array) -> Array:
-    """Return the coefficients (..., 15) of H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F.
-
-    Linear in Q: the entries of Q that share a monomial are averaged.
-    """
+    """The coefficients (..., 15) of H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F, linear in Q."""
     return np.asarray(np.tensordot(certificate, _ENTRIES / 12.0, axes=([-2, -1], [1, 2])))
 
 
@@ -76,32 +72,24 @@ COEFFICIENT_ROWS = _ENTRIES.reshape(15, 81) / 12.0
 HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @ COEFFICIENT_ROWS)
 """(36, 81), of rank 21: zero on vec(Q) exactly for the Q whose y^T Q y is the Hessian of some quartic."""
 
-GAUGE = _null_space(FORM)
-"""(9, 9, 9) orthonormal directions of Q that do not show in y^T Q y."""
+GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not show in y^T Q y
 
-CERTIFICATES = _null_space(HESSIAN_ROWS)
-"""(24, 9, 9) orthonormal basis of the Q that belong to a quartic."""
+CERTIFICATES = _null_space(HESSIAN_ROWS)  # (24, 9, 9) orthonormal basis of the Q that belong to a quartic
 
 
 def monomials(F: Array) -> Array:
-    """Return the 15 monomials (..., 15) of wrenches F (..., 3)."""
+    """The 15 monomials (..., 15) of wrenches F (..., 3)."""
     return np.asarray((np.asarray(F)[..., None, :] ** EXPONENTS).prod(axis=-1))
 
 
 def gradient_rows(F: Array) -> Array:
-    """Return the gradients (..., 3, 15) of the 15 monomials at wrenches F (..., 3)."""
+    """The gradients (..., 3, 15) of the 15 monomials at wrenches F (..., 3)."""
     lowered = np.maximum(EXPONENTS[None] - np.eye(3, dtype=np.int64)[:, None], 0)  # (3, 15, 3)
     return np.asarray(EXPONENTS.T * (np.asarray(F)[..., None, None, :] ** lowered).prod(axis=-1))
 
 
-def quadratics(F: Array) -> Array:
-    """Return the products xx, xy, xz, yy, yz, zz (..., 6) of wrenches F (..., 3)."""
-    F = np.asarray(F)
-    return np.asarray(F[..., PAIRS[:, 0]] * F[..., PAIRS[:, 1]])
-
-
 def certifies(certificate: Array, coefficients: Array) -> bool:
-    """Say whether Q (9, 9) is positive definite and y^T Q y is the Hessian of this quartic (15,)."""
+    """Whether Q (9, 9) is positive definite and y^T Q y is the Hessian of this quartic (15,)."""
     Q = np.asarray(certificate)
     gap = np.abs(FORM @ (Q - gram(coefficients)).reshape(81)).max()
     scale = np.abs(Q).max()

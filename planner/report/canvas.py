@@ -1,11 +1,9 @@
 """What the pictures share: colours that colour-blind readers tell apart, outlines, fingers, whole files."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -15,6 +13,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
+from planner.frames import to_world
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
@@ -41,47 +40,49 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 DPI = 200
+# What to leave out of a file, by suffix, so that it does not change with the day.
 UNSIGNED = {
     ".png": {"Software": None},
     ".svg": {"Creator": None, "Date": None},
     ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
 }
-"""What to leave out of a file, by suffix, so that it does not change with the day."""
-PICTURES = tuple(UNSIGNED)
 
 
-@contextmanager
-def style() -> Iterator[None]:
+def style() -> AbstractContextManager[None]:
     """The look of all pictures, for as long as one is drawn and saved."""
-    with mpl.rc_context(STYLE):
-        yield
+    return mpl.rc_context(STYLE)
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:
-    """Draws a figure and writes it in the format that the suffix names: the same bytes for the same figure.
-
-    Args:
-        path: ends in one of `PICTURES`.
-        draw: makes the figure.
-    """
+    """Writes what `draw` draws, in the format that the suffix names: the same bytes for the same figure."""
     with style(), writing(path) as file:
         draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
+
+
+def blank(width_in: float, height_in: float) -> Figure:
+    """A white figure that arranges its axes by itself."""
+    return Figure(figsize=(width_in, height_in), facecolor="white", layout="constrained")
+
+
+def faint_grid(axes: Axes, axis: Literal["both", "x", "y"] = "both") -> None:
+    """Draws pale lines under everything else."""
+    axes.grid(axis=axis, color="#ececec", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def caption(figure: Figure, x: str, y: str, size: float) -> None:
+    """Writes what all of a figure's axes have in common beside them."""
+    figure.supxlabel(x, fontsize=size)
+    figure.supylabel(y, fontsize=size)
 
 
 def polygons(
     axes: Axes, shapes: Sequence[Array] | Array, colour: str, width: float, order: float = 2.0,
     fill: float = 0.0, edge: float = 1.0,
 ) -> None:  # fmt: skip
-    """Draws closed polygons; the limits of the axes stay.
+    """Draws closed polygons (n, N, 2) [mm]; the limits of the axes stay.
 
-    Args:
-        axes: where.
-        shapes: n of them, each (N, 2) [mm].
-        colour: of edges and faces.
-        width: of the edges [points].
-        order: greater ones are drawn over lesser ones.
-        fill: opacity of the faces.
-        edge: opacity of the edges.
+    `width` of the edges is in points, `fill` and `edge` are opacities, a greater `order` covers a lesser.
     """
     faces = to_rgba(colour, fill) if fill else "none"
     drawn = PolyCollection(
@@ -90,30 +91,26 @@ def polygons(
     axes.add_collection(drawn, autolim=False)
 
 
+def overlay_opacity(count: int, darkness: float) -> float:
+    """Opacity of each of so many outlines at which the place that all of them cover is this dark."""
+    return float(1.0 - (1.0 - darkness) ** (1.0 / max(count, 1)))
+
+
 def outlines(outline: Array, poses: Array) -> Array:
-    """The part at each of the poses.
+    """The outline (N, 2) at each of the poses (n, 3) [mm, mm, rad]: (n, N, 2) [mm]."""
+    return placed(outline, poses.T[:, :, None])
 
-    Args:
-        outline: (N, 2) in the part's frame [mm].
-        poses: (n, 3) [mm, mm, rad].
 
-    Returns:
-        (n, N, 2) [mm].
-    """
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)  # (n, 2, 2)
-    return np.asarray(np.einsum("nij,kj->nki", turn, outline) + poses[:, None, :2])
+def placed(points: Array, pose: Array) -> Array:
+    """Points (..., 2) of a body in the world, the body at a pose (3,) [mm, mm, rad]."""
+    unturned = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
+    return to_world(unturned, pose)[..., :2]
 
 
 def finger_boxes(jaws: Array, width_mm: float) -> Array:
-    """Both fingers, closed to a width, in the hand frame.
+    """The upper and the lower finger (2, 4, 2) in the hand frame, closed to a width [mm].
 
-    Args:
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        width_mm: between the inner faces.
-
-    Returns:
-        (2, 4, 2) the upper and the lower box [mm].
+    `jaws` (4,) are those of `planner.mechanics.clearance.jaws_of`.
     """
     opening, length, thickness, share = jaws
     top = 0.5 * opening - share * (opening - width_mm)

@@ -1,9 +1,7 @@
 """Charts of the figures kept in `tests/bench/results`: this planner beside the paper and other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,24 +14,15 @@ FONT = 8.5
 SMALL = 7.5
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
-METHOD_NAMES = {
-    "closed-loop": "this planner",
-    "fixed-actions": "this planner, fixed actions",
-    "paper": "the paper's method, implemented here",
-    "paper-sequence": "the paper's method, whole sequences",
-    "sensorless": "no sensor",
+METHODS = {
+    "closed-loop": ("this planner", canvas.BLUE),
+    "fixed-actions": ("this planner, fixed actions", SKY),
+    "paper": ("the paper's method, implemented here", ORANGE),
+    "paper-sequence": ("the paper's method, whole sequences", canvas.GREEN),
+    "sensorless": ("no sensor", canvas.RED),
 }
-METHOD_COLOURS = {
-    "closed-loop": canvas.BLUE,
-    "fixed-actions": SKY,
-    "paper": ORANGE,
-    "paper-sequence": canvas.GREEN,
-    "sensorless": canvas.RED,
-}
-PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)
-"""Squeezes a second by the paper's simulation: "0.5 to 3 seconds for rolling out 1 particle" (V.B)."""
-PAPER_LEARNED = 5000.0
-"""Particles a second by the paper's learned motion: "about 1 second to roll out 5000 particles" (V.B)."""
+PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
+PAPER_LEARNED = 5000.0  # particles a second: "about 1 second to roll out 5000 particles" (V.B)
 
 
 class Bar(NamedTuple):
@@ -49,11 +38,8 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
     """Poses within the goal in the eight experiments of the paper's Table I: its robot, tables in simulation.
 
     Counted as the paper counts: every pose that is stated, also where the table says that it is not certain.
-
-    Args:
-        rows: as `planner.report.comparison.run` returns them, all with the paper's rate; those of one
-            experiment together.
-        radii_mm: of the disc that a part's centre lies in, by part.
+    The rows are as `planner.report.comparison.run` returns them, the radii those of the discs that a part's
+    centre lies in.
 
     Raises:
         ValueError: there is no row, or one without the paper's rate.
@@ -62,9 +48,9 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         raise ValueError("rows of Table I are needed, each with the paper's rate; run tools/table1")
     experiments = list(dict.fromkeys(row["row"] for row in rows))
     first = {name: next(row for row in rows if row["row"] == name) for name in experiments}
-    methods = [name for name in METHOD_NAMES if any(row["method"] == name for row in rows)]
+    methods = [name for name in METHODS if any(row["method"] == name for row in rows)]
     judged = {(row["row"], row["method"]): row for row in rows if "within_rate" in row}
-    figure = Figure(figsize=(WIDTH_IN, 3.3), facecolor="white", layout="constrained")
+    figure = canvas.blank(WIDTH_IN, 3.3)
     axes = figure.subplots()
     width = 0.82 / (1 + len(methods))
     places = np.arange(len(experiments)) - 0.41 + 0.5 * width
@@ -76,29 +62,26 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         ]
         at = np.array([x for x, _ in shown]) + (k + 1) * width
         values = [100.0 * row["within_rate"] for _, row in shown]
-        label = f"{METHOD_NAMES[method]}, in simulation"
-        _bars(axes, at, values, width, METHOD_COLOURS[method], label)
+        label, colour = METHODS[method]
+        _bars(axes, at, values, width, colour, f"{label}, in simulation")
         bounds = 100.0 * np.array([row["within_ci95"] for _, row in shown]).reshape(-1, 2)
         axes.errorbar(
             at, values, np.abs(bounds.T - values),
             fmt="none", ecolor=canvas.BLACK, elinewidth=0.8, capsize=1.5,
         )  # fmt: skip
-    axes.set_xticks(
-        range(len(experiments)), [_experiment(first[n], radii_mm) for n in experiments], fontsize=SMALL
-    )
-    _finish(axes, "parts located to 3 mm / %")
+    ticks = [
+        f"{name}\n{row['part'].split('-')[0]}\n{radii_mm[row['part']]:g} mm\n{row['materials']}"
+        for name, row in first.items()
+    ]
+    axes.set_xticks(range(len(experiments)), ticks, fontsize=SMALL)
+    axes.set_ylabel("parts located to 3 mm / %", fontsize=FONT)
+    _open_frame(axes, "x", "y")
     axes.set(ylim=(0, 112), xlim=(-0.55, len(experiments) - 0.45))
     figure.legend(loc="outside upper center", ncols=1 + len(methods), frameon=False, fontsize=FONT)
     return figure
 
 
-def _experiment(row: Mapping[str, Any], radii_mm: Mapping[str, float]) -> str:
-    shape = row["part"].split("-")[0]
-    return f"{row['row']}\n{shape}\n{radii_mm[row['part']]:g} mm\n{row['materials']}"
-
-
 def _bars(axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str) -> None:
-    """Bars with their values above them."""
     drawn = axes.bar(at, values, 0.94 * width, color=colour, label=label, zorder=2)
     axes.bar_label(drawn, [label_of(value) for value in values], fontsize=SMALL - 1.0, padding=2.5)
 
@@ -110,20 +93,10 @@ def label_of(percent: float) -> str:
     return ">99.9" if percent >= 99.95 else f"{percent:.1f}"
 
 
-def _finish(axes: Axes, label: str) -> None:
-    axes.set_ylabel(label, fontsize=FONT)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(axis="x", length=0)
-    axes.grid(axis="y", color="#ececec", linewidth=0.5)
-    axes.set_axisbelow(True)
-
-
 def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:
     """Squeezes a second on one core: simulated, and predicted by a learned motion model.
 
-    Args:
-        squeeze: what `tests/bench/bench_squeeze.py` keeps.
-        kcde: what `tests/bench/bench_kcde.py` keeps.
+    The figures are those that `tests/bench/bench_squeeze.py` and `tests/bench/bench_kcde.py` keep.
     """
     by_part = {row["part"]: row for row in squeeze["speed"]}
     simulated = [Bar("the paper's Matlab program", PAPER_SIMULATED[1], PAPER_SIMULATED[0], canvas.GREY)]
@@ -138,7 +111,7 @@ def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:
         Bar("scipy's search tree", 1e3 * kcde["particles"] / kcde["scipy_ms"], 0.0, SKY),
         Bar("this planner", kcde["particles_per_second"], 0.0, canvas.BLUE),
     ]
-    figure = Figure(figsize=(WIDTH_IN, 3.5), facecolor="white", layout="constrained")
+    figure = canvas.blank(WIDTH_IN, 3.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(len(simulated), len(learned)))
     _lines(upper, simulated, "simulated by contact mechanics")
     _lines(lower, learned, f"predicted by a model learned from {_round(kcde['points'])} squeezes")
@@ -157,11 +130,15 @@ def _lines(axes: Axes, bars: Sequence[Bar], title: str) -> None:
     axes.set_xscale("log")
     axes.set(xlim=(0.1, 4e6), ylim=(len(bars) - 0.4, -0.6))
     axes.set_title(title, fontsize=FONT, loc="left", pad=3.0)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", which="minor", length=0)
-    axes.grid(axis="x", color="#ececec", linewidth=0.5)
-    axes.set_axisbelow(True)
+    _open_frame(axes, "y", "x")
+
+
+def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"]) -> None:
+    """Leaves out two sides of the frame and the ticks of the axis that names things."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(axis=named, length=0)
+    canvas.faint_grid(axes, measured)
 
 
 def _round(value: float) -> str:

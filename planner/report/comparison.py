@@ -3,25 +3,21 @@
 The judge is the stochastic contact world of the row, with fresh seeds, whatever the planner believed in.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.compile import Plan, compile_job
+from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.statistics import wilson_interval
 from planner.job import model as job_file
-from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.world import ContactWorld
+from runtime.table import wilson_interval
 
 SEED_WORLD = 0x5431
 SEED_TRIALS = 0x5432
@@ -29,47 +25,35 @@ SEED_TRIALS = 0x5432
 Figures = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A part in a world.
+class Row(NamedTuple):
+    """A part in a world."""
 
-    Attributes:
-        name: what the row is called: an experiment of the paper, or a part.
-        part: folder of `trees/`.
-        materials: of finger and part, for people.
-        paper: success rate that the paper reports; None without one.
-        job: values of the job that differ from the file, each as "section.key=value".
-        world: values that differ in the world that judges, which the planner is not told.
-    """
-
-    name: str
-    part: str
-    materials: str = ""
-    paper: float | None = None
-    job: tuple[str, ...] = ()
-    world: tuple[str, ...] = ()
+    name: str  # what the row is called: an experiment of the paper, or a part
+    part: str  # folder of `trees/`
+    materials: str = ""  # of finger and part, for people
+    paper: float | None = None  # success rate that the paper reports; None without one
+    job: tuple[str, ...] = ()  # values of the job that differ from the file, each as "section.key=value"
+    world: tuple[str, ...] = ()  # values that differ in the world that judges, which the planner is not told
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(NamedTuple):
     """A way to plan: a name, and the values of the job that ask for it."""
 
     name: str
     job: tuple[str, ...] = ()
 
 
-CLOSED_LOOP = Method("closed-loop")
+# The default, the default without placements proposed by the belief, and the paper's three.
 METHODS = {
-    method.name: method
-    for method in (
-        CLOSED_LOOP,
-        Method("fixed-actions", ("actions.proposals=none",)),
-        Method("paper", ("search.method=paper",)),
-        Method("paper-sequence", ("search.method=paper-sequence",)),
-        Method("sensorless", ("search.method=sensorless",)),
-    )
+    name: Method(name, job)
+    for name, job in {
+        "closed-loop": (),
+        "fixed-actions": ("actions.proposals=none",),
+        "paper": ("search.method=paper",),
+        "paper-sequence": ("search.method=paper-sequence",),
+        "sensorless": ("search.method=sensorless",),
+    }.items()
 }
-"""The default, the default without placements proposed by the belief, and the paper's three."""
 
 
 def table_rows(trees: Path) -> list[Row]:
@@ -77,15 +61,11 @@ def table_rows(trees: Path) -> list[Row]:
     document = tomllib.loads((trees / "table1.toml").read_text())
     return [
         Row(
-            name=row["experiment"],
-            part=row["part"],
-            materials=row["materials"],
-            paper=row["paper"],
-            job=tuple(row.get("job", ())),
-            world=tuple(row.get("world", ())),
+            row["experiment"], row["part"], row["materials"], row["paper"], tuple(row.get("job", ())),
+            tuple(row.get("world", ())),
         )
         for row in document["row"]
-    ]
+    ]  # fmt: skip
 
 
 def zoo_rows(trees: Path) -> list[Row]:
@@ -95,23 +75,8 @@ def zoo_rows(trees: Path) -> list[Row]:
     return [Row(name=folder, part=folder) for folder in folders if folder not in taken]
 
 
-def run(
-    row: Row,
-    method: Method,
-    trees: Path,
-    trials: int,
-    workers: int | None = None,
-    report: Callable[[str, int, int], None] | None = None,
-) -> Figures:
-    """Compiles a row with a method and judges the table.
-
-    Args:
-        row: job and world.
-        method: how to plan.
-        trees: the folder with the parts.
-        trials: parts squeezed by the judge, and by the compiler's own evaluation.
-        workers: threads; all cores if None.
-        report: told about the compiler's progress.
+def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None = None) -> Figures:
+    """Compiles a row of the folder `trees` with a method and judges the table with so many trials.
 
     Returns:
         Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie
@@ -123,23 +88,17 @@ def run(
     figures["method"] = method.name
     started = perf_counter()
     try:
-        plan = compile_job(job, workers=workers, trials=trials, report=report)
+        plan = compile_job(job, workers=workers, trials=trials)
     except NoPlanError as error:
         return {**figures, "compile_seconds": perf_counter() - started, "no_plan": str(error)}
     figures["compile_seconds"] = perf_counter() - started
-    return {
-        **figures,
-        **_judged(
-            plan, job, job.replaced(f"the world of {row.name}", **changes_of(row.world)), trials, workers
-        ),
-    }
-
-
-def _judged(plan: Plan, job: Job, truth: Job, trials: int, workers: int | None) -> Figures:
-    """The figures of a plan in the world of another job."""
-    evaluation = evaluate(plan.table, job, ContactWorld(truth, SEED_WORLD, workers), trials, SEED_TRIALS)
+    world = ContactWorld(
+        job.replaced(f"the world of {row.name}", **changes_of(row.world)), SEED_WORLD, workers
+    )
+    evaluation = evaluate(plan.table, job, world, trials, SEED_TRIALS)
     within = int(np.sum(evaluation.within))
     return {
+        **figures,
         **evaluation.summary(),
         "within_rate": within / trials,
         "within_ci95": list(wilson_interval(within, trials)),
@@ -168,11 +127,7 @@ COLUMNS = (
 
 
 def markdown(results: Sequence[Figures]) -> str:
-    """The figures as a Markdown table; columns that are empty in every row are left out.
-
-    Args:
-        results: what `run` returned, in the order to be shown.
-    """
+    """What `run` returned as a Markdown table; columns that are empty in every row are left out."""
     cells = [[_cell(make, figures) for _, make in COLUMNS] for figures in results]
     shown = [k for k in range(len(COLUMNS)) if any(row[k] for row in cells)]
     lines = [[COLUMNS[k][0] for k in shown], ["---"] * len(shown)]

@@ -1,71 +1,64 @@
 """A table as one page of HTML: the tree to walk through, how good it is, what it was made from.
 
-Everything is in the file: no script, style, font or picture comes from elsewhere, and the page says so to the
-browser (Content-Security-Policy). What it shows is found by sending parts through the table, seeded: the same
-table and seed give the same bytes.
+Nothing comes from elsewhere, and the page tells the browser so (Content-Security-Policy). The same table and
+seed give the same bytes.
 """
-
-from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
-from typing import Any
+from collections import Counter
+from itertools import groupby
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from planner.arrays import Array
+from planner.belief.particles import subsample
+from planner.bound.certificate import Certificate
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import evaluate, sweep
-from planner.evaluation.statistics import wilson_interval
+from planner.evaluation.trials import Step
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
-from planner.report.details import leaf_details, node_details, runs
 from planner.report.models import Models
-from planner.report.replay import replay
-from planner.report.run_log import PartLog, RunLog
-from planner.report.templating import template
+from planner.report.replay import Replay, replay
+from planner.report.run_log import RunLog
+from planner.report.templating import points, template
 from planner.world import make
-from runtime.table import PPM, REJECT, Calibration, Table, by_count, decision_map
+from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
-STRIPS = 400
-"""Most nodes whose clusters are drawn on the page itself; the others' are drawn when they are chosen."""
-LISTED = 5000
-"""Most parts of a journal that the page lets one walk through: all that failed first, then the latest."""
+STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
+MOST = 60  # most outlines of one belief
+BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
+LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
-    """What a page is about: the table's file name and bytes, the journal laid over it, and its models."""
+class Source(NamedTuple):
+    """What a page is about: the table's file name and bytes, its journal, models and bound, if any."""
 
     name: str
     data: bytes
     log: RunLog | None = None
     models: Models | None = None
+    bound: Certificate | None = None
 
 
 def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0) -> str:
-    """The page's text.
-
-    Args:
-        table: as loaded.
-        job: the job it was compiled from.
-        source: the file it came from.
-        trials: parts sent through the table, to find the beliefs and the times.
-        seed: of these.
-    """
+    """The page's text for a table and its job; beliefs and times are found with `trials` parts."""
     beliefs = replay(table, job, trials, seed)
     drawing = tree.drawing(table, job, beliefs)
+    nodes = node_details(table, beliefs)
     data = {
-        "outline": tree.points(job.part.outline_mm),
+        "outline": points(job.part.outline_mm),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,
         "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
-        "nodes": node_details(table, beliefs),
+        "nodes": nodes,
         "leaves": leaf_details(table, beliefs),
         "log": _log(source.log) if source.log else None,
     }
@@ -74,57 +67,65 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=_summary(table, evaluation), widths=_width_function(job), strips=_strips(table),
+        summary=_summary(table, evaluation), widths=_width_function(job),
+        strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=[(line.case.name, line.evaluation.summary()) for line in others],
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
     )  # fmt: skip
 
 
+def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
+    """One object a node: its squeeze, branches, belief, and counts read in the replay."""
+    most, calibration = _most(table), Calibration.linear(table.gripper)
+    return [
+        _node(node, visit, by_count(decision_map(node, calibration)), most)
+        for node, visit in zip(table.nodes, beliefs.visits, strict=True)
+    ]
+
+
+def leaf_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
+    """One object a leaf: its pose, what its trials showed, where its parts lay."""
+    most = _most(table)
+    return [_leaf(leaf, poses, most) for leaf, poses in zip(table.leaves, beliefs.leaves, strict=True)]
+
+
+def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """Neighbouring encoder counts of one meaning: the first, the last, and the branch's index or `REJECT`."""
+    groups = (list(group) for _, group in groupby(range(len(outcome)), key=outcome.__getitem__))
+    return [(counts[0], counts[-1], outcome[counts[0]]) for counts in groups]
+
+
 def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
     """The figures on top: the compiler's own where it measured some, else the replay's."""
     predicted = table.predicted
-    trials = predicted.trials
-    success = predicted.success_ppm / PPM if trials else evaluation["success_rate"]
-    trials = trials or evaluation["trials"]
-    return {
-        "success": success,
-        "interval": wilson_interval(round(success * trials), trials),
-        "trials": trials,
-        "rejected": predicted.reject_ppm / PPM if predicted.trials else evaluation["reject_rate"],
-        "squeezes": predicted.mean_squeezes_ppm / PPM if predicted.trials else evaluation["mean_squeezes"],
-        "again": evaluation,
+    shown = {
+        "success": evaluation["success_rate"],
+        "rejected": evaluation["reject_rate"],
+        "squeezes": evaluation["mean_squeezes"],
+        "error_mm": evaluation["error_mm"],
     }
+    if predicted.trials:
+        shown = {
+            "success": predicted.success_ppm / PPM,
+            "rejected": predicted.reject_ppm / PPM,
+            "squeezes": predicted.mean_squeezes_ppm / PPM,
+            "error_mm": {"median": predicted.error_median_um / 1e3, "p95": predicted.error_p95_um / 1e3},
+        }
+    trials = predicted.trials or evaluation["trials"]
+    interval = wilson_interval(round(shown["success"] * trials), trials)
+    return {**shown, "interval": interval, "trials": trials, "again": evaluation}
 
 
 def _width_function(job: Job) -> dict[str, Any]:
-    """The extent of the part against its angle: (n, 2) points [deg, mm], as a path, and its minima."""
-    angles = np.arange(0.0, 180.5, 1.0)
+    angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
     top = 1.08 * max(widths)
-    rows = [f"{3 * a:.0f} {140 - 130 * w / top:.1f}" for a, w in zip(angles, widths, strict=True)]
+    rows = [f"{3 * a} {140 - 130 * w / top:.1f}" for a, w in zip(angles, widths, strict=True)]
     closed = widths[:-1]  # 180 degrees is 0 degrees again
-    minima = [
-        (float(angles[k]), closed[k])
-        for k in range(len(closed))
-        if closed[k - 1] > closed[k] <= closed[(k + 1) % len(closed)]
-    ]
-    ticks = [(value, 140 - 130 * value / top) for value in _ticks(top)]
-    return {"path": "M" + "L".join(rows), "minima": minima, "ticks": ticks, "top": top}
-
-
-def _ticks(top: float) -> list[float]:
-    """Round values from 0 to a length, three to six of them."""
+    minima = [(a, w) for a, w in enumerate(closed) if closed[a - 1] > w <= closed[(a + 1) % len(closed)]]
     step = next(s for s in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if top / s <= 6)
-    return [k * step for k in range(int(top / step) + 1)]
-
-
-def _strips(table: Table) -> list[Any]:
-    """For each node, its counts of one meaning."""
-    calibration = Calibration.linear(table.gripper)
-    return [
-        [run for run in runs(by_count(decision_map(node, calibration))) if run.branch != REJECT]
-        for node in table.nodes[:STRIPS]
-    ]
+    ticks = [(k * step, 140 - 130 * k * step / top) for k in range(int(top / step) + 1)]
+    return {"path": "M" + "L".join(rows), "minima": minima, "ticks": ticks, "top": top}
 
 
 def _job_text(job: Job) -> str:
@@ -139,8 +140,9 @@ def _job_text(job: Job) -> str:
 
 
 def _log(log: RunLog) -> dict[str, Any]:
-    """A journal for the page."""
-    shown = sorted(_listed(log.parts), key=lambda entry: entry[0])
+    failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
+    rest = [number for number, part in enumerate(log.parts) if not part.failed]
+    shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])
     return {
         "runs": log.runs,
         "others": log.others,
@@ -150,16 +152,56 @@ def _log(log: RunLog) -> dict[str, Any]:
         "outcomes": dict(log.outcomes().most_common()),
         "branches": [[node, target, n] for (node, target), n in log.branch_counts().items()],
         "parts": [
-            [part.part, part.outcome, part.leaf, part.reason, part.audit,
-             [[step.node, step.reading, step.target] for step in part.squeezes]]
-            for _, part in shown
+            [part.part, part.outcome, part.leaf, part.reason, part.audit, part.squeezes]
+            for part in (log.parts[number] for number in shown)
         ],
+    }
+
+
+def _most(table: Table) -> int:
+    return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
+
+
+def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
+    """Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table."""
+    squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
+    return {
+        "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
+        "opening": squeeze.opening_um,
+        "speed": squeeze.speed_um_s,
+        "force": squeeze.force_mn,
+        "clearance": squeeze.clearance_um,
+        "release": node.release,
+        "visits": len(visit.before),
+        "belief": _poses(visit.before, most),
+        "branches": [
+            [
+                branch.low_um, branch.expected_um, branch.high_um, branch.probability_ppm, branch.target,
+                taken[number],
+            ]
+            for number, branch in enumerate(node.branches)
+        ],
+        "rejected": taken[REJECT],
+        "map": [run for run in runs(outcome) if run[2] != REJECT],
+        "seen": sorted(Counter(visit.counts.tolist()).items()),
     }  # fmt: skip
 
 
-def _listed(parts: list[PartLog]) -> list[tuple[int, PartLog]]:
-    numbered = list(enumerate(parts))
-    failed = [entry for entry in numbered if entry[1].failed][-LISTED:]
-    rest = [entry for entry in numbered if not entry[1].failed]
-    room = LISTED - len(failed)
-    return failed + (rest[-room:] if room else [])
+def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
+    success = round(leaf.success_ppm * leaf.trials / PPM)
+    return {
+        "pose": [leaf.x_um, leaf.y_um, leaf.theta_urad],
+        "covariance": leaf.covariance,
+        "success": leaf.success_ppm,
+        "interval": [round(bound, 5) for bound in wilson_interval(success, leaf.trials)],
+        "trials": leaf.trials,
+        "resolved": leaf.resolved,
+        "alternatives": leaf.alternatives,
+        "visits": len(poses),
+        "belief": _poses(poses, most),
+    }
+
+
+def _poses(poses: Array, most: int) -> list[list[int]]:
+    scaled = np.rint(subsample(poses, most) * (100.0, 100.0, 1000.0))
+    return cast(list[list[int]], scaled.astype(np.int64).tolist())

@@ -1,8 +1,6 @@
 """What was identified from pushes: the limit surface among its data, predicted against measured twists."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,35 +14,21 @@ from planner.report import canvas
 COLOURS = {"ellipsoid": canvas.BLUE, "quartic": canvas.RED}
 MARKS = {"ellipsoid": "o", "quartic": "^"}
 AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
-SECTIONS = ((0, 1), (0, 2), (1, 2))
-"""Axes of each cross-section; the third is zero there."""
+SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
-NEAR = 0.35
-"""Data whose wrench is out of a section's plane by less than this share of its length are drawn dark."""
+NEAR = 0.35  # wrenches out of a section's plane by less than this share of their length are drawn dark
 
 SIZE_IN = (7.4, 5.0)
 
 
 def figure(data: Normalised, found: Sequence[Identified], title: str) -> Figure:
-    """Draws the identified surfaces.
-
-    Args:
-        data: the pairs.
-        found: one result for each kind of surface, of the same pairs.
-        title: over all of it.
-    """
-    result = Figure(figsize=SIZE_IN, facecolor="white", layout="constrained")
+    """Draws the pairs and one result for each kind of surface that was identified from them."""
+    result = canvas.blank(*SIZE_IN)
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):
         _section(axes, data, found, plane)
-    _twists(grid[1, 0], "turn in the twist / deg", 90.0, found, [turn(data.V), *map(turn, _predicted(found))])
-    _twists(
-        grid[1, 1],
-        "heading of the twist / deg",
-        180.0,
-        found,
-        [heading(data.V), *map(heading, _predicted(found))],
-    )
+    _twists(grid[1, 0], "turn in the twist / deg", 90.0, turn, data.V, found)
+    _twists(grid[1, 1], "heading of the twist / deg", 180.0, heading, data.V, found)
     _errors(grid[1, 2], data, found)
     result.suptitle(title, fontsize=9.0)
     return result
@@ -72,10 +56,6 @@ def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array
     return np.asarray(directions[:, list(plane)] * reach[:, None])
 
 
-def _predicted(found: Sequence[Identified]) -> list[Array]:
-    return [result.held_out for result in found]
-
-
 def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: tuple[int, int]) -> None:
     F = data.F / found[0].fit.friction_n
     out = np.delete(F, plane, axis=1)[:, 0]
@@ -90,18 +70,17 @@ def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: t
     )
     axes.title.set_fontsize(8.0)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(color="#ececec", linewidth=0.5)
-    axes.set_axisbelow(True)
+    canvas.faint_grid(axes)
 
 
 def _twists(
-    axes: Axes, what: str, limit: float, found: Sequence[Identified], values: Sequence[Array]
-) -> None:
-    """Predicted (values[1:]) over measured (values[0])."""
+    axes: Axes, what: str, limit: float, angle: Callable[[Array], Array], V: Array,
+    found: Sequence[Identified],
+) -> None:  # fmt: skip
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
-    for result, predicted in zip(found, values[1:], strict=True):
+    for result in found:
         axes.scatter(
-            values[0], predicted, s=9.0, marker=MARKS[result.kind], facecolors="none",
+            angle(V), angle(result.held_out), s=9.0, marker=MARKS[result.kind], facecolors="none",
             edgecolors=COLOURS[result.kind], linewidths=0.7,
         )  # fmt: skip
     ticks = np.linspace(-limit, limit, 5)
@@ -110,7 +89,6 @@ def _twists(
 
 
 def _errors(axes: Axes, data: Normalised, found: Sequence[Identified]) -> None:
-    """Share of the pairs whose twist is predicted within an angle."""
     for result in found:
         seen = np.isfinite(result.held_out[:, 0])
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))

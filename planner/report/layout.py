@@ -1,11 +1,8 @@
-"""Where the panels of a plan stand: a tidy tree, the root on top.
+"""Where the panels of a plan stand: a tidy tree, the root on top (Reingold and Tilford, 1981).
 
-Subtrees are pushed together until their contours touch (Reingold and Tilford, Tidier Drawings of Trees,
-1981). Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the
-branches of a node, the text of a leaf) is kept apart too.
+Every depth has two slots, the panels and the gap below them, so that what stands in the gap (the branches of
+a node, the text of a leaf) is kept apart too.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -14,19 +11,12 @@ from runtime.table import Table
 
 
 class Sizes(NamedTuple):
-    """Half widths, and the distance between neighbours.
+    """Half widths, and the distance between neighbours."""
 
-    Attributes:
-        panel: half the width of a panel.
-        label: half the width of what is written at a branch.
-        text: half the width of what is written below a leaf.
-        margin: least distance between two of these.
-    """
-
-    panel: float
-    label: float
-    text: float
-    margin: float
+    panel: float  # half the width of a panel
+    label: float  # half the width of what is written at a branch
+    text: float  # half the width of what is written below a leaf
+    margin: float  # least distance between two of these
 
 
 class Spot(NamedTuple):
@@ -37,19 +27,12 @@ class Spot(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The places of all panels.
+    """The places of all panels."""
 
-    Attributes:
-        nodes: one a node of the table.
-        leaves: one a leaf.
-        rows: how many there are.
-        width: of the whole, from 0.
-    """
-
-    nodes: tuple[Spot, ...]
-    leaves: tuple[Spot, ...]
-    rows: int
-    width: float
+    nodes: tuple[Spot, ...]  # one a node of the table
+    leaves: tuple[Spot, ...]  # one a leaf
+    rows: int  # how many there are
+    width: float  # of the whole, from 0
 
 
 @dataclass(slots=True)
@@ -58,7 +41,7 @@ class _Subtree:
 
     target: int
     contour: dict[int, tuple[float, float]]
-    children: list[tuple[float, _Subtree]] = field(default_factory=list)
+    children: list[tuple[float, "_Subtree"]] = field(default_factory=list)
 
 
 def tidy(table: Table, sizes: Sizes) -> Layout:

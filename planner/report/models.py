@@ -1,9 +1,4 @@
-"""The quality of a job's learned models, as `plan-compile --models-report` measured it, read for a page.
-
-The file is the one that the command writes beside its picture, or what it prints with --json.
-"""
-
-from __future__ import annotations
+"""What `plan-compile --models-report` wrote beside its picture, or printed with --json, read for a page."""
 
 import math
 from pathlib import Path
@@ -15,23 +10,17 @@ from runtime.shell import strict_json
 MAX_BYTES = 16 << 20
 WRITE = "have plan-compile --models-report write it"
 
-Models: TypeAlias = dict[str, Any]
-"""The figures of `planner.cli.models_report.figures`, as far as a page shows them."""
+Models: TypeAlias = dict[str, Any]  # the figures of `planner.cli.models_report.figures` that a page shows
 
 
 def _number(told: Any) -> float:
-    """A finite number."""
     value = float(told)
     if not math.isfinite(value):
         raise ValueError(told)
     return value
 
 
-def _ratio(told: Any) -> float | None:
-    """A ratio, or None where it has none."""
-    return None if told is None else _number(told)
-
-
+# What must be there, and what reads it.
 SHAPE: Models = {
     "job_digest": str,
     "rollouts": int,
@@ -42,7 +31,8 @@ SHAPE: Models = {
     "actions": [
         {
             "x_mm": _number, "y_mm": _number, "theta_rad": _number, "model_mm": _number,
-            "simulator_mm": _number, "ratio": _ratio, "simulated": _number,
+            "simulator_mm": _number, "simulated": _number,
+            "ratio": lambda told: None if told is None else _number(told),
         }
     ],
     "actions_in_collision": int,
@@ -51,15 +41,10 @@ SHAPE: Models = {
     "subspaces": [{"low_mm": _number, "mean_mm": _number, "high_mm": _number, "rollouts": int}],
     "notes": [str],
 }  # fmt: skip
-"""What must be there, and what reads it."""
 
 
 def read(path: Path, job_digest: str) -> Models:
-    """Reads a file of figures.
-
-    Args:
-        path: the file.
-        job_digest: of the table's job, hexadecimal: models of another job say nothing about this one.
+    """Reads a file of figures about the job of this digest (hexadecimal).
 
     Raises:
         InputFileError: it is missing, too large, no such file, or about another job.
@@ -85,7 +70,6 @@ def read(path: Path, job_digest: str) -> Models:
 
 
 def _shaped(told: Any, shape: Any) -> Any:
-    """What was told, read as a shape says."""
     if isinstance(shape, dict):
         return {name: _shaped(told[name], inner) for name, inner in shape.items()}
     if isinstance(shape, list):

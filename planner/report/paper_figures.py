@@ -1,8 +1,7 @@
 """The paper's Figs 1, 3 and 4, drawn from this planner's own squeezes; Figs 2 and 6 are trees of tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -10,50 +9,41 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import subsample
+from planner.evaluation.trials import placement_of
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
-from planner.paper.subspaces import subspaces_of
+from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
-from planner.report.tree import in_world
 from runtime.table import Table
 
-OUTLINES = 90
-"""Most outlines drawn in one panel."""
-DARKNESS = 0.75
-"""Of the place that all outlines of a panel cover."""
-WIDTH_IN = 8.3
-"""Of a picture: 800 pixels at a text of 8 to 9 points, what a README shows without shrinking it."""
+OUTLINES = 90  # most outlines drawn in one panel
+DARKNESS = 0.75  # of the place that all outlines of a panel cover
+WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: what a README shows without shrinking it
 FONT = 8.5
 
+# The four ends of the paper's Fig. 3, and poses in the hand frame [mm, mm, rad] that lead to them.
 BUTTERFLY_POSES = (
     ("slipped into free space", (19.3, -15.0, 0.7)),
     ("jammed", (-5.7, 12.1, 0.8)),
     ("grasped with offset", (-13.3, -11.5, 1.5)),
     ("grasped with offset", (-0.7, 3.8, 2.7)),
 )
-"""The four ends of the paper's Fig. 3, and poses in the hand frame [mm, mm, rad] that lead to them."""
 MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
-SQUEEZES = 8000
-"""Rolled out for the subspaces of Fig. 4."""
-SPREAD_MM = 20.0
-"""Half the side of the square that their centres start in: enough for some to be missed."""
+SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
+SPREAD_MM = 20.0  # half the side of the square that their centres start in: enough for some to be missed
 SEED = 4
+COLUMNS = 4  # most panels beside each other
 
 
 class Step(NamedTuple):
-    """One squeeze on a path through a table.
-
-    Attributes:
-        node: which squeezes.
-        branch: that its width chose.
-    """
+    """One squeeze on a path through a table: the node, and the branch that its width chose."""
 
     node: int
     branch: int
@@ -81,26 +71,19 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: int) -> list[Step]:
 
 
 def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figure:
-    """Fig. 1: how widths shrink a belief to one pose, and one part that takes this path.
-
-    Args:
-        table: any.
-        job: the job it was compiled from.
-        beliefs: parts sent through the table.
-        squeezes: length of the path shown.
-    """
+    """Fig. 1: how widths shrink the beliefs of a table on a path of squeezes, and one part that takes it."""
     path = likeliest_path(table, beliefs, squeezes)
     outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
     track, widths = _track(beliefs, path)
-    boxes = [_closed(table, step, jaws) for step in path]
+    expected = [table.nodes[s.node].branches[s.branch].expected_um / 1e3 for s in path]
+    hands = [placement_of(table.nodes[s.node].squeeze) for s in path]
+    boxes = [canvas.placed(canvas.finger_boxes(jaws, w), h) for w, h in zip(expected, hands, strict=True)]
     reach = float(np.max(np.hypot(*outline.T)))
     spread = max(float(np.quantile(np.hypot(*belief[:, :2].T), 0.98)) for belief in poses)
     half = 1.05 * max(spread + reach, *(float(np.abs(box).max()) for box in boxes))
     columns = len(poses)
-    result = Figure(
-        figsize=(WIDTH_IN, 2 * (WIDTH_IN - 0.95) / columns + 0.86), facecolor="white", layout="constrained"
-    )
+    result = canvas.blank(WIDTH_IN, 2 * (WIDTH_IN - 0.95) / columns + 0.86)
     grid = result.subplots(2, columns, sharex=True, sharey=True)
     for k, (above, below) in enumerate(grid.T):
         for axes in (above, below):
@@ -108,33 +91,21 @@ def sequence(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> Figu
         _density(above, outline, poses[k])
         before = track[max(k - 1, 0)]
         canvas.polygons(below, canvas.outlines(outline, before[None]), canvas.GREY, 0.9)
+        title = "before\nat any angle, all parts"
         if k:
             _fingers(above, boxes[k - 1])
-            _fingers(below, _closed(table, path[k - 1], jaws, widths[k - 1]))
+            _fingers(below, canvas.placed(canvas.finger_boxes(jaws, widths[k - 1]), hands[k - 1]))
             canvas.polygons(below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25)
-        above.set_title(_heading(table, path, k, len(poses[k]) / len(poses[0])), fontsize=FONT, pad=4.0)
-    _caption(result, "x / mm", "y / mm")
+            percent = 100 * len(poses[k]) / len(poses[0])
+            share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
+            title = (
+                f"squeeze {k} at {np.degrees(hands[k - 1][2]):.0f}°\nreads {expected[k - 1]:.1f} mm, {share}"
+            )
+        above.set_title(title, fontsize=FONT, pad=4.0)
+    canvas.caption(result, "x / mm", "y / mm", FONT)
     grid[0, 0].set_ylabel("what is believed", fontsize=FONT)
     grid[1, 0].set_ylabel("where one part is", fontsize=FONT)
     return result
-
-
-def _heading(table: Table, path: Sequence[Step], k: int, share: float) -> str:
-    """Above a column: the squeeze, what it read, and how many parts come to this."""
-    if k == 0:
-        return "before\nat any angle, all parts"
-    node = table.nodes[path[k - 1].node]
-    width = node.branches[path[k - 1].branch].expected_um / 1e3
-    angle = np.degrees(node.squeeze.angle_urad / 1e6)
-    share_text = f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.1f} %"
-    return f"squeeze {k} at {angle:.0f}°\nreads {width:.1f} mm, {share_text} of parts"
-
-
-def _closed(table: Table, step: Step, jaws: Array, width_mm: float | None = None) -> Array:
-    """Both fingers (2, 4, 2) in the world after a step, at a width or at the expected one."""
-    node = table.nodes[step.node]
-    expected = node.branches[step.branch].expected_um / 1e3
-    return in_world(canvas.finger_boxes(jaws, expected if width_mm is None else width_mm), node)
 
 
 def _track(beliefs: Replay, path: Sequence[Step]) -> tuple[list[Array], list[float]]:
@@ -171,11 +142,7 @@ def squeezes(job: Job) -> Figure:
 
 
 def partition(job: Job, names: Sequence[str]) -> Figure:
-    """Fig. 4: the subspaces of final poses that widths tell apart, the hand at the origin.
-
-    Args:
-        job: has the part and the gripper.
-        names: what each subspace is, free space first, then by width.
+    """Fig. 4 for the part and the gripper of a job; names as of `subspaces`, free space first, then by width.
 
     Raises:
         ValueError: there are more or fewer subspaces than names.
@@ -186,22 +153,40 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     rolled = simulator.roll_out(poses, simulator.sample(SQUEEZES, rng))
     open_jaws = rolled.width_mm >= float(simulator.jaws[0])  # a finger would have stood on the part
     final, width_mm = rolled.poses[~open_jaws], rolled.width_mm[~open_jaws]
-    subspaces = subspaces_of(width_mm, encoder_of(job))
-    if len(subspaces) != len(names):
-        raise ValueError(f"{len(subspaces)} subspaces, but {len(names)} names for them")
-    label = subspaces.label(width_mm)
-    columns = len(names)
-    result = Figure(
-        figsize=(WIDTH_IN, (WIDTH_IN - 0.9) / columns + 0.75), facecolor="white", layout="constrained"
-    )
-    for k, axes in enumerate(result.subplots(1, columns, sharex=True, sharey=True)):
-        _frame(axes, 52.0)
-        _density(axes, job.part.outline_mm, final[label == k])
-        _fingers(axes, canvas.finger_boxes(simulator.jaws, float(subspaces.mean_mm[k])))
-        share = f"{100 * subspaces.size[k] / subspaces.size.sum():.0f} % of squeezes"
-        width = f"{subspaces.mean_mm[k]:.1f} mm, " if k else ""
-        axes.set_title(f"({chr(97 + k)}) {names[k]}\n{width}{share}", fontsize=FONT, pad=4.0)
-    _caption(result, "x / mm, along the fingers", "y / mm, closing")
+    found = subspaces_of(width_mm, encoder_of(job))
+    if len(found) != len(names):
+        raise ValueError(f"{len(found)} subspaces, but {len(names)} names for them")
+    shares = 100 * found.size / found.size.sum()
+    told = [f"{shares[0]:.0f} % of squeezes"]
+    told += [f"{m:.1f} mm, {s:.0f} % of squeezes" for m, s in zip(found.mean_mm[1:], shares[1:], strict=True)]
+    titles = [f"{name}\n{words}" for name, words in zip(names, told, strict=True)]
+    return subspaces(found, found.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles)
+
+
+def subspaces(
+    found: Subspaces, label: IntArray, final: Array, outline: Array, jaws: Array, titles: Sequence[str]
+) -> Figure:
+    """Fig. 4: the subspaces that widths tell apart, a panel, a title and an SVG group each.
+
+    Shown are final poses (n, 3) in the hand frame [mm, mm, rad] by their labels (n,), as an outline (N, 2)
+    between jaws (4,) as of `planner.mechanics.clearance.jaws_of` [mm].
+    """
+    columns = min(COLUMNS, len(found))
+    rows = ceil(len(found) / columns)
+    opening, length, thickness, _ = jaws
+    half = max(0.5 * opening + thickness, 0.5 * length + 2.0 * float(np.max(np.hypot(*outline.T))))
+    width_in = WIDTH_IN * columns / COLUMNS
+    result = canvas.blank(width_in, rows * ((width_in - 0.9) / columns + 0.35) + 0.4)
+    grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[len(found) :]:
+        axes.remove()
+    for k, (axes, title) in enumerate(zip(grid.flat, titles, strict=False)):
+        axes.set_gid(f"subspace-{k}")
+        _frame(axes, half)
+        _density(axes, outline, final[label == k])
+        _fingers(axes, canvas.finger_boxes(jaws, float(found.mean_mm[k])))
+        axes.set_title(f"({chr(97 + k)}) {title}", fontsize=FONT, pad=4.0)
+    canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", FONT)
     return result
 
 
@@ -212,15 +197,10 @@ def _frame(axes: Axes, half: float) -> None:
     axes.tick_params(labelsize=7.5)
 
 
-def _caption(figure: Figure, x: str, y: str) -> None:
-    figure.supxlabel(x, fontsize=FONT)
-    figure.supylabel(y, fontsize=FONT)
-
-
 def _density(axes: Axes, outline: Array, poses: Array) -> None:
     """A sample of the poses, so transparent that full overlap looks alike in all panels."""
     poses = subsample(poses, OUTLINES)
-    fill = 1.0 - (1.0 - DARKNESS) ** (1.0 / max(len(poses), 1))
+    fill = canvas.overlay_opacity(len(poses), DARKNESS)
     shapes = canvas.outlines(outline, poses)
     canvas.polygons(axes, shapes, canvas.BLUE, 0.4, fill=fill, edge=min(0.8, 4.0 * fill))
 

@@ -1,92 +1,45 @@
 """Parts sent through a table, with their poses kept: the beliefs that the table itself does not hold.
 
-A table stores decisions only (paper, Fig. 2: "no belief distribution needs to be stored"). A picture of it
-needs the beliefs again, and finds them as the table was judged: many parts, squeezed in the stochastic world,
-each sent on by the encoder count it would read.
+They are found as the table was judged: many parts, squeezed in the stochastic world, each sent on by the
+encoder count it would read.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
-from planner.evaluation.trials import Program, step
+from planner.evaluation.trials import Program, Step, step
 from planner.job.model import Job
 from planner.world import ContactWorld
-from runtime.table import REJECT, Table
+from runtime.table import Table
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visit:
-    """The parts that came to one node.
+class Replay(NamedTuple):
+    """All parts, node by node."""
 
-    Attributes:
-        before: (n, 3) their poses in the world before the squeeze [mm, mm, rad].
-        after: (n, 3) and after it, the jaws still closed.
-        released: (n, 3) where the jaws let go of them.
-        width_mm: (n,) true opening at which the fingers stopped.
-        counts: (n,) what the encoder reads of it.
-        branch: (n,) where the encoder's reading sends each, `REJECT` where it fits no branch.
-    """
-
-    before: Array
-    after: Array
-    released: Array
-    width_mm: Array
-    counts: IntArray
-    branch: IntArray
-
-    def through(self, branch: int) -> Array:
-        """Poses (m, 3) of the parts that leave through one branch, or through `REJECT`."""
-        return np.asarray(self.released[self.branch == branch])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Replay:
-    """All parts, node by node.
-
-    Attributes:
-        visits: one for each node of the table.
-        leaves: for each leaf, the poses (m, 3) of the parts that ended there.
-    """
-
-    visits: tuple[Visit, ...]
-    leaves: tuple[Array, ...]
+    visits: tuple[Step, ...]  # one for each node of the table
+    leaves: tuple[Array, ...]  # for each leaf, the poses (m, 3) of the parts that ended there
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
-    """Sends parts through a table.
-
-    Args:
-        table: any; every node comes after the one that leads to it.
-        job: the job it was compiled from.
-        trials: number of parts.
-        seed: of their poses, the mechanics and the encoder's noise.
-    """
+    """Sends parts through the table of a job; the seed is that of poses, mechanics and encoder's noise."""
     rng = np.random.default_rng([seed, 0x5245504C])
     world, encoder = ContactWorld(job, seed), encoder_of(job)
     program = Program.of(table)
-    nobody = np.empty((0, 3))
-    arrivals = [nobody] * len(table.nodes)
-    leaves = [nobody] * len(table.leaves)
+    arrivals = [np.empty((0, 3))] * len(table.nodes)
+    leaves = [np.empty((0, 3))] * len(table.leaves)
     arrivals[0] = initial(job, trials, rng)
     visits = []
-    for index, node in enumerate(table.nodes):
-        before = arrivals[index]
-        at = np.full(len(before), index)
-        made = step(program, at, before, program.placement[at], world, encoder, rng)
-        visit = Visit(before, made.after, made.released, made.width_mm, made.counts, made.branch)
-        visits.append(visit)
+    for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
+        at = np.full(len(arrivals[index]), index)
+        made = step(program, at, arrivals[index], program.placement[at], world, encoder, rng)
+        visits.append(made)
         for number, branch in enumerate(node.branches):
             if branch.target >= 0:
-                arrivals[branch.target] = visit.through(number)
+                arrivals[branch.target] = made.through(number)
             else:
-                leaves[~branch.target] = visit.through(number)
+                leaves[~branch.target] = made.through(number)
     return Replay(tuple(visits), tuple(leaves))
-
-
-__all__ = ["REJECT", "Replay", "Visit", "replay"]

@@ -1,11 +1,8 @@
 """The journal of a run, read for a picture: what each part was squeezed to, and how it ended.
 
-Its form is that of `grasp-journal`: JSON lines, each with the SHA-256 of itself without that field and that
-of the line before. Here it is checked line by line, and that the runs are those of one table; whether every
-decision follows from its counts is what `grasp-journal verify` tells.
+JSON lines, each with the SHA-256 of itself without that field and that of the line before: this is checked.
+Whether every decision follows from its counts is what `grasp-journal replay` tells.
 """
-
-from __future__ import annotations
 
 import hashlib
 from collections import Counter
@@ -22,20 +19,13 @@ TAIL = len(MARK) + 64 + len(b'"}\n')
 MAX_BYTES = 256 << 20
 
 
-class Squeezed(NamedTuple):
-    """One squeeze: the node, the settled encoder count read there, the target (None where rejected)."""
-
-    node: int
-    reading: int
-    target: int | None
-
-
 @dataclass(slots=True)
 class PartLog:
     """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
 
     part: int
-    squeezes: list[Squeezed] = field(default_factory=list)
+    # Of each squeeze the node, the settled encoder count read there, the target (None where rejected).
+    squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
     outcome: str = "cut short"
     leaf: int | None = None
     reason: str = ""
@@ -48,25 +38,17 @@ class PartLog:
 
 
 class RunLog(NamedTuple):
-    """All parts of the runs of one table, in order.
+    """All parts of the runs of one table, in order."""
 
-    Attributes:
-        parts: one each.
-        runs: how many runs of this table.
-        others: runs of other tables in the same file, which are left out.
-        first: date of the first record.
-        last: and of the last.
-    """
-
-    parts: list[PartLog]
-    runs: int
-    others: int
-    first: str
-    last: str
+    parts: list[PartLog]  # one each
+    runs: int  # how many runs of this table
+    others: int  # runs of other tables in the same file, which are left out
+    first: str  # date of the first record
+    last: str  # and of the last
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
         """How often each node led to each target; None for rejected readings."""
-        return Counter((step.node, step.target) for part in self.parts for step in part.squeezes)
+        return Counter((node, target) for part in self.parts for node, _, target in part.squeezes)
 
     def outcomes(self) -> Counter[str]:
         """How many parts ended how."""
@@ -74,11 +56,7 @@ class RunLog(NamedTuple):
 
 
 def read(path: Path, table_sha256: str) -> RunLog:
-    """Reads a journal.
-
-    Args:
-        path: the file.
-        table_sha256: digest of the table's bytes, in hexadecimal; runs of other tables are left out.
+    """Reads a journal; runs of other tables than that of this digest (hexadecimal) are left out.
 
     Raises:
         InputFileError: it cannot be read, does not verify, or tells of no run of this table.
@@ -110,21 +88,15 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
     elif kind == "resume" and parts and entry["how"] == "restart":
         parts[-1].squeezes.clear()
     elif kind == "squeeze":
-        target = entry["target"]
-        parts[-1].squeezes.append(
-            Squeezed(
-                int(entry["node"]), int(entry["position_counts"]), None if target is None else int(target)
-            )
-        )
+        target = None if entry["target"] is None else int(entry["target"])
+        parts[-1].squeezes.append((int(entry["node"]), int(entry["position_counts"]), target))
     elif kind == "outcome":
         part = parts[-1]
         part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")
-        part.reason = str(entry.get("reason") or "")
-        part.audit = entry.get("audit")
+        part.reason, part.audit = str(entry.get("reason") or ""), entry.get("audit")
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:
-    """All records, each checked against its digest and the line before."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=str(path))

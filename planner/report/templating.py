@@ -1,11 +1,11 @@
 """The templates of pages and pictures: jinja2, escaping what it fills in."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+
+from planner.arrays import Array
 
 
 @cache
@@ -18,4 +18,16 @@ def template(name: str) -> Template:
     environment.filters["mm"] = lambda um: f"{um / 1e3:.2f}"
     environment.filters["degrees"] = lambda urad: f"{np.degrees(urad / 1e6):.1f}"
     environment.filters["percent"] = lambda share: f"{100 * share:.2f} %"
+    environment.filters["transform"] = transform
+    environment.filters["points"] = points
     return environment.get_template(name)
+
+
+def transform(pose: Array) -> str:
+    """A pose (3,) [mm, mm, rad] as an SVG transform; the picture's y axis points up."""
+    return f"translate({pose[0]:.2f} {pose[1]:.2f})rotate({np.degrees(pose[2]):.1f})"
+
+
+def points(shape: Array) -> str:
+    """Vertices (n, 2) as SVG points."""
+    return " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)

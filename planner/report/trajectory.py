@@ -1,54 +1,47 @@
-"""Squeezes as the paper's Fig. 3 shows them: initial, intermediate and final, and the centre's trace."""
-
-from __future__ import annotations
+"""Squeezes: panels as in the paper's Fig. 3, a GIF of one, or a page with a slider for several."""
 
 from collections.abc import Sequence
 from math import ceil
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
+from planner.report.templating import template
+from runtime.shell.files import writing
 
 MOST_PANELS = 12
 COLUMNS = 4
 COLUMNS_IF_TALL = 6
-TALL = 1.4
-"""Height over width of a panel that counts as tall."""
-BETWEEN = 4
-"""Intermediate states drawn of one squeeze."""
-MARK_MM = 1.5
-"""Distance between the marks of a trace."""
-WIDTH_IN = 2.1
-"""Width of one panel."""
+TALL = 1.4  # height over width of a panel that counts as tall
+BETWEEN = 4  # intermediate states drawn of one squeeze
+MARK_MM = 1.5  # distance between the marks of a trace
+WIDTH_IN = 2.1  # width of one panel
+APPROACH_FRAMES = 14
+CONTACT_FRAMES = 46
+HOLD_FRAMES = 20
+FRAMES_PER_S = 20
+GIF_DPI = 100
+GIF_WIDTH_IN = 3.4
 
 
 class Squeezed(NamedTuple):
-    """One squeeze, step by step.
+    """One squeeze, step by step."""
 
-    Attributes:
-        states: (k, 4) x, y, theta, width on the way [mm, mm, rad, mm], k >= 2; the first row open, the last
-            final.
-        status: one of the simulator's words.
-    """
-
-    states: Array
-    status: str
+    states: Array  # (k, 4) x, y, theta, width [mm, mm, rad, mm], k >= 2: the first row open, the last final
+    status: str  # one of the simulator's words
 
 
 def along(states: Array, widths_mm: Array) -> Array:
-    """The squeeze at given widths, interpolated between its steps.
-
-    Args:
-        states: (k, 4) as in `Squeezed`.
-        widths_mm: (n,) falling or equal, within the squeeze.
-
-    Returns:
-        (n, 4) states.
-    """
+    """The states (n, 4) of a squeeze (k, 4) at widths (n,) within it, interpolated between its steps."""
     latest = states[::-1]
     rising, rows = np.unique(latest[:, 3], return_index=True)  # of states at one width, the last
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
@@ -71,18 +64,15 @@ def trail(centres: Array) -> Array:
 
 
 def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
-    """Draws one panel for each squeeze, a group `squeeze-1`, ... in an SVG.
+    """Draws a panel for each of 1 to `MOST_PANELS` squeezes, a group `squeeze-1`, ... in an SVG.
 
-    Args:
-        outline: (N, 2) the part [mm].
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        traces: 1 to `MOST_PANELS` squeezes.
+    `outline` (N, 2) is the part [mm], `jaws` (4,) those of `planner.mechanics.clearance.jaws_of`.
     """
     half = extent(outline, jaws, traces)
     columns = min(COLUMNS_IF_TALL if half[1] > TALL * half[0] else COLUMNS, len(traces))
     rows = ceil(len(traces) / columns)
-    size = (columns * WIDTH_IN + 0.35, rows * (WIDTH_IN * half[1] / half[0] + 0.22) + 0.3)
-    result = Figure(figsize=size, facecolor="white", layout="constrained")
+    panel_in = WIDTH_IN * half[1] / half[0] + 0.22
+    result = canvas.blank(columns * WIDTH_IN + 0.35, rows * panel_in + 0.3)
     grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[len(traces) :]:
         axes.remove()
@@ -91,8 +81,7 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
         frame(axes, half)
         _draw(axes, outline, jaws, trace.states)
         axes.set_title(f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0)
-    result.supxlabel("x / mm, along the fingers", fontsize=8.0)
-    result.supylabel("y / mm, closing", fontsize=8.0)
+    canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", 8.0)
     return result
 
 
@@ -111,12 +100,10 @@ def frame(axes: Axes, half: tuple[float, float]) -> None:
     axes.set_xticks([-20, 0, 20])
     axes.set_yticks([-40, -20, 0, 20, 40])
     axes.tick_params(labelsize=7.0)
-    axes.grid(color="#ececec", linewidth=0.5)
-    axes.set_axisbelow(True)
+    canvas.faint_grid(axes)
 
 
 def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
-    """Black, grey and red states over each other, and the centre's trace."""
     begun = touch(states)
     between = along(states, np.linspace(begun, states[-1, 3], BETWEEN + 2)[:-1])
     for rows, color, width, order in (
@@ -128,3 +115,65 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
         canvas.polygons(axes, [*boxes, *canvas.outlines(outline, rows[:, :3])], color, width, order)
     marks = trail(states[:, :2])
     axes.plot(marks[:, 0], marks[:, 1], "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)
+
+
+def timeline(states: Array) -> Array:
+    """States (n, 4) of a squeeze (k, 4), one a frame: a quick approach, then the contact, even in width."""
+    begun, end = touch(states), states[-1, 3]
+    approach = np.linspace(states[0, 3], begun, APPROACH_FRAMES, endpoint=False)
+    return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))
+
+
+def gif(outline: Array, jaws: Array, trace: Squeezed, path: Path) -> None:
+    """Writes one squeeze of an outline (N, 2) [mm] as an animation that holds its last frame a second.
+
+    `jaws` (4,) are those of `planner.mechanics.clearance.jaws_of`; the path ends in .gif.
+    """
+    frames, half = timeline(trace.states), extent(outline, jaws, [trace])
+    height = GIF_WIDTH_IN * half[1] / half[0] + 0.1
+    red, blue = canvas.RED, canvas.BLUE
+    with canvas.style(), writing(path) as file:
+        figure = canvas.blank(GIF_WIDTH_IN, height)
+        axes = figure.add_subplot()
+        frame(axes, half)
+        axes.set(xlabel="x / mm, along the fingers", ylabel="y / mm, closing")
+        start = canvas.outlines(outline, trace.states[:1, :3])[0]
+        axes.add_patch(Polygon(start, fill=False, edgecolor=canvas.GREY, linewidth=0.8))
+        fingers = PolyCollection([], facecolors=to_rgba(red, 0.2), edgecolors=red, linewidths=1.0)
+        axes.add_collection(fingers, autolim=False)
+        part = Polygon(outline, facecolor=to_rgba(blue, 0.2), edgecolor=blue, linewidth=1.2)
+        axes.add_patch(part)
+        (centre,) = axes.plot([], [], color=blue, linewidth=1.0)
+        title = axes.set_title("0.0 mm")
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # or the axes would shift from frame to frame
+        writer = PillowWriter(fps=FRAMES_PER_S)
+        with writer.saving(figure, str(file), GIF_DPI):
+            for now in range(len(frames) + HOLD_FRAMES):
+                shown = frames[: now + 1]
+                fingers.set_verts(list(canvas.finger_boxes(jaws, float(shown[-1, 3]))))
+                part.set_xy(canvas.placed(outline, shown[-1, :3]))
+                centre.set_data(shown[:, 0], shown[:, 1])
+                title.set_text(f"{shown[-1, 3]:.1f} mm")
+                if now >= len(frames) - 1:
+                    title.set_text(f"{trace.status}, {frames[-1, 3]:.2f} mm")
+                writer.grab_frame()
+
+
+def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, path: Path) -> None:
+    """Writes a page with all squeezes beside each other and one slider; it needs no network.
+
+    Arguments as in `gif`; the path ends in .html.
+    """
+    data = {
+        "outline": np.round(outline, 3).tolist(),
+        "jaws": jaws.tolist(),
+        "half": [round(value, 2) for value in extent(outline, jaws, traces)],
+        "squeezes": [
+            {"status": trace.status, "states": np.round(timeline(trace.states), 4).tolist()}
+            for trace in traces
+        ],
+    }
+    page = template("squeezes.html").render(title=title, data=data, colors=vars(canvas))
+    with writing(path) as file:
+        file.write_text(page, encoding="utf-8")

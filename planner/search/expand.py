@@ -263,7 +263,7 @@ def _squeezed(
 def _separated(
     node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed], growth: Growth
 ) -> list[TreeNode]:
-    """Cuts a node in several where that leaves fewer squeezes; it becomes the heaviest, the others are returned."""
+    """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest; the others."""
     before, after = found[0].reading, found[1].belief
     belief, metric, share = node.belief, growth.objective.metric, node.share
     piece = np.searchsorted(

@@ -60,7 +60,7 @@ def _other(
     pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool],
 ) -> TreeNode:  # fmt: skip
-    """A stand-in for a parent whose only child is squeezed elsewhere, grown until it is whole or certain to cost more."""
+    """A parent's stand-in with one child, squeezed elsewhere and grown until whole or certain to cost more."""
     metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
     node = TreeNode(

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from planner.belief.metric import Metric
-from planner.belief.partition import Rule
+from planner.belief.observation import Resolution
+from planner.belief.partition import Estimate, Rule
 from planner.belief.transition import Costs
 
 
@@ -46,8 +47,14 @@ class SearchParams:
     """Squeezes charged, times the mass outside, where no squeeze gains at the end of a look-ahead."""
     shrinkage: float = 1.0
     """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
-    tau: float = 0.02
-    """Mass outside the mode, roughly, from which a belief needs a squeeze more."""
+    doubt: float = 0.05
+    """Chance that a part read near a cut strays: more rejects fewer where encoders are off, and squeezes more."""
+    astray: float = 0.15
+    """Squeezes such a part costs in a branch that is squeezed again: more keeps mixed readings together."""
+    reach: float = 2.7
+    """Counts from a cut that are near it: more asks for wider gaps between branches."""
+    branch: float = 3.0
+    """Squeezes of one particle that a branch must save: more makes smaller tables, less follows noise."""
     selection_bias: float = 0.5
     """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 
@@ -85,6 +92,10 @@ class SearchParams:
     """Trials of a leaf from which its measured success rate itself is compared with the goal."""
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
+
+    def rule(self, metric: Metric, estimate: Estimate, resolution: Resolution) -> Rule:
+        """How readings are cut for a goal, given J of a belief and what an encoder tells apart."""
+        return Rule(metric, estimate, resolution, self.doubt, self.astray, self.branch, self.reach)
 
 
 class Objective(NamedTuple):

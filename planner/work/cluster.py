@@ -1,8 +1,7 @@
 """Work on more than one machine: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
 
-The scheduler and every worker run in an environment with the same version of this package installed. The
-scheduler gives the work of a worker that dies to the others. Results are taken from workers as they finish,
-so no more is lost than what was running there.
+All run in an environment with the same version of this package. The scheduler gives the work of a worker that
+dies to the others.
 """
 
 from __future__ import annotations
@@ -24,30 +23,19 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 4
-"""Items handed out for each thread of the cluster before the first of their results has been taken."""
+AHEAD = 4  # Items handed out for each thread of the cluster before the first of their results has been taken
 CONNECT_S = 10.0
-PATIENCE_S = 30.0
-"""How long a cluster may be without workers."""
+PATIENCE_S = 30.0  # How long a cluster may be without workers
 POLL_S = 1.0
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|inproc)://\S+")
 
 
 class Cluster:
-    """A connection to a Dask scheduler; a context manager.
-
-    Attributes:
-        address: of the scheduler, such as "tcp://192.168.0.7:8786".
-        patience_s: how long the cluster may be without workers.
-    """
+    """A connection to a Dask scheduler; a context manager."""
 
     def __init__(self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S) -> None:
-        """Remember where to connect to.
-
-        Raises:
-            UsageError: the address is not one.
-        """
+        """Remembers where to connect to; a `UsageError` tells that the address is not one."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
         self.address = address
@@ -56,7 +44,7 @@ class Cluster:
         self._client: Client | None = None
 
     def __enter__(self) -> Self:
-        """Connect.
+        """Connects.
 
         Raises:
             UsageError: dask.distributed is not installed.
@@ -86,25 +74,20 @@ class Cluster:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Disconnect; the cluster forgets what it was still to do."""
         client, self._client = self._client, None
         if client is not None:
             client.close(timeout=self._connect_s)
 
     @property
     def workers(self) -> int:
-        """Threads of all workers that are there now.
-
-        Raises:
-            ClusterError: the scheduler is lost.
-        """
+        """Threads of all workers that are there now."""
         try:
             return sum(self._connected().nthreads().values())
         except OSError as error:
             raise self._lost() from error
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yield results in the order of the items; see `planner.work.scheduler.Scheduler.map`.
+        """Yields results in the order of the items; see `planner.work.scheduler.Threads.map`.
 
         Raises:
             ClusterError: the scheduler is lost, all workers stay away, or several died of one item.
@@ -127,7 +110,7 @@ class Cluster:
                 future.release()
 
     def _collect(self, running: dict[Future[R], int], results: dict[int, R]) -> None:
-        """Move what has finished from `running` to `results`; wait at most `POLL_S` if nothing has."""
+        """Moves what has finished from `running` to `results`; waits at most `POLL_S` if nothing has."""
         from distributed import wait
 
         try:
@@ -150,7 +133,7 @@ class Cluster:
             del running[future]
 
     def _fail(self, error: BaseException | None) -> NoReturn:
-        """Raise what an item ended with: the function's own error, or one about the cluster."""
+        """Raises what an item ended with: the function's own error, or one about the cluster."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):
@@ -163,11 +146,7 @@ class Cluster:
         raise error or self._lost()
 
     def _await_workers(self) -> None:
-        """Return once the cluster has a worker.
-
-        Raises:
-            ClusterError: it had none for `patience_s`, or the scheduler is lost.
-        """
+        """Returns once the cluster has a worker, or raises `ClusterError` after `patience_s`."""
         deadline = time.monotonic() + self.patience_s
         while self.workers == 0:
             if time.monotonic() > deadline:

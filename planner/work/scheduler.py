@@ -1,7 +1,6 @@
 """Who does the work: the threads of this machine, or the workers of a Dask cluster.
 
-A scheduler only decides where a function runs, never what it returns: work is cut into items that carry all
-they depend on, so results are the same bytes on any number of workers.
+Work is cut into items that carry all they depend on: results are the same bytes on any number of workers.
 """
 
 from __future__ import annotations
@@ -12,48 +11,29 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import TypeAlias, TypeVar
 
 from planner.work.cluster import Cluster
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 3
-"""Items handed out for each worker before the first of their results has been taken."""
-
-
-class Scheduler(Protocol):
-    """Runs a function on many items."""
-
-    @property
-    def workers(self) -> int:
-        """How many items run at once."""
-
-    def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yield the function's results in the order of the items, each as soon as all before it are there.
-
-        Args:
-            function: of a module, not nested in another function, so that it can be sent elsewhere.
-            items: its arguments, which can be pickled.
-
-        Raises:
-            Exception: whatever the function raises; items not begun are dropped.
-        """
+AHEAD = 3  # Items handed out for each worker before the first of their results has been taken
 
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process: for functions that spend their time in kernels.
+    """Threads of this process: for functions that spend their time in kernels."""
 
-    Attributes:
-        workers: how many; all cores unless told otherwise.
-    """
-
-    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)  # all cores unless told otherwise
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yield results in the order of the items; see `Scheduler.map`."""
+        """Yields the function's results in the order of the items, each as soon as all before it are there.
+
+        Args:
+            function: of a module where a cluster may run it; what it raises ends the work.
+            items: its arguments; for a cluster they can be pickled.
+        """
         if self.workers == 1 or len(items) < 2:
             yield from map(function, items)
             return
@@ -70,13 +50,12 @@ class Threads:
             pool.shutdown(cancel_futures=True)
 
 
+Scheduler: TypeAlias = Threads | Cluster  # Where work runs; `workers` is how many items run at once
+
+
 @contextmanager
 def scheduler_of(address: str | None = None, workers: int | None = None) -> Iterator[Scheduler]:
-    """Yield the cluster at an address, or threads.
-
-    Args:
-        address: of a Dask scheduler, "tcp://host:port"; threads if None.
-        workers: threads, all cores if None; a cluster has its own.
+    """The cluster at an address such as "tcp://host:port", or `workers` threads (all cores if None).
 
     Raises:
         UsageError: the address is not one, or the cluster extra is not installed.

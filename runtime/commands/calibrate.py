@@ -6,24 +6,26 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from drivers.ports import Gripper
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError
-from runtime.execution import calibration, gauging, held
+from runtime.execution import calibration, held
 from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
-from runtime.execution.safety import ready_gripper
+from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
 from runtime.shell.files import OutputError, usable
 from runtime.table import Calibration, GripperSpec
 
+Measured = dict[str, Any]
 DEFAULT_BLOCKS = "0,5,10,20,40,60,80"
 LINEAR = GripperSpec("robotiq-2f-85", 85_000, 1, 1, 3, 230, 0)
 OF_THE_AUDIT = {
@@ -90,20 +92,17 @@ def run(
     open_gripper: Callable[[str], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say.
+    """Measure and write as the arguments say; returns 0.
 
     Args:
         arguments: parsed.
         open_gripper: opens a gripper by its port, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
 
-    Returns:
-        0.
-
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
-    ask = ask or _Terminal(sys.stderr if arguments.json else sys.stdout)
+    ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     widths_mm, tips, current = _checked(arguments)
     with PortLock(arguments.port):
         gripper = open_gripper(arguments.port)
@@ -111,37 +110,37 @@ def run(
             state = gripper.state()
             if state.activated and (holds := held.look(state, Calibration.linear(LINEAR))):
                 ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
-            if arguments.activate and not state.activated:
+            if arguments.activate and needs_activation(state):
                 ask("The fingers will open and close fully: clear the space between them and press Enter.")
                 gripper.activate()
             ready_gripper(gripper)
-            gauges = list(gauging.measure(gripper, widths_mm, arguments.grips, ask))
+            gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
     made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
-    made = replace(made, tips=tips, current_ma=current)
+    made = replace(made, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(made, arguments.output)
     if arguments.json:
         say(json.dumps({"output": str(arguments.output), **figures(made)}))
         return 0
-    for line in report(made):
+    for line in report(figures(made)):
         say(line)
     say(f"written to {arguments.output}")
     return 0
 
 
-def report(made: GripperCalibration) -> Iterator[str]:
+def report(told: Measured) -> Iterator[str]:
     """The measurement as a small table: counts, spread, and how far other maps are off."""
-    linear = calibration.against_linear_mm(made, LINEAR)
-    left_out = [None, *calibration.residuals_mm(made)]
-    yield f"gripper {made.gripper}"
+    yield f"gripper {told['gripper']}"
     yield "block mm  counts            spread  without this block  linear map"
-    for gauge, off, line in zip_longest(made.gauges, left_out, linear):
+    for block in told["blocks"]:
+        off = block["off_without_it_mm"]
         alone = "-" if off is None else f"{off:+.3f} mm"
-        counts = " ".join(map(str, gauge.counts))
-        yield f"{gauge.width_mm:8.2f}  {counts:<16}  {gauge.spread:>6}  {alone:>18}  {line:+.3f} mm"
+        counts = " ".join(map(str, block["position_counts"]))
+        line = f"{block['width_mm']:8.2f}  {counts:<16}  {block['spread_counts']:>6}  {alone:>18}"
+        yield f"{line}  {block['off_linear_mm']:+.3f} mm"
 
 
-def figures(made: GripperCalibration) -> dict[str, object]:
+def figures(made: GripperCalibration) -> Measured:
     """The measurement in plain types."""
     linear = calibration.against_linear_mm(made, LINEAR)
     left_out = [None, *calibration.residuals_mm(made)]
@@ -155,18 +154,12 @@ def figures(made: GripperCalibration) -> dict[str, object]:
     return {"gripper": made.gripper, "blocks": blocks}
 
 
-class _Terminal:
-    """Asks the operator, on the stream that is not parsed."""
-
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
-
-    def __call__(self, sentence: str) -> None:
-        say(sentence, self._file)
-        with suppress(OSError):  # a terminal that is gone
-            if sys.stdin.readline():
-                return
-        raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
+def _ask_terminal(sentence: str, file: TextIO) -> None:
+    say(sentence, file)
+    with suppress(OSError):  # a terminal that is gone
+        if sys.stdin.readline():
+            return
+    raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _checked(

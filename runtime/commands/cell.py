@@ -5,17 +5,16 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from drivers.ports import Arm, Gripper
+from drivers.ports import Arm, Drivers, Gripper, Report, Scene
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Drivers, Report, Scene
 from runtime.execution.events import Console
 from runtime.table import Table
 
 REHEARSAL = "runtime.devices.rehearsal:make"
 CONTACT_WORLD = "planner.world:make"
-PLANNER_NEEDS = ("numpy", "scipy", "numba", "planner.world")
+PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
 class Devices(NamedTuple):
@@ -46,9 +45,7 @@ def connect(
         report: told of retries and failures on the gripper's link.
 
     Raises:
-        PortBusyError: another process works with one of the devices.
-        CellStartError: the simulated cell did not start.
-        Exception: a driver's own error; each carries its `exit_code`.
+        Exception: `PortBusyError`, `CellStartError` or a driver's own; each carries its `exit_code`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
@@ -78,16 +75,9 @@ def connect(
 
 def _default_world(table: Table, console: Console) -> str:
     """The contact world if it can run here, else the rehearsal, with a line that says so."""
-    missing = [name for name in PLANNER_NEEDS if not _is_installed(name)]
+    missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
         return CONTACT_WORLD
     reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
     console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
     return REHEARSAL
-
-
-def _is_installed(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False

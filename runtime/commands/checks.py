@@ -8,15 +8,16 @@ import os
 import stat
 from collections.abc import Callable, Iterator
 from enum import Enum
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple
 
-from drivers.ports import Arm, Gripper
-from runtime.devices.ports import Clock, Heard
+from drivers.ports import Answered, Arm, Gripper
+from runtime.devices.clock import SystemClock
 from runtime.execution.safety import NO_COMMUNICATION
-from runtime.table import Calibration, Pose2, Table, misfits
+from runtime.table import Calibration, Limits, Table, misfits
 
 READS = 200
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
@@ -40,6 +41,9 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
+good, warning, bad = (partial(Finding, verdict) for verdict in Verdict)
+
+
 class System(NamedTuple):
     """The system folders that the checks read; tests use folders of their own."""
 
@@ -53,33 +57,29 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
     path = Path(port)
     if not path.exists():
         others = ", ".join(sorted(str(tty) for tty in system.dev.glob("tty[UA][SC]*"))) or "none"
-        yield Finding(
-            Verdict.BAD,
+        yield bad(
             f"Port {port} does not exist; serial ports here: {others}.",
             "Plug the adapter in, look at `dmesg | tail`, or name one of those ports.",
         )
         return
     if not stat.S_ISCHR(path.stat().st_mode):
-        yield Finding(Verdict.BAD, f"{port} is no serial port.", "Name a device such as /dev/ttyUSB0.")
+        yield bad(f"{port} is no serial port.", "Name a device such as /dev/ttyUSB0.")
         return
     if not os.access(path, os.R_OK | os.W_OK):
-        yield Finding(
-            Verdict.BAD,
+        yield bad(
             f"Port {port} exists, but this user may not open it.",
             f"sudo usermod -aG {_group(path)} $USER, then log out and in again.",
         )
         return
-    yield Finding(Verdict.GOOD, f"Port {port} exists and may be opened.")
+    yield good(f"Port {port} exists and may be opened.")
     if os.major(path.stat().st_rdev) in PSEUDO_TERMINALS:
-        yield Finding(Verdict.GOOD, "It is a pseudo-terminal, as a simulated cell has.")
+        yield good("It is a pseudo-terminal, as a simulated cell has.")
     holders = list(_holders(path, system.proc))
     if holders:
         told = ", ".join(f"{name} (process {pid})" for pid, name in holders)
-        yield Finding(
-            Verdict.BAD, f"Port {port} is held by {told}.", "Stop it; two masters garble each other."
-        )
+        yield bad(f"Port {port} is held by {told}.", "Stop it; two masters garble each other.")
     else:
-        yield Finding(Verdict.GOOD, "Nobody else holds the port.")
+        yield good("Nobody else holds the port.")
 
 
 def check_latency(port: str, system: System) -> Iterator[Finding]:
@@ -89,38 +89,34 @@ def check_latency(port: str, system: System) -> Iterator[Finding]:
     try:
         value = int(timer.read_text())
     except (OSError, ValueError):
-        yield Finding(Verdict.GOOD, "The adapter has no latency timer that could slow the line down.")
+        yield good("The adapter has no latency timer that could slow the line down.")
         return
     if value <= 1:
-        yield Finding(Verdict.GOOD, f"The adapter's latency timer is {value} ms.")
+        yield good(f"The adapter's latency timer is {value} ms.")
         return
-    yield Finding(
-        Verdict.WARNING,
+    yield warning(
         f"The adapter's latency timer is {value} ms; each exchange with the gripper waits for it.",
         f"echo 1 | sudo tee {timer}; for good, a udev rule: "
         'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"',
     )
 
 
-def check_silence(port: str, scan: Callable[[str], Iterator[Heard]]) -> Iterator[Finding]:
+def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
     """Why a gripper does not answer: another slave id, another baud rate, or nobody at all."""
     for heard in scan(port):
         if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
-            yield Finding(
-                Verdict.WARNING,
+            yield warning(
                 "The gripper answers now; it did not before.",
                 "Start again; look for a loose plug if this comes back.",
             )
         else:
-            yield Finding(
-                Verdict.BAD,
+            yield bad(
                 f"A device answers as slave {heard.unit} at {heard.baud} baud; "
                 f"expected is slave {USUAL_UNIT} at {USUAL_BAUD}.",
                 "Set slave id and baud rate back with the Robotiq User Interface.",
             )
         return
-    yield Finding(
-        Verdict.BAD,
+    yield bad(
         "No slave id from 1 to 16 answers at any baud rate.",
         "Check 24 V (the LED must be lit), A and B not swapped, and that the gripper is not on the robot's "
         "own tool connector.",
@@ -131,22 +127,20 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
     """Whether the gripper is activated and free of faults."""
     seen = gripper.state()
     if seen.fault not in (0, NO_COMMUNICATION):
-        yield Finding(
-            Verdict.BAD,
+        yield bad(
             f"The gripper reports fault 0x{seen.fault:02X}.",
             "Look at its LED, remove the cause, then grasp-runtime --activate.",
         )
     elif not seen.activated:
-        yield Finding(
-            Verdict.WARNING,
+        yield warning(
             "The gripper is not activated.",
             "Clear the space between its fingers and start grasp-runtime with --activate.",
         )
     else:
-        yield Finding(Verdict.GOOD, f"The gripper is active and stands at count {seen.position_counts}.")
+        yield good(f"The gripper is active and stands at count {seen.position_counts}.")
 
 
-def check_rate(gripper: Gripper, clock: Clock, reads: int = READS) -> Iterator[Finding]:
+def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:
     """How often a second the gripper can be read, and how evenly."""
     moments = [clock.now()]
     for _ in range(reads):
@@ -157,23 +151,21 @@ def check_rate(gripper: Gripper, clock: Clock, reads: int = READS) -> Iterator[F
     rate = 1e3 / max(middle, 1e-3)
     told = f"{reads} readings: {middle:.1f} ms each, 99 of 100 within {late:.1f} ms, {rate:.0f} a second."
     if middle > SLOW_MS or late > JITTER_MS:
-        yield Finding(
-            Verdict.WARNING,
+        yield warning(
             told,
             f"Up to {SLOW_MS:g} and {JITTER_MS:g} ms are usual: set the latency timer to 1, take load off "
             "this machine, avoid USB hubs.",
         )
     else:
-        yield Finding(Verdict.GOOD, told)
+        yield good(told)
 
 
-def check_arm(arm: Arm, area_mm: tuple[float, float, float, float] | None) -> Iterator[Finding]:
+def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
     """Whether the arm tells where it is, and is near the work area."""
     x_mm, y_mm, z_mm, _ = arm.pose()
-    yield Finding(Verdict.GOOD, f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
-    if area_mm is not None and not _is_near((x_mm, y_mm, 0.0), area_mm):
-        yield Finding(
-            Verdict.WARNING,
+    yield good(f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
+    if table is not None and not _is_near(x_mm, y_mm, table.limits):
+        yield warning(
             "It stands far outside the table's work area.",
             "Check its work object and tool frames (drivers/abb/README.md), or jog it there first.",
         )
@@ -184,15 +176,15 @@ def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
     problems = misfits(table, calibration)
     if problems:
         told = f"The table does not fit this gripper: {problems[0]}."
-        yield Finding(Verdict.BAD, told, "Recompile or recalibrate.")
+        yield bad(told, "Recompile or recalibrate.")
         return
-    yield Finding(Verdict.GOOD, f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
+    yield good(f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
 
 
-def _is_near(place: Pose2, area_mm: tuple[float, float, float, float]) -> bool:
-    x_min, y_min, x_max, y_max = area_mm
+def _is_near(x_mm: float, y_mm: float, limits: Limits) -> bool:
+    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
     room = max(x_max - x_min, y_max - y_min)
-    return x_min - room <= place[0] <= x_max + room and y_min - room <= place[1] <= y_max + room
+    return x_min - room <= x_mm <= x_max + room and y_min - room <= y_mm <= y_max + room
 
 
 def _group(path: Path) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 from runtime.errors import ArgumentsError
 from runtime.shell.command import Parser, run
@@ -23,41 +22,33 @@ exit codes:
 """
 
 
-class Source(NamedTuple):
-    """The module with a command's `parser`, and those of subcommands that have their own."""
-
-    module: str
-    apart: Mapping[str, str] = {}
-
-
-CAMERA = dict.fromkeys(("camera", "tag", "pictures"), "drivers.camera.calibration.command")
+CAMERA = "drivers.camera.calibration.command"
+# The module with each command's `parser`.
 COMMANDS = {
-    "plan-compile": Source("planner.cli.compile"),
-    "plan-simulate": Source("planner.cli.simulate"),
-    "plan-evaluate": Source("planner.cli.evaluate"),
-    "plan-expect": Source("planner.cli.expect"),
-    "plan-identify": Source("planner.cli.identify"),
-    "plan-init": Source("planner.cli.init"),
-    "plan-report": Source("planner.cli.report"),
-    "grasp-runtime": Source("runtime.commands.arguments"),
-    "grasp-doctor": Source("runtime.commands.doctor"),
-    "grasp-calibrate": Source("runtime.commands.calibrate", CAMERA),
-    "grasp-journal": Source("runtime.commands.journal"),
-    "grasp-cell": Source("drivers.sim.cli"),
-    "grasp-audit": Source("drivers.camera.audit.command", {"report": "runtime.spc.command"}),
-    NAME: Source("runtime.commands.completion"),
+    "plan-compile": "planner.cli.compile",
+    "plan-simulate": "planner.cli.simulate",
+    "plan-evaluate": "planner.cli.evaluate",
+    "plan-expect": "planner.cli.expect",
+    "plan-identify": "planner.cli.identify",
+    "plan-init": "planner.cli.init",
+    "plan-report": "planner.cli.report",
+    "grasp-runtime": "runtime.commands.arguments",
+    "grasp-doctor": "runtime.commands.doctor",
+    "grasp-calibrate": "runtime.commands.calibrate",
+    "grasp-journal": "runtime.commands.journal",
+    "grasp-cell": "drivers.sim.cli",
+    "grasp-audit": "drivers.camera.audit.command",
+    NAME: "runtime.commands.completion",
+}
+# Those of subcommands that have a parser of their own.
+APART = {
+    "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
+    "grasp-audit": {"report": "runtime.spc.command"},
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the script.
-
-    Args:
-        argv: the arguments, without the program's name; None for the process's own.
-
-    Returns:
-        The exit code.
-    """
+    """Print the script; returns the exit code."""
     return run(parser(), argv, _print_script)
 
 
@@ -81,14 +72,7 @@ def _print_script(_: argparse.Namespace) -> int:
 
 
 def script(found: Mapping[str, argparse.ArgumentParser]) -> str:
-    """The script for some commands.
-
-    Args:
-        found: the commands' parsers by name.
-
-    Raises:
-        ModuleNotFoundError: shtab is not installed.
-    """
+    """The script for some commands, whose parsers are given by name."""
     import shtab
 
     for command in found.values():
@@ -102,12 +86,11 @@ def script(found: Mapping[str, argparse.ArgumentParser]) -> str:
 def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     """The commands whose extras are installed, each with its parser."""
     for name, source in COMMANDS.items():
-        made = _parser_in(source.module)
+        made = _parser_in(source)
         if made is None:
             continue
-        for subcommand, module in source.apart.items():
-            own = _parser_in(module)
-            if own is not None:
+        for subcommand, module in APART.get(name, {}).items():
+            if own := _parser_in(module):
                 _subcommands(made)[subcommand] = _subcommands(own).get(subcommand, own)
         yield name, made
 
@@ -125,7 +108,6 @@ def _parser_in(module: str) -> argparse.ArgumentParser | None:
 
 
 def _subcommands(command: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """A command's subcommands by name, to be read and added to; empty without any."""
     for action in command._actions:
         if isinstance(action, argparse._SubParsersAction):
             return action.choices

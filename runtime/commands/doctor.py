@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from drivers.ports import Drivers
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.devices.ports import Drivers
 from runtime.errors import CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say
@@ -44,13 +44,10 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Check, and print a line for each finding, or one object of all.
-
-    Returns:
-        0 where nothing is bad.
+    """Check, and print a line for each finding, or one object of all; returns 0.
 
     Raises:
-        CellCheckError: something is.
+        CellCheckError: something is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
@@ -80,13 +77,9 @@ def findings(
         yield from doctor.check_table(table, measured or Calibration.linear(table.gripper))
     yield from _gripper_findings(port, drivers, system)
     if arm_url is not None:
-        area_mm = None
-        if table is not None:
-            x_min, y_min, x_max, y_max = (edge / 1000 for edge in table.limits.work_area_um)
-            area_mm = (x_min, y_min, x_max, y_max)
         try:
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
-                yield from doctor.check_arm(arm, area_mm)
+                yield from doctor.check_arm(arm, table)
         except OSError as error:
             yield _failed("arm", error, "Start SERVER.mod on the controller; see drivers/abb/README.md.")
 
@@ -115,11 +108,11 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
 def _failed(device: str, error: Exception, remedy: str) -> Finding:
     """An error's own hint, after its semicolon, is the better remedy."""
     told, _, hint = str(error).partition("; ")
-    return Finding(Verdict.BAD, f"The {device} does not answer: {told}.", _sentence(hint) or remedy)
-
-
-def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}." if words else ""
+    return Finding(
+        Verdict.BAD,
+        f"The {device} does not answer: {told}.",
+        f"{hint[:1].upper()}{hint[1:]}." if hint else remedy,
+    )
 
 
 def _as_line(finding: Finding) -> str:

@@ -8,12 +8,12 @@ from itertools import chain
 from pathlib import Path
 
 from runtime.devices.clock import date
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.journal import export
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Entry, Replay
 from runtime.shell.command import Parser, natural, run
-from runtime.shell.files import STDOUT, usable, words_of
+from runtime.shell.files import usable, words_of
 from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
@@ -110,13 +110,13 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    wanted = None
+    ended = None
     if arguments.outcome is not None:
-        wanted = set(_parts_that_ended(arguments.journal, arguments.outcome))
-    for number, entry in _numbered(_entries(arguments.journal)):
-        if not _is_wanted(arguments, entry) or (
-            wanted is not None and (number, _short(entry.get("part"))) not in wanted
-        ):
+        numbered = _numbered(records(arguments.journal))
+        wanted = ("outcome", arguments.outcome)
+        ended = {part for part, entry in numbered if (entry["kind"], entry.get("outcome")) == wanted}
+    for part, entry in _numbered(_entries(arguments.journal)):
+        if not _is_wanted(arguments, entry) or (ended is not None and part not in ended):
             continue
         try:
             print(json.dumps(entry) if arguments.json else _line(entry))
@@ -127,18 +127,13 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.journal, stdout=True)
-    suffix = ".csv" if output in STDOUT else output.suffix
-    write = {".csv": export.write_csv, ".parquet": export.write_parquet}.get(suffix)
-    if write is None:
-        raise ArgumentsError(f"--output {output}: name it .csv or .parquet")
-    rows = write(export.rows(_entries(arguments.journal)), output)
+    rows = export.write_rows(export.rows(_entries(arguments.journal)), output, "--output")
     told = json.dumps({"rows": rows, "output": str(output)})
     print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0
 
 
 def _entries(path: Path) -> Iterator[dict[str, object]]:
-    """The records of a journal, of which there is at least one."""
     entries = records(path)
     first = next(entries, None)
     if first is None:
@@ -146,18 +141,12 @@ def _entries(path: Path) -> Iterator[dict[str, object]]:
     return chain([first], entries)
 
 
-def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[int, dict[str, object]]]:
-    """Each record with the number of its run: parts count from 1 in every run."""
-    number = 0
+def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[tuple[int, str], Entry]]:
+    """Each record with its run and its part: parts count from 1 in every run."""
+    run = 0
     for entry in entries:
-        number += entry["kind"] == "header"
-        yield number, entry
-
-
-def _parts_that_ended(path: Path, outcome: str) -> Iterator[tuple[int, str]]:
-    for number, entry in _numbered(records(path)):
-        if entry["kind"] == "outcome" and entry.get("outcome") == outcome:
-            yield number, _short(entry.get("part"))
+        run += entry["kind"] == "header"
+        yield (run, _short(entry.get("part"))), entry
 
 
 def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
@@ -173,7 +162,6 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
 
 
 def _since(text: str) -> object:
-    """A date, for argparse."""
     try:
         return date(text)
     except ValueError:

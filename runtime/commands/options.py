@@ -12,7 +12,7 @@ from runtime.execution import calibration, delivery
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
-from runtime.execution.reading import CurrentBand
+from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.table import Table, job_of
@@ -91,7 +91,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
         arc=_arc(arguments, table, measured),
         regulated=arguments.force == "regulated",
         grip_current_ma=arguments.grip_current,
-        current=CurrentBand(*measured.current_ma) if measured and measured.current_ma else CurrentBand(),
+        current_ma=(measured and measured.current_ma) or CURRENT_MA,
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     return RunOptions(policy, handling, _delivery(arguments.deliver, table))
@@ -118,7 +118,7 @@ def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibrati
         return TipArc(link_mm, offset_mm, taught_mm)
     if arguments.tips == "straight" or (arguments.tips is None and arguments.port == SIMULATED):
         return None
-    if measured is not None and measured.tips is not None:
-        return TipArc(*measured.tips, taught_mm)
+    if measured is not None and measured.tips_mm is not None:
+        return TipArc(*measured.tips_mm, taught_mm)
     known = any(model in table.gripper.model.lower() for model in ARC_MODELS)
     return TipArc(taught_mm=taught_mm) if known or arguments.tips == "arc" else None

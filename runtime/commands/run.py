@@ -8,38 +8,35 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.ports import Drivers, Report
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
 from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
-from runtime.devices.ports import Drivers, Report
 from runtime.errors import BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import check_arc
 from runtime.execution.held import Held
-from runtime.execution.recovery import BrokenRun
 from runtime.execution.safe_state import DECLARED
-from runtime.execution.safety import check_table, ready_gripper
+from runtime.execution.safety import check_table, needs_activation, ready_gripper
 from runtime.journal.chain import Incidents, Journal
+from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, Objects
 from runtime.monitoring.monitor import Monitor
 from runtime.shell import interrupts
 from runtime.shell.command import say
-from runtime.table import PPM, Calibration, Table, TableFile, load, misfits
+from runtime.table import PPM, Table, TableFile, load, misfits
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Execute a table as the parsed arguments say.
+    """Execute a table as the parsed arguments say; returns the exit code of the parts.
 
     Args:
         arguments: of `arguments.parser`.
         drivers: opens the devices.
-
-    Returns:
-        The exit code of the parts.
 
     Raises:
         Exception: any error of ours or of a device; each carries its `exit_code`.
@@ -128,7 +125,7 @@ class _Asked:
             gripper = self.drivers.gripper(arguments.port, read_only=True)
             self.stack.callback(gripper.close)
             count = gripper.state().position_counts
-            width_mm = _calibration(self.options, table).width_um(count) / 1000
+            width_mm = self.options.handling.widths(table).width_um(count) / 1000
             console.note(f"the gripper stands at count {count}, which is {width_mm:.2f} mm")
             told["gripper"] = {"position_counts": count, "width_mm": width_mm}
         if arguments.json:
@@ -152,7 +149,7 @@ class _Asked:
 
     def _look_back(
         self, clock: SystemClock, header: Mapping[str, object]
-    ) -> tuple[Journal | None, BrokenRun | None]:
+    ) -> tuple[Journal | None, Replay | None]:
         """Open a journal that exists, and look for a run in it that broke off."""
         arguments = self.arguments
         if not os.path.lexists(arguments.journal):
@@ -169,17 +166,13 @@ class _Asked:
             return journal, None
 
     def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
-        """What the fingers may hold before a run begins, if they may be moved regardless.
-
-        Raises:
-            GripperStateError: they may not: the gripper is not ready, or holds something.
-        """
+        """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
         state = devices.gripper.state()
-        holds = held.look(state, _calibration(self.options, self.loaded.table))
+        holds = held.look(state, self.options.handling.widths(self.loaded.table))
         if arguments.put_down and holds is None:
             return None
-        if state.activated or arguments.put_down or not activate:
+        if not (activate and needs_activation(state)) or arguments.put_down:
             ready_gripper(devices.gripper)
         if holds is not None and not (arguments.put_down or arguments.jaws_empty):
             raise holds.refusal(devices.arm.pose()[2], arguments.journal)
@@ -190,7 +183,7 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(AuditProcess(command, SystemClock()))
+        auditor = self.stack.enter_context(AuditProcess(command))
         auditor.check()
         return auditor
 
@@ -208,15 +201,11 @@ class _Asked:
 
 
 def _check_fit(table: Table, options: RunOptions) -> None:
-    calibration = _calibration(options, table)
+    calibration = options.handling.widths(table)
     problems = misfits(table, calibration)
     if problems:
         raise CalibrationError(problems[0])
     check_arc(options.handling.arc, table.limits, calibration)
-
-
-def _calibration(options: RunOptions, table: Table) -> Calibration:
-    return options.handling.calibration or Calibration.linear(table.gripper)
 
 
 def _headline(path: Path, table: Table) -> str:

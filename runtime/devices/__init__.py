@@ -1,1 +1,1 @@
-"""What the executor works with: Protocols, clock, locks, the auditor, the simulated cell."""
+"""What the executor works with: clock, locks, the auditor, the simulated cell."""

@@ -10,18 +10,13 @@ something else is refused then. A camera never stops the cell: whatever is wrong
 "unknown" and the run goes on.
 """
 
-import contextlib
 import json
-import os
-import select
 import shlex
-import subprocess
 from collections.abc import Mapping
 from math import isfinite
-from types import TracebackType
-from typing import Self
 
-from runtime.devices.ports import Auditor, Clock
+from runtime.devices.child import ChildProcess
+from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.table import Pose2
@@ -30,53 +25,22 @@ VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"
 ANSWER_S = 10.0
 START_S = 60.0  # OpenCV is loaded meanwhile, perhaps on a busy machine
-END_S = 2.0
-MAX_ANSWER_BYTES = 65_536
 MAX_TEXT = 500
 
 
-def answer_of(auditor: Auditor, part: int, pose: Pose2) -> dict[str, object]:
-    """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
-
-    Returns:
-        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
-    """
-    try:
-        told = dict(auditor.judge(part, *pose))
-    except Exception as error:
-        return {"verdict": UNKNOWN, "reason": " ".join(str(error).split())[:MAX_TEXT]}
-    plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}
-    return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
-
-
-def _is_plain(value: object) -> bool:
-    if isinstance(value, str):
-        return len(value) <= MAX_TEXT
-    return value is None or isinstance(value, bool | int) or (isinstance(value, float) and isfinite(value))
-
-
-class AuditProcess:
-    """An auditor started as a child, asked over its standard input and output.
-
-    Args:
-        command: the program and its arguments, as a shell would split them.
-        clock: of the deadline.
-        answer_s: seconds it may take to judge one part.
+class AuditProcess(ChildProcess):
+    """An auditor started as a child; it may take `answer_s` to judge one part.
 
     Raises:
         ArgumentsError: the program cannot be started.
     """
 
-    def __init__(self, command: str, clock: Clock, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, command: str, answer_s: float = ANSWER_S) -> None:
         self._command = command
-        self._clock = clock
         self._answer_s = answer_s
         self._owed = 0  # answers still to come from questions that were not waited for
-        self._read = b""
         try:
-            self._process = subprocess.Popen(
-                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-            )
+            super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:
             raise ArgumentsError(f"--audit {command!r} cannot be started: {error}") from error
 
@@ -84,9 +48,7 @@ class AuditProcess:
         """Ask for one part's verdict.
 
         Raises:
-            OSError: the process is gone.
-            TimeoutError: no answer in time.
-            ValueError: an answer that is no JSON.
+            OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
         """
         asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
         return self._ask(asked, self._answer_s)
@@ -109,52 +71,40 @@ class AuditProcess:
             )
 
     def _ask(self, asked: Mapping[str, object], answer_s: float) -> Mapping[str, object]:
-        assert self._process.stdin is not None
         try:
-            os.write(self._process.stdin.fileno(), json.dumps(asked).encode() + b"\n")
+            self._tell(json.dumps(asked).encode())
+            self._owed += 1
+            until = SystemClock().now() + answer_s
+            answer = b""
+            while self._owed:
+                answer = self._line(until)
+                self._owed -= 1
         except BrokenPipeError as error:
             raise ConnectionError("the auditor has ended; run its command by itself to see why") from error
-        self._owed += 1
-        until = self._clock.now() + answer_s
-        answer = b""
-        while self._owed:
-            answer = self._line(until, answer_s)
-            self._owed -= 1
+        except EOFError as error:
+            told = "the auditor has ended, or talks without end; run its command by itself to see why"
+            raise ConnectionError(told) from error
+        except TimeoutError as error:
+            raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
         told = strict_json.parse(answer)
         return told if isinstance(told, dict) else {}
 
-    def close(self) -> None:
-        """End the process; one that does not react is killed."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
-        try:
-            self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
 
-    def __enter__(self) -> Self:
-        return self
+def answer_of(auditor: AuditProcess, part: int, pose: Pose2) -> dict[str, object]:
+    """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    Returns:
+        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
+    """
+    try:
+        told = dict(auditor.judge(part, *pose))
+    except Exception as error:
+        return {"verdict": UNKNOWN, "reason": " ".join(str(error).split())[:MAX_TEXT]}
+    plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}
+    return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
 
-    def _line(self, until: float, answer_s: float) -> bytes:
-        assert self._process.stdout is not None
-        pipe = self._process.stdout.fileno()
-        while b"\n" not in self._read:
-            left = until - self._clock.now()
-            if not select.select([pipe], [], [], max(left, 0.0))[0]:
-                raise TimeoutError(f"the auditor did not answer within {answer_s:g} s")
-            piece = os.read(pipe, 4096)
-            if not piece or len(self._read) > MAX_ANSWER_BYTES:
-                raise ConnectionError(
-                    "the auditor has ended, or talks without end; run its command by itself to see why"
-                )
-            self._read += piece
-        line, _, self._read = self._read.partition(b"\n")
-        return line
+
+def _is_plain(value: object) -> bool:
+    if isinstance(value, str):
+        return len(value) <= MAX_TEXT
+    return value is None or isinstance(value, bool | int) or (isinstance(value, float) and isfinite(value))

@@ -11,9 +11,8 @@ import os
 import socket
 import stat
 import struct
+from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 from urllib.parse import urlsplit
 
 from runtime.errors import PortBusyError
@@ -21,42 +20,26 @@ from runtime.errors import PortBusyError
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
 
 
-class PortLock:
+class PortLock(ExitStack):
     """Held while a process works with a device; released when the process ends, however it ends.
 
-    Args:
-        port: a tty's path or an address. Links such as /dev/serial/by-id are followed to the device, names of
-            hosts to their addresses.
+    Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
 
     Raises:
         PortBusyError: another process holds it; the message tells which.
     """
 
     def __init__(self, port: str) -> None:
-        self._held: list[socket.socket] = []
+        super().__init__()
         try:
             for name in _devices(port):
-                self._held.append(_bound(name, port))
+                self.enter_context(_bound(name, port))
         except BaseException:
             self.close()
             raise
 
-    def close(self) -> None:
-        """Release it; the second time does nothing."""
-        while self._held:
-            self._held.pop().close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 def _bound(name: str, port: str) -> socket.socket:
-    """The socket that stands for a device."""
     address = f"\0squeezetree-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
     made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

@@ -4,7 +4,7 @@ It shows that runtime, gripper and arm play together; about the part it knows no
 a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
 """
 
-from math import isclose, remainder, tau
+from math import dist, remainder, tau
 from random import Random
 
 from runtime.errors import ArgumentsError
@@ -17,11 +17,7 @@ NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """The rehearsal world of a table, as `module:factory` names it.
-
-    Args:
-        job: the table; a job alone has no statistics to draw from.
-        seed: of the draws.
+    """The rehearsal world of a table, as `module:factory` names it; a job alone has no statistics.
 
     Raises:
         ArgumentsError: `job` is no table.
@@ -37,26 +33,18 @@ class Rehearsal:
     A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
     later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
     begins with a new part at the root.
-
-    Args:
-        table: the table.
-        seed: of the draws.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
         self._table = table
         self._random = Random(seed)
         self._calibration = Calibration.linear(table.gripper)
-        # Nodes that may come next, the drawn one first, and where the part lies meanwhile.
-        self._next: list[int] = []
+        self._next: list[int] = []  # nodes that may come next, the drawn one first
         self._lies: Pose2 | None = None
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
-        """One squeeze.
-
-        Args:
-            pose_hand: the part in the hand frame, mm, mm, rad.
+        """Squeeze a part that lies so in the hand frame, mm, mm, rad.
 
         Returns:
             The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
@@ -78,16 +66,8 @@ class Rehearsal:
         self._status = "grasped" if branch.expected_um >= HELD_UM else "untouched"
         return pose_hand, self._width_mm, self._status
 
-    def collides(self, pose_hand: Pose2, opening_mm: float) -> bool:
-        """False: this world has no part to collide with; the table's placements are proved."""
-        del pose_hand, opening_mm
-        return False
-
     def _node_of(self, pose_hand: Pose2) -> int | None:
-        """The node being executed: a child of the last one if the part lies where it lay, else the root.
-
-        None for the last one again.
-        """
+        """The node executed: None for the last one again, its child if the part lies there, else the root."""
         if self._lies is None:
             return 0
         for index in (*self._next, self._last):
@@ -107,8 +87,4 @@ class Rehearsal:
 
 
 def _same(one: Pose2, other: Pose2) -> bool:
-    return (
-        isclose(one[0], other[0], abs_tol=SAME_MM)
-        and isclose(one[1], other[1], abs_tol=SAME_MM)
-        and abs(remainder(one[2] - other[2], tau)) < SAME_RAD
-    )
+    return dist(one[:2], other[:2]) < SAME_MM and abs(remainder(one[2] - other[2], tau)) < SAME_RAD

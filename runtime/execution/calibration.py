@@ -1,22 +1,22 @@
-"""A gripper's own count-to-width table, made with gauge blocks; one JSON file a gripper.
-
-Between the gauged widths the table follows a monotone cubic (Fritsch and Carlson, SIAM J. Numer. Anal. 17,
-1980): it passes through every block, never rises with the count, and its slope is continuous, as that of the
-fingers' arc is. Beyond the outermost blocks it goes on straight, and ends at zero.
-"""
+"""A gripper's own count-to-width table, made with gauge blocks; one JSON file a gripper."""
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import CalibrationError, TableError
+from drivers.ports import Gripper
+from runtime.errors import CalibrationError, GripperStateError, TableError
+from runtime.execution.reading import CLOSED_COUNTS, check_fresh
+from runtime.execution.safety import stroke
+from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.shell import strict_json
 from runtime.shell.files import writing
 from runtime.table import Calibration, GripperSpec
+from runtime.traversal.decision import CLOSING_CONTACT
 
 FORMAT = 1
 COUNTS = 256
@@ -25,15 +25,10 @@ MAX_FILE_BYTES = 1 << 20
 
 
 class Gauge(NamedTuple):
-    """One gauge block as the gripper read it.
+    """One gauge block as the gripper read it."""
 
-    Attributes:
-        width_mm: the block, mm; 0 for closed fingers.
-        counts: settled counts, one a grip.
-    """
-
-    width_mm: float
-    counts: tuple[int, ...]
+    width_mm: float  # 0 for closed fingers
+    counts: tuple[int, ...]  # settled, one a grip
 
     @property
     def mean(self) -> float:
@@ -48,23 +43,16 @@ class Gauge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GripperCalibration:
-    """What is known of one gripper.
+    """What is known of one gripper."""
 
-    Attributes:
-        gripper: its name or serial number, as the operator gave it.
-        made: when, ISO 8601.
-        gauges: the blocks, in the order of rising width.
-        widths_um: 256 widths.
-        tips: link and offset of the tips' arc, mm, where they were measured.
-        current_ma: least and greatest current at rest on a part, where they were measured.
-    """
-
-    gripper: str
-    made: str
-    gauges: tuple[Gauge, ...]
-    widths_um: tuple[int, ...]
-    tips: tuple[float, float] | None = None
-    current_ma: tuple[int, int] | None = field(default=None)
+    gripper: str  # its name or serial number, as the operator gave it
+    made: str  # when, ISO 8601
+    gauges: tuple[Gauge, ...]  # the blocks, in the order of rising width
+    widths_um: tuple[int, ...]  # 256 widths
+    # link and offset of the tips' arc, mm, where they were measured
+    tips_mm: tuple[float, float] | None = None
+    # least and greatest current at rest on a part, where they were measured
+    current_ma: tuple[int, int] | None = None
 
     @property
     def table(self) -> Calibration:
@@ -72,13 +60,43 @@ class GripperCalibration:
         return Calibration(self.widths_um)
 
 
-def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
-    """The calibration that passes through gauged widths.
+def measure(
+    gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
+) -> Iterator[Gauge]:
+    """Grip each block so many times, and yield a gauge for each.
 
-    Args:
-        gauges: at least `LEAST_BLOCKS` of different widths.
-        gripper: name or serial number.
-        made: when.
+    The blocks come in rising order, 0 for none; `ask` shows the operator a sentence and waits.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
+    """
+    for width_mm in widths_mm:
+        _stroke(gripper, 0, 255)
+        if width_mm > 0.0:
+            ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter.")
+        else:
+            ask("Take everything out from between the fingers and press Enter.")
+        counts = []
+        for _ in range(grips):
+            count, flag = _stroke(gripper, CLOSED_COUNTS, GENTLE_SPEED)
+            if width_mm > 0.0 and flag != CLOSING_CONTACT:
+                raise GripperStateError(
+                    f"the fingers closed without meeting the {width_mm:g} mm block; begin again"
+                )
+            counts.append(count)
+            _stroke(gripper, max(count - 25, 0), 0)
+        yield Gauge(width_mm, tuple(counts))
+    _stroke(gripper, 0, 255)
+
+
+def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
+    settled = stroke(gripper, position_counts, speed_counts, GENTLE_FORCE)
+    check_fresh(settled, position_counts)
+    return settled.position_counts, settled.object_flag
+
+
+def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
+    """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
         CalibrationError: too few blocks, or a wider one that did not read a smaller count.
@@ -94,18 +112,19 @@ def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
                 f"the {wide.width_mm:g} mm block read count {wide.mean:.1f} and the {narrow.width_mm:g} mm "
                 f"block {narrow.mean:.1f}; a wider one reads less, measure both again"
             )
-    widths = _interpolated(ordered)
-    return GripperCalibration(gripper, made, tuple(ordered), widths)
+    curve = Curve(ordered)
+    widths = (max(round(1000 * curve.at(count)), 0) for count in range(COUNTS))
+    # A block's mean count is rarely whole; rounding must not make a width rise by a micrometre.
+    return GripperCalibration(gripper, made, tuple(ordered), tuple(accumulate(widths, min)))
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
     """For each block but the outermost: what the fit without it says at its count, less its width, mm."""
     gauges = calibration.gauges
-    found = []
-    for index in range(1, len(gauges) - 1):
-        others = [*gauges[:index], *gauges[index + 1 :]]
-        found.append(Curve(others).at(gauges[index].mean) - gauges[index].width_mm)
-    return found
+    return [
+        Curve([*gauges[:k], *gauges[k + 1 :]]).at(gauges[k].mean) - gauges[k].width_mm
+        for k in range(1, len(gauges) - 1)
+    ]
 
 
 def against_linear_mm(calibration: GripperCalibration, spec: GripperSpec) -> list[float]:
@@ -171,34 +190,19 @@ def _parsed(told: object) -> GripperCalibration:
 
 
 def _body(calibration: GripperCalibration) -> dict[str, object]:
-    return {
-        "format": FORMAT,
-        "gripper": calibration.gripper,
-        "made": calibration.made,
-        "gauges": [
-            {"width_mm": gauge.width_mm, "counts": list(gauge.counts)} for gauge in calibration.gauges
-        ],
-        "widths_um": list(calibration.widths_um),
-        "tips_mm": None if calibration.tips is None else list(calibration.tips),
-        "current_ma": None if calibration.current_ma is None else list(calibration.current_ma),
-    }
+    gauges = [gauge._asdict() for gauge in calibration.gauges]
+    return {"format": FORMAT, **asdict(calibration), "gauges": gauges}
 
 
 def _digest(body: dict[str, object]) -> str:
     return hashlib.sha256(json.dumps(body, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def _interpolated(gauges: Sequence[Gauge]) -> tuple[int, ...]:
-    curve = Curve(gauges)
-    widths = [max(round(1000 * curve.at(count)), 0) for count in range(COUNTS)]
-    # A block's mean count is rarely whole; rounding must not make a width rise by a micrometre.
-    for count in range(1, COUNTS):
-        widths[count] = min(widths[count], widths[count - 1])
-    return tuple(widths)
-
-
 class Curve:
-    """The monotone cubic through gauged (count, width), straight beyond its ends. Widths in mm."""
+    """The monotone cubic through gauged (count, width in mm), straight beyond its ends.
+
+    Its slope is continuous, as that of the fingers' arc is (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    """
 
     def __init__(self, gauges: Sequence[Gauge]) -> None:
         points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)

@@ -1,8 +1,7 @@
 """The last grasp of a localised part and its path to the drop-off: choice, checks, execution.
 
-A part may be taken and put down in several ways that come to the same: turned by its symmetry, and, where
-both fingers close alike, with the hand half a turn round. Of those that stay in their areas, in reach and
-within the wrist's range the one that turns the hand least is gone.
+Of the equivalent ways that stay in their areas, in reach and within the wrist's range (turned by the part's
+symmetry, or the hand half a turn round where both fingers close alike) the one of least turn is gone.
 """
 
 from collections.abc import Iterator
@@ -32,10 +31,7 @@ class Way(NamedTuple):
 def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> None:
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
-    Args:
-        delivery: where to; None: nowhere, there is nothing to check.
-        table: its leaves, and where the hand comes from.
-        arm: connected, tells its reach and its wrist's range; None: only the areas are checked.
+    Without a connected arm, which tells its reach and its wrist's range, only the areas are checked.
 
     Raises:
         MotionRefusedError: naming the first leaf from which no way leads there.
@@ -43,9 +39,7 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
     if delivery is None:
         return
     for node in table.nodes:
-        x_mm, y_mm, angle_rad = placement(node.squeeze)
-        if node.release is not None:
-            x_mm, y_mm = node.release[0] / 1000, node.release[1] / 1000
+        x_mm, y_mm, angle_rad = placement(node.squeeze, node.release)
         start = (x_mm, y_mm, table.limits.retreat_height_um / 1000, angle_rad)
         for branch in node.branches:
             if branch.target >= 0 or not table.leaves[~branch.target].resolved:
@@ -57,14 +51,9 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
 
 
 def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None) -> Way:
-    """The path that turns the hand least, among equivalent ones.
+    """The path that turns the hand least, among equivalent ones, for a part at `pose` (mm, mm, rad).
 
-    Args:
-        delivery: where to.
-        table: for its limits and the part's symmetry.
-        pose: of the part in the world.
-        start: where the hand comes from.
-        arm: tells reach and wrist; None where there is none.
+    The hand comes from `start`; without an arm, which tells reach and wrist, only the areas are looked at.
 
     Raises:
         MotionRefusedError: there is none; why the plainest one cannot be gone.
@@ -91,13 +80,7 @@ def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm
 
 
 def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | None:
-    """Grasp a part at its pose, carry it and put it down.
-
-    Args:
-        hand: above the part, jaws open.
-        delivery: where to.
-        pose: of the part in the world, mm, mm, rad.
-        table: for speed, force and opening of the grasp: those of the root.
+    """Grasp a part at its pose (mm, mm, rad) with the root's speed and force, carry it and put it down.
 
     Returns:
         None where the part was put down, else why it was left where it lay: no way leads there, or the

@@ -2,15 +2,27 @@
 
 import hashlib
 from collections.abc import Mapping
+from pathlib import Path
 
+from runtime.devices.clock import date
 from runtime.errors import BrokenRunError
 from runtime.execution.events import Console
-from runtime.execution.recovery import BrokenRun, broken_run, check_recent, restarted
-from runtime.journal.chain import Journal
+from runtime.execution.recovery import ABORT_REMEDY
+from runtime.journal.chain import Journal, records
+from runtime.journal.replay import Replay
 from runtime.shell import interrupts
+from runtime.traversal.decision import TraversalState
 from runtime.traversal.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
+GIVEN_UP = {"exit_code": BrokenRunError.exit_code, "reason": "given up after a crash"}
+# What of its header a run that is gone on with must share, and what it is called.
+SAME = {
+    "table_sha256": "table",
+    "widths_um": "calibration",
+    "on_reject": "--on-reject",
+    "on_unresolved": "--on-unresolved",
+}
 
 
 def look(
@@ -22,7 +34,7 @@ def look(
     *,
     now: str,
     most_s: float,
-) -> BrokenRun | None:
+) -> Replay | None:
     """Look for a run that broke off, and give it up if that is the policy; nothing else is written.
 
     Args:
@@ -31,18 +43,24 @@ def look(
         fields: what the header of a new run would tell.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: told what was found.
-        now: what a record would be dated with now.
+        now: what a record would be dated with now, ISO 8601.
         most_s: age of the last record from which on a part is not gone on with, s.
 
     Returns:
-        What can be gone on with, None where the last run ended.
+        The run that can be gone on with, None where the last one ended.
 
     Raises:
         BrokenRunError: the policy is to give it up, or it cannot be gone on with: another table, another
             calibration, a record that its counts do not justify, or too old a part.
         JournalError: the journal cannot be written.
     """
-    broken = _found(journal, policy)
+    try:
+        broken = broken_run(journal.path)
+    except BrokenRunError:
+        if policy == ABORT:
+            interrupts.conclude()
+            journal.record("end", GIVEN_UP)
+        raise
     if broken is None:
         return None
     told = f"the last run in {journal.path} broke off {_where(broken)}"
@@ -52,17 +70,22 @@ def look(
         raise BrokenRunError(
             f"{told}; it is given up and nothing was moved: look at the fingers, clear the cell, start again"
         )
-    _check_same(broken, table, fields)
+    now_told = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
+    for name, what in SAME.items():
+        if broken.header.get(name) != now_told.get(name):
+            raise BrokenRunError(
+                f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
+            )
     if broken.part is not None:
-        check_recent(broken, now, most_s)
+        _check_recent(broken.time, now, most_s)
     console.note(f"{told}; {'going on with it' if policy == RESUME else 'starting that part over'}")
-    if policy == RESTART and broken.part is not None:
-        return broken._replace(part=restarted(broken.part))
+    if policy == RESTART:  # from the root; what the hand may hold is kept
+        broken.traversal, broken.steps = TraversalState(), []
     return broken
 
 
 def begin(
-    journal: Journal, broken: BrokenRun | None, table: bytes, fields: Mapping[str, object], policy: str
+    journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
     """Write a new run's header, or that the broken one is gone on with.
 
@@ -72,54 +95,55 @@ def begin(
     cut = {"cut_bytes": journal.cut_bytes} if journal.cut_bytes else {}
     if broken is None:
         journal.header(table, {**fields, **cut})
-        return
-    part = None if broken.part is None else broken.part.part
-    journal.record("resume", {"part": part, "how": policy, **cut})
+    else:
+        journal.record("resume", {"part": broken.part, "how": policy, **cut})
 
 
-def _found(journal: Journal, policy: str) -> BrokenRun | None:
-    try:
-        return broken_run(journal.path)
-    except BrokenRunError:
-        if policy != ABORT:
-            raise
-        interrupts.conclude()
-        journal.record("end", {"exit_code": BrokenRunError.exit_code, "reason": "given up after a crash"})
-        raise
+def broken_run(path: Path) -> Replay | None:
+    """The run at the end of a journal, if it broke off; None where it ended.
 
-
-def _give_up(journal: Journal, broken: BrokenRun) -> None:
-    code = BrokenRunError.exit_code
-    if broken.part is not None:
-        result = PartResult.of(
-            broken.part.part,
-            Outcome.ABORTED,
-            broken.part.steps,
-            "the run broke off",
-            safe_state=("nothing was moved",),
+    Raises:
+        JournalError: a line does not verify.
+        BrokenRunError: the run's own counts do not justify what it recorded.
+    """
+    replay = Replay()
+    findings = list(replay.follow(records(path)))
+    if replay.closed or replay.over:
+        return None
+    if findings:
+        raise BrokenRunError(
+            f"journal {path}, record {findings[-1].seq}: {findings[-1].sentence}; "
+            "a run that cannot be followed is not resumed: clear the cell and use --after-crash abort"
         )
+    return replay
+
+
+def _check_recent(stamp: str, now: str, most_s: float) -> None:
+    """Check that a part's last record is recent enough for the part to be unchanged since."""
+    told = f"the run that broke off wrote its last record at {stamp}"
+    try:
+        passed_s = (date(now) - date(stamp)).total_seconds()
+    except (ValueError, TypeError):
+        raise BrokenRunError(f"{told}, which is no time; {ABORT_REMEDY}") from None
+    if passed_s < 0.0:
+        raise BrokenRunError(f"{told}, and the clock says {now}: it went back; {ABORT_REMEDY}")
+    if passed_s > most_s:
+        raise BrokenRunError(
+            f"{told}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: "
+            f"{ABORT_REMEDY}"
+        )
+
+
+def _give_up(journal: Journal, broken: Replay) -> None:
+    if broken.part is not None:
+        told, notes = "the run broke off", ("nothing was moved",)
+        result = PartResult.of(broken.part, Outcome.ABORTED, broken.steps, told, safe_state=notes)
         journal.record("outcome", result.fields())
-    journal.record("end", {"exit_code": code, "reason": "given up after a crash"})
+    journal.record("end", GIVEN_UP)
 
 
-def _check_same(broken: BrokenRun, table: bytes, fields: Mapping[str, object]) -> None:
-    """Check that the run is gone on with as it was begun."""
-    now = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
-    named = {
-        "table_sha256": "table",
-        "widths_um": "calibration",
-        "on_reject": "--on-reject",
-        "on_unresolved": "--on-unresolved",
-    }
-    for name, what in named.items():
-        if broken.header.get(name) != now.get(name):
-            raise BrokenRunError(
-                f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
-            )
-
-
-def _where(broken: BrokenRun) -> str:
+def _where(broken: Replay) -> str:
     if broken.part is None:
         return f"after {broken.parts} parts"
-    squeezes = len(broken.part.steps)
-    return f"at part {broken.part.part}, after {squeezes} squeeze{'' if squeezes == 1 else 's'}"
+    squeezes = len(broken.steps)
+    return f"at part {broken.part}, after {squeezes} squeeze{'' if squeezes == 1 else 's'}"

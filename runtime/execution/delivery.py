@@ -1,16 +1,6 @@
 """What becomes of a localised part: where it is grasped for the last time, and where it is put down.
 
-Declared in a job's section `delivery`, in a TOML file of the same keys, or on the command line:
-
-```
-drop_mm = [50.0, 0.0]       where the part goes: its frame's origin in the world
-drop_angle_deg = 90.0
-grasp_mm = [0.0, 0.0]       where it is taken: the hand's centre in the part's frame (default: its origin)
-grasp_angle_deg = 0.0
-width_mm = 21.0             what the fingers then have to read (default: anything but nothing)
-width_tolerance_mm = 1.5
-area_mm = [-60, -60, 90, 60]  x min, y min, x max, y max of the hand while it carries (default: the work area)
-```
+Declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOMES.md), or on the command line.
 """
 
 import math
@@ -36,18 +26,13 @@ LARGEST = 10_000.0  # mm or degrees; no cell is larger
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """Where a localised part is taken and put down.
+    """Where a localised part is taken and put down."""
 
-    Attributes:
-        drop: pose of the part in the world, mm, mm, rad.
-        grasp: pose of the hand in the part's frame, mm, mm, rad.
-        width_mm: least and greatest width the fingers may read at the grasp.
-        area_um: x min, y min, x max, y max of the hand while it carries, um; None for the work area.
-    """
-
-    drop: Pose2
-    grasp: Pose2 = (0.0, 0.0, 0.0)
+    drop: Pose2  # pose of the part in the world, mm, mm, rad
+    grasp: Pose2 = (0.0, 0.0, 0.0)  # pose of the hand in the part's frame, mm, mm, rad
+    # least and greatest width the fingers may read at the grasp
     width_mm: tuple[float, float] = (0.5, math.inf)
+    # x min, y min, x max, y max of the hand while it carries, um; None for the work area
     area_um: tuple[int, int, int, int] | None = None
 
 
@@ -105,11 +90,7 @@ def from_keys(keys: object, where: str) -> Delivery:
     if "drop_mm" not in keys:
         raise ArgumentsError(f"{where}: drop_mm is missing; say where the part goes")
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
-    drop, grasp = (
-        (*numbers.get(f"{name}_mm", (0.0, 0.0)), math.radians(numbers.get(f"{name}_angle_deg", (0.0,))[0]))
-        for name in ("drop", "grasp")
-    )
-    made = Delivery(_pose(drop), _pose(grasp))
+    made = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
     if "width_mm" in numbers:
         width, room = numbers["width_mm"][0], numbers.get("width_tolerance_mm", (1.5,))[0]
         made = replace(made, width_mm=(width - room, width + room))
@@ -138,6 +119,7 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
     return tuple(numbers)
 
 
-def _pose(values: tuple[float, ...]) -> Pose2:
-    x, y, theta = values
-    return x, y, theta
+def _pose(numbers: Mapping[str, tuple[float, ...]], name: str) -> Pose2:
+    x_mm, y_mm = numbers.get(f"{name}_mm", (0.0, 0.0))
+    (angle_deg,) = numbers.get(f"{name}_angle_deg", (0.0,))
+    return x_mm, y_mm, math.radians(angle_deg)

@@ -5,18 +5,12 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.table import Calibration, Table
+from runtime.table import Table
 from runtime.traversal.geometry import placement
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
-    """Read both devices and go through every node of a table.
-
-    Args:
-        table: the table.
-        gripper: on a link that cannot write.
-        arm: on a link that cannot write.
-        options: how the parts would be handled.
+    """Read both devices, over links that cannot write, and go through every node of a table.
 
     Returns:
         One sentence for each device, one for each node, and one for the delivery if there is one.
@@ -25,7 +19,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
     handling = options.handling
-    calibration = handling.calibration or Calibration.linear(table.gripper)
+    calibration = handling.widths(table)
     seen, pose = gripper.state(), arm.pose()
     width_mm = calibration.width_um(seen.position_counts) / 1000
     activity = "active" if seen.activated else "NOT ACTIVE"

@@ -1,7 +1,8 @@
-"""What a run tells those who watch it: phases, squeezes, parts, their sum; and the Protocols that hear it."""
+"""What a run tells those who watch it: phases, squeezes, parts, their sum."""
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Protocol
@@ -25,11 +26,8 @@ class Phase(Enum):
     DONE = "done"
 
 
-class Watcher(Protocol):
-    """Told of each change of phase; must not raise."""
-
-    def __call__(self, part: int, phase: Phase, node: int | None) -> None:
-        """The cell is now in `phase` with `part`, at `node` where there is one."""
+# Told of each change of phase: part, phase, and the node where there is one; must not raise.
+Watcher = Callable[[int, Phase, int | None], None]
 
 
 def ignore_phase(part: int, phase: Phase, node: int | None) -> None:
@@ -38,39 +36,24 @@ def ignore_phase(part: int, phase: Phase, node: int | None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where a simulated part really lies, and how far the prediction is off.
+    """Where a simulated part really lies, and how far the prediction is off."""
 
-    Attributes:
-        true: mm, mm, rad; None in a rehearsal, whose part has no pose.
-        error_mm: distance by the goal's metric; None without a prediction, or where the goal has none.
-        within: whether the prediction meets the goal, None without one.
-        crashes: times open fingers were placed onto this part.
-    """
-
-    true: Pose2 | None
-    error_mm: float | None
-    within: bool | None
-    crashes: int
+    true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
+    error_mm: float | None  # by the goal's metric; None without a prediction, or where the goal has none
+    within: bool | None  # whether the prediction meets the goal, None without one
+    crashes: int  # times open fingers were placed onto this part
 
 
+@dataclass(slots=True)
 class Tally:
-    """The sum over a run's parts; its size does not grow with their number.
+    """The sum over a run's parts; its size does not grow with their number."""
 
-    Attributes:
-        parts: their number.
-        outcomes: parts by outcome.
-        squeezes: over all parts.
-        exit_code: the highest of the parts' codes, which are numbered by gravity; 0 if every part reached a
-            leaf.
-        within: parts whose leaf met the goal, None where no truth is known, or the parts were taken away.
-        crashes: times open fingers were placed onto a part, None on a real cell.
-    """
-
-    def __init__(self) -> None:
-        self.parts = self.squeezes = self.exit_code = 0
-        self.outcomes: Counter[Outcome] = Counter()
-        self.within: int | None = None
-        self.crashes: int | None = None
+    parts: int = 0
+    outcomes: Counter[Outcome] = field(default_factory=Counter)
+    squeezes: int = 0
+    exit_code: int = 0  # the highest of the parts' codes, which are numbered by gravity
+    within: int | None = None  # parts whose leaf met the goal, None where no truth is known or they are gone
+    crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
         """One more part."""

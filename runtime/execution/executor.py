@@ -1,6 +1,5 @@
 """The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
 
-Pure logic over the Protocols of `drivers.ports` and `runtime.devices.ports`: no driver, no file, no clock.
 What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
 end in `safe_state` and in a terminal outcome.
 """
@@ -8,11 +7,10 @@ end in `safe_state` and in a terminal outcome.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, tau
-from typing import Protocol
 
 from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
-from runtime.devices.audit import answer_of
-from runtime.devices.ports import Auditor, Clock, Journal
+from runtime.devices.audit import AuditProcess, answer_of
+from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
 from runtime.execution import recovery, safety, strokes
 from runtime.execution.carry import deliver
@@ -21,8 +19,10 @@ from runtime.execution.events import Phase, Watcher, ignore_phase
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
+from runtime.journal.chain import Journal
+from runtime.journal.replay import Replay
 from runtime.shell import interrupts
-from runtime.table import REJECT, Calibration, Node, Squeeze, Table, decision_map, predicted_pose
+from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.geometry import placement
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -31,11 +31,8 @@ from runtime.traversal.results import Outcome, PartResult, Step
 DEADLINE_FACTOR = 3.0
 
 
-class Observer(Protocol):
-    """Called with each squeeze when it is decided; must not raise."""
-
-    def __call__(self, part: int, step: Step) -> None:
-        """One squeeze of one part."""
+# Called with a part's number and each of its squeezes when it is decided; must not raise.
+Observer = Callable[[int, Step], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,35 +41,25 @@ class Cell:
 
     gripper: Gripper
     arm: Arm
-    clock: Clock
+    clock: SystemClock
     journal: Journal
-    auditor: Auditor | None = None
+    auditor: AuditProcess | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What a run does besides what its table says.
-
-    Attributes:
-        policy: what follows a reject and an unresolved leaf.
-        handling: how the hand is used.
-        delivery: what becomes of a localised part, None: it stays where it lies.
-    """
+    """What a run does besides what its table says; without a delivery a localised part stays in place."""
 
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | None = None
 
 
-class Executor:
-    """Executes one table with one cell.
+PLAIN = RunOptions()
 
-    Args:
-        table: the table, proved.
-        cell: the devices, connected and not yet moved.
-        observe: called after each squeeze.
-        options: what the table leaves open.
-        watch: called at each change of phase; must not raise.
+
+class Executor:
+    """Executes one table, proved, with one cell, connected and not yet moved.
 
     Raises:
         TableError: the gripper cannot do what the table asks.
@@ -83,28 +70,21 @@ class Executor:
         table: Table,
         cell: Cell,
         observe: Observer,
-        options: RunOptions | None = None,
+        options: RunOptions = PLAIN,
         watch: Watcher = ignore_phase,
     ) -> None:
         safety.check_table(table)
         self._table = table
         self._cell = cell
         self._observe = observe
-        self._options = options or RunOptions()
+        self._options = options
         self._watch = watch
         self._found: int | None = None  # the leaf of the part that is being delivered
-        self._calibration = self._options.handling.calibration or Calibration.linear(table.gripper)
-        self._maps = [decision_map(node, self._calibration) for node in table.nodes]
-        self._hand = Hand(
-            cell.gripper, cell.arm, cell.clock, table.limits, self._calibration, self._options.handling
-        )
+        self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
+        self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
 
-    def run_part(self, part: int, broken: recovery.Broken | None = None) -> PartResult:
-        """Squeeze one part until its outcome is known.
-
-        Args:
-            part: its number, for the journal.
-            broken: where a run that broke off had got to with this part, None for a new part.
+    def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
+        """Squeeze one part until its outcome is known, or go on with it where a run broke off.
 
         Returns:
             The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
@@ -124,9 +104,11 @@ class Executor:
                     self._free(part, broken)
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
-            self._cell.journal.record("outcome", {"part": part, **result.fields()})
+            self._cell.journal.record("outcome", result.fields())
         except BrokenRunError as error:
-            return self._abandon(part, steps, error)
+            # Nothing was moved; the operator looks at the fingers.
+            notes = ("nothing was moved",)
+            return self._ended(PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=notes))
         except KeyboardInterrupt:
             return self._end(part, steps, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
@@ -155,14 +137,13 @@ class Executor:
         reading = self._hand.close(node)
         self._watch(part, Phase.READ, index)
         decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
-        target = None if decision.branch == REJECT else node.branches[decision.branch].target
         step = Step(
             number=number,
             node=index,
             squeeze=node.squeeze,
             position_counts=reading.position_counts,
-            width_um=self._calibration.width_um(reading.position_counts),
-            target=target,
+            width_um=self._hand.calibration.width_um(reading.position_counts),
+            target=decision.target,
             reason=decision.reason,
         )
         # Before anything moves on: a decision that is not on the disk was never taken.
@@ -175,7 +156,6 @@ class Executor:
         return step
 
     def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
-        """Retreat, open, travel, descend."""
         self._watch(part, Phase.PLACE, index)
         self._hand.retreat()
         self._hand.open(squeeze)
@@ -189,7 +169,7 @@ class Executor:
             self._hand.drag(target[0] / 1000, target[1] / 1000)
         self._hand.release(node.squeeze)
 
-    def _free(self, part: int, broken: recovery.Broken) -> None:
+    def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
         self._watch(part, Phase.RESUME, broken.traversal.node)
         try:
@@ -212,7 +192,7 @@ class Executor:
         if self._cell.auditor is not None:
             self._watch(result.part, Phase.AUDIT, None)
             answer = answer_of(self._cell.auditor, result.part, pose)
-            result = result.audited(str(answer["verdict"]))
+            result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
         if self._options.delivery is not None:
             self._watch(result.part, Phase.DELIVER, None)
@@ -224,11 +204,6 @@ class Executor:
             result = result.delivered(missed)
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
         return result
-
-    def _abandon(self, part: int, steps: list[Step], error: BrokenRunError) -> PartResult:
-        """End a part that cannot be resumed, before anything was moved; the operator looks at the fingers."""
-        result = PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=("nothing was moved",))
-        return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
 
     def _expected_s(self, squeeze: Squeeze) -> float:
         """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
@@ -248,8 +223,15 @@ class Executor:
             self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )
         result = PartResult.of(part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes))
-        result = replace(result, leaf=self._found)
-        return _journalled(result, lambda: self._cell.journal.record("outcome", result.fields()))
+        return self._ended(replace(result, leaf=self._found))
+
+    def _ended(self, result: PartResult) -> PartResult:
+        """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
+        try:
+            self._cell.journal.record("outcome", result.fields())
+        except CellError as error:
+            return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
+        return result
 
 
 def _reason(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
@@ -258,12 +240,3 @@ def _reason(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
     if traversal.outcome is Outcome.UNRESOLVED:
         return f"leaf {traversal.leaf} is not resolved: the table cannot tell the pose well enough"
     return None
-
-
-def _journalled(result: PartResult, write: Callable[[], None]) -> PartResult:
-    """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
-    try:
-        write()
-    except CellError as error:
-        return result.noting(f"not journalled: {error}")
-    return result

@@ -6,16 +6,16 @@ last motion left it. Between two squeezes the hand retreats straight up, travels
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil, degrees, remainder, tau
 
 from drivers.ports import Arm, Gripper, PoseOfHand, Settled
-from runtime.devices.ports import Clock
+from runtime.devices.clock import SystemClock
 from runtime.errors import MotionRefusedError, TableError
 from runtime.execution import safety, strokes
 from runtime.execution.reading import (
     CLOSED_COUNTS,
-    CurrentBand,
+    CURRENT_MA,
     check_closed,
     check_fresh,
     check_opened,
@@ -23,7 +23,7 @@ from runtime.execution.reading import (
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Limits, Node, Squeeze
+from runtime.table import Calibration, Limits, Node, Squeeze, Table
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import same_turns
 
@@ -39,21 +39,18 @@ LOOK_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Handling:
-    """How the hand is used; what differs from cell to cell and not from table to table.
+    """How the hand is used; what differs from cell to cell and not from table to table."""
 
-    Attributes:
-        calibration: counts to widths of this gripper; None for the linear map of the table's gripper.
-        arc: the tips' arc; None where they move straight.
-        regulated: whether squeezes close gently and raise their force after contact.
-        grip_current_ma: motor current at which a regulated squeeze raises its force no further, or None.
-        current: motor currents a gripper at rest may report.
-    """
-
-    calibration: Calibration | None = None
-    arc: TipArc | None = None
-    regulated: bool = False
+    calibration: Calibration | None = None  # counts to widths as measured, None where they were not
+    arc: TipArc | None = None  # the tips' arc; None where they move straight
+    regulated: bool = False  # whether squeezes close gently and raise their force after contact
+    # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
-    current: CurrentBand = field(default_factory=CurrentBand)
+    current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
+
+    def widths(self, table: Table) -> Calibration:
+        """Counts to widths: as measured, else the linear map of the table's gripper."""
+        return self.calibration or Calibration.linear(table.gripper)
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
@@ -80,40 +77,26 @@ def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> N
 
 
 class Hand:
-    """Arm and gripper of one cell, within one table's limits.
+    """Arm and gripper of one cell, connected, within one table's limits.
 
-    Args:
-        gripper: connected.
-        arm: connected.
-        clock: for the wait until a motion of an earlier run is over.
-        limits: heights, speeds and work area.
-        calibration: counts to widths.
-        handling: tips, force regulation, currents.
+    Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
+    acknowledged motion left it.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
-
-    Attributes:
-        arm_known: whether the arm stands where its last acknowledged motion left it.
     """
 
     def __init__(
-        self,
-        gripper: Gripper,
-        arm: Arm,
-        clock: Clock,
-        limits: Limits,
-        calibration: Calibration,
-        handling: Handling,
+        self, gripper: Gripper, arm: Arm, clock: SystemClock, table: Table, handling: Handling
     ) -> None:
         self.gripper, self.arm = gripper, arm
-        self.limits = limits
+        self.limits = table.limits
+        self.calibration = handling.widths(table)
         self.arm_known = True
         self._clock = clock
-        self._calibration = calibration
         self._handling = handling
         self._open_mm = 0.0
-        check_arc(handling.arc, limits, calibration)
+        check_arc(handling.arc, table.limits, self.calibration)
         self._angle_rad: float | None = None
 
     def await_stillness(self) -> None:
@@ -163,12 +146,14 @@ class Hand:
         self._go_as_counted((x_mm, y_mm, self.limits.retreat_height_um / 1000, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Come straight down, the tips to the squeeze height."""
-        self._go((x_mm, y_mm, self._low_mm(self._advance_mm(self._open_mm)), angle_rad))
+        """Come straight down with the jaws open, the tips to the squeeze height."""
+        self.lower(x_mm, y_mm, angle_rad, self._open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
         """Come straight down with a part of that width in the fingers."""
-        self._go((x_mm, y_mm, self._low_mm(self._advance_mm(width_mm)), angle_rad))
+        arc = self._handling.arc
+        advance_mm = 0.0 if arc is None else arc.advance_mm(width_mm)
+        self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
     def drag(self, x_mm: float, y_mm: float) -> None:
         """Take what the fingers hold along the table to another place, without turning it."""
@@ -187,13 +172,14 @@ class Hand:
 
     def width_mm(self, position_counts: int) -> float:
         """The opening at an encoder count."""
-        return self._calibration.width_um(position_counts) / 1000
+        return self.calibration.width_um(position_counts) / 1000
 
     def open(self, squeeze: Squeeze) -> None:
         """Open the jaws as wide as the squeeze wants them; the collision proof counts on it."""
-        request = strokes.opening_counts(squeeze.opening_um, self._calibration)
-        settled = self._jaws(request, squeeze)
-        check_opened(settled, request, self._calibration)
+        request = strokes.opening_counts(squeeze.opening_um, self.calibration)
+        speed, force = strokes.speed_counts(squeeze.speed_um_s), strokes.force_counts(squeeze.force_mn)
+        settled = safety.stroke(self.gripper, request, speed, force)
+        check_opened(settled, request, self.calibration)
         self._open_mm = self.width_mm(settled.position_counts)
 
     def release(self, squeeze: Squeeze) -> None:
@@ -216,10 +202,10 @@ class Hand:
         """
         handling = self._handling
         regulated = strokes.is_regulated(node.squeeze, wanted=handling.regulated)
-        plan = strokes.closing(node, self._calibration, handling.arc, self._open_mm, regulated=regulated)
+        plan = strokes.closing(node, self.calibration, handling.arc, self._open_mm, regulated=regulated)
         for stroke in plan[:-1]:
             self._level(stroke.advance_mm)
-            if not check_passed(self._stroke(stroke), stroke.request_counts, self._calibration):
+            if not check_passed(self._stroke(stroke), stroke.request_counts, self.calibration):
                 break
         else:
             self._level(plan[-1].advance_mm)
@@ -227,7 +213,7 @@ class Hand:
         check_fresh(reading, CLOSED_COUNTS)
         if regulated and reading.object_flag == CLOSING_CONTACT:
             reading = self._raise_force(plan[-1], node.squeeze, reading)
-        check_closed(reading, self._calibration, handling.current)
+        check_closed(reading, self.calibration, handling.current_ma)
         return reading
 
     def _raise_force(self, stroke: Stroke, squeeze: Squeeze, reading: Settled) -> Settled:
@@ -241,14 +227,8 @@ class Hand:
                 break
         return reading
 
-    def _jaws(self, position_counts: int, squeeze: Squeeze) -> Settled:
-        speed, force = strokes.speed_counts(squeeze.speed_um_s), strokes.force_counts(squeeze.force_mn)
-        return self._stroke(Stroke(position_counts, speed, force, 0.0))
-
     def _stroke(self, stroke: Stroke) -> Settled:
-        safety.ready_gripper(self.gripper)
-        self.gripper.move(stroke.request_counts, stroke.speed_counts, stroke.force_counts)
-        return self.gripper.wait()
+        return safety.stroke(self.gripper, stroke.request_counts, stroke.speed_counts, stroke.force_counts)
 
     def _level(self, advance_mm: float) -> None:
         """Bring the arm to the height at which tips that advance so far are at the squeeze height."""
@@ -278,7 +258,6 @@ class Hand:
         self._move_arm(target)
 
     def _now_rad(self) -> float:
-        """The hand's angle, whole turns counted."""
         return self.where()[3] if self._angle_rad is None else self._angle_rad
 
     def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
@@ -292,10 +271,6 @@ class Hand:
         self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
         safety.check_placed(self.arm, target)
         self.arm_known, self._angle_rad = True, target[3]
-
-    def _advance_mm(self, width_mm: float) -> float:
-        arc = self._handling.arc
-        return 0.0 if arc is None else arc.advance_mm(width_mm)
 
     def _low_mm(self, advance_mm: float) -> float:
         return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)

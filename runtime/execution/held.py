@@ -1,8 +1,7 @@
 """What the fingers may hold when a run begins, and how it is put down.
 
-The gripper alone tells: a request to close, echoed, and jaws that stand short of it. That they met something
-its flag says; of jaws that a stop halted before they had, and of a gripper that lost its power, nobody knows.
-Jaws that stand where they were sent, wide open, or closed on nothing hold nothing.
+Jaws that stand short of a request to close may hold something: the flag tells if they met it, but not after a
+stop or a loss of power. Jaws that stand where they were sent, wide open or closed hold nothing.
 """
 
 from collections.abc import Mapping
@@ -10,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.ports import GripperState, PoseOfHand
-from runtime.devices.ports import Journal
+from drivers.ports import GripperState
 from runtime.errors import GripperStateError
 from runtime.execution.delivery import Delivery
 from runtime.execution.hand import CLEAR_MM, Hand
 from runtime.execution.reading import OPENED_COUNTS
-from runtime.journal.chain import records
+from runtime.execution.safety import needs_activation
+from runtime.journal.chain import Journal, records
 from runtime.journal.replay import UNDECIDED
 from runtime.table import Calibration, Table
 from runtime.traversal.decision import CLOSING_CONTACT
@@ -26,19 +25,12 @@ OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 
 class Held(NamedTuple):
-    """What the fingers hold, or may hold.
-
-    Attributes:
-        position_counts: where they stand.
-        width_mm: the opening that means.
-        certain: whether the gripper tells of contact.
-        active: whether the gripper is activated.
-    """
+    """What the fingers hold, or may hold."""
 
     position_counts: int
     width_mm: float
-    certain: bool
-    active: bool
+    certain: bool  # the gripper tells of contact
+    active: bool  # the gripper is activated and reports no fault
 
     def sentence(self) -> str:
         """What is known of it, and what is not."""
@@ -52,12 +44,7 @@ class Held(NamedTuple):
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
     def refusal(self, arm_mm: float, journal: Path) -> GripperStateError:
-        """Why a run does not begin, and what to do.
-
-        Args:
-            arm_mm: height of the arm.
-            journal: of the run; what its last run ended with is told.
-        """
+        """Why a run does not begin, where the arm stands, how the journal's last run ended, what to do."""
         remedy = "start with --put-down: straight down where the arm stands, open, retreat"
         if not self.active:
             remedy = "take it out before they sweep"
@@ -68,12 +55,7 @@ class Held(NamedTuple):
 
 
 def look(state: GripperState, calibration: Calibration) -> Held | None:
-    """What the fingers may hold; None where they hold nothing.
-
-    Args:
-        state: of a gripper at rest.
-        calibration: counts to widths.
-    """
+    """What the fingers of a gripper at rest may hold; None where they hold nothing."""
     count, width_um = state.position_counts, calibration.width_um(state.position_counts)
     certain = state.activated and state.object_flag == CLOSING_CONTACT and state.echo_counts >= count
     short = state.echo_counts - count
@@ -82,20 +64,14 @@ def look(state: GripperState, calibration: Calibration) -> Held | None:
     opened = is_open and (short < 0 or not state.activated)
     if not certain and (there or opened or width_um <= CLOSED_UM):
         return None
-    return Held(count, width_um / 1000, certain, state.activated)
+    return Held(count, width_um / 1000, certain, not needs_activation(state))
 
 
 def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journal) -> Mapping[str, object]:
     """Lower what the fingers hold straight down where the arm stands, let go of it, retreat.
 
-    Args:
-        hand: at rest.
-        table: for speed and force.
-        delivery: for the area in which parts are carried.
-        journal: told before and after.
-
-    Returns:
-        Where it was put down, and its width.
+    Done within the work area, or else within the area of the delivery. The journal is told before and after
+    where it was put down, and its width, which is returned.
 
     Raises:
         MotionRefusedError: the arm stands outside the work area, and the area in which parts are carried.
@@ -105,7 +81,9 @@ def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journ
     width_mm = hand.width_mm(count)
     wide_um = min(round(1000 * (width_mm + CLEAR_MM)), table.gripper.opening_um)
     limits = hand.limits
-    if delivery is not None and delivery.area_um is not None and not _within(pose, limits.work_area_um):
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    inside = x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
+    if delivery is not None and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
     told = {"x_mm": pose[0], "y_mm": pose[1], "position_counts": count, "width_mm": round(width_mm, 3)}
     journal.record("put_down", {**told, "begun": True})
@@ -115,11 +93,6 @@ def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journ
         hand.retreat()
     journal.record("put_down", {**told, "begun": False})
     return told
-
-
-def _within(pose: PoseOfHand, area_um: tuple[int, int, int, int]) -> bool:
-    x_min, y_min, x_max, y_max = area_um
-    return x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
 
 
 def _last_end(journal: Path) -> str:

@@ -1,7 +1,5 @@
 """The checks that a reading passes before it is acted upon: fresh, possible, and self-consistent."""
 
-from typing import NamedTuple
-
 from drivers.ports import Settled
 from runtime.errors import GripperStateError
 from runtime.table import UNDETECTED_UM, Calibration
@@ -11,15 +9,9 @@ CLOSED_COUNTS = 255
 OPENED_COUNTS = 2
 
 
-class CurrentBand(NamedTuple):
-    """Motor currents that a gripper at rest on a part may report, mA.
-
-    The 2F-85 manual's own example of a held object reads 0 mA, so a least one is a matter of calibration;
-    more than 1 A is what the gripper itself calls overcurrent.
-    """
-
-    least_ma: int = 0
-    most_ma: int = 1_000
+# Motor currents that a gripper at rest on a part may report: the 2F-85 manual's own example of a held object
+# reads 0 mA, so a least one is a matter of calibration; more than 1 A is what the gripper calls overcurrent.
+CURRENT_MA = (0, 1_000)
 
 
 def check_fresh(settled: Settled, requested_counts: int) -> None:
@@ -38,7 +30,7 @@ def check_fresh(settled: Settled, requested_counts: int) -> None:
         raise GripperStateError("the gripper reports a motion as finished and as going on")
 
 
-def check_closed(settled: Settled, calibration: Calibration, band: CurrentBand) -> None:
+def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
     """Check that a settled closing motion's flag and current agree with its width.
 
     Raises:
@@ -53,10 +45,12 @@ def check_closed(settled: Settled, calibration: Calibration, band: CurrentBand) 
             f"the gripper reports that it closed on nothing and stands {width_um / 1000:.2f} mm open; "
             "one of the two is wrong"
         )
-    least_ma = band.least_ma if settled.object_flag == CLOSING_CONTACT else 0
-    if not least_ma <= settled.current_ma <= band.most_ma:
+    least_ma, most_ma = current_ma
+    if settled.object_flag != CLOSING_CONTACT:
+        least_ma = 0
+    if not least_ma <= settled.current_ma <= most_ma:
         raise GripperStateError(
-            f"the motor draws {settled.current_ma} mA at rest, believed is {least_ma}..{band.most_ma} mA; "
+            f"the motor draws {settled.current_ma} mA at rest, believed is {least_ma}..{most_ma} mA; "
             "look for a jammed finger, or state the band in the calibration file"
         )
 

@@ -17,26 +17,19 @@ DECLARED = "fingers stopped where they are, arm straight up to the retreat heigh
 
 
 def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool) -> list[str]:
-    """Bring the cell into the declared safe state as far as its devices respond.
+    """Bring the cell into the declared safe state as far as its devices respond; nothing is raised.
 
-    Args:
-        gripper: the gripper, in whatever state.
-        arm: the arm, in whatever state.
-        limits: for the retreat height and the arm's speed.
-        arm_known: whether the arm's last motion was acknowledged.
+    The arm is moved only if it is `arm_known` where it stands: its last motion was acknowledged.
 
     Returns:
-        One sentence a step: what was reached, and what failed. Nothing is raised.
+        One sentence a step: what was reached, and what failed.
     """
     return [_stop_fingers(gripper), _raise_arm(arm, limits) if arm_known else "arm not moved: state unknown"]
 
 
 @contextmanager
 def fingers_stop(gripper: Gripper) -> Iterator[None]:
-    """Stop the fingers on every exception: a fault, a stop request, the end of the input.
-
-    What came of it is a note of the error, which `shell.command.told` tells with it.
-    """
+    """Stop the fingers on every exception; what came of it is a note of the error, told with it."""
     try:
         yield
     except BaseException as error:

@@ -2,7 +2,7 @@
 
 from math import hypot, isfinite, remainder, tau
 
-from drivers.ports import Arm, Gripper, GripperState, PoseOfHand
+from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.execution.strokes import FASTEST_UM_S, SLOWEST_UM_S, STRONGEST_MN, WEAKEST_MN
 from runtime.table import Limits, Table
@@ -36,7 +36,12 @@ def check_table(table: Table) -> None:
             )
 
 
-def ready_gripper(gripper: Gripper) -> GripperState:
+def needs_activation(state: GripperState) -> bool:
+    """Whether only an activation, which clears faults, makes it ready to move."""
+    return not state.activated or state.fault not in (0, NO_COMMUNICATION)
+
+
+def ready_gripper(gripper: Gripper) -> None:
     """Read the gripper and check that it may be moved.
 
     Raises:
@@ -55,7 +60,17 @@ def ready_gripper(gripper: Gripper) -> GripperState:
         )
     if state.moving:
         raise GripperStateError("the gripper moves without having been asked to; who else commands it?")
-    return state
+
+
+def stroke(gripper: Gripper, position_counts: int, speed_counts: int, force_counts: int) -> Settled:
+    """Move the jaws of a gripper that is ready, and wait until they have settled.
+
+    Raises:
+        GripperStateError: it is not ready.
+    """
+    ready_gripper(gripper)
+    gripper.move(position_counts, speed_counts, force_counts)
+    return gripper.wait()
 
 
 def check_target(pose: PoseOfHand, limits: Limits) -> None:

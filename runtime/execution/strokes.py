@@ -1,8 +1,7 @@
 """How the jaws get from one opening to another: settings in counts, and the strokes of a closing motion.
 
-A regulated squeeze (the paper's experiment 8*, which lost fewer light parts than 7) runs at the node's speed
-and the least force to just wider than the widest planned outcome, from there as slowly as the gripper can
-until contact, and only then raises the force, step by step, to the node's.
+A regulated squeeze (the paper's experiment 8*) runs at the node's speed and the least force to just wider
+than the widest planned outcome, then as slowly as it can until contact, and only then raises the force.
 """
 
 from typing import NamedTuple
@@ -20,19 +19,12 @@ RAISE_COUNTS = 64  # the force rises by at most so much (about 54 N) before the 
 
 
 class Stroke(NamedTuple):
-    """One motion of the jaws.
+    """One motion of the jaws."""
 
-    Attributes:
-        request_counts: where to, 255 for as far as they go.
-        speed_counts: rSP.
-        force_counts: rFR.
-        advance_mm: height of the arm above the tips' height that the whole stroke needs.
-    """
-
-    request_counts: int
-    speed_counts: int
-    force_counts: int
-    advance_mm: float
+    request_counts: int  # where to, 255 for as far as they go
+    speed_counts: int  # rSP
+    force_counts: int  # rFR
+    advance_mm: float  # height of the arm above the tips' height that the whole stroke needs
 
 
 def speed_counts(speed_um_s: int) -> int:
@@ -60,17 +52,9 @@ def is_regulated(squeeze: Squeeze, *, wanted: bool) -> bool:
 def closing(
     node: Node, calibration: Calibration, arc: TipArc | None, open_mm: float, *, regulated: bool
 ) -> list[Stroke]:
-    """The strokes that close the jaws at a node; the last one goes as far as they can.
+    """The strokes, at least one, that close jaws standing `open_mm` apart; the last goes as far as they can.
 
-    Args:
-        node: for the squeeze, and for the widths that are expected.
-        calibration: counts to widths.
-        arc: the tips' arc, or None where they move straight.
-        open_mm: where the jaws stand.
-        regulated: whether the force is regulated.
-
-    Returns:
-        At least one stroke. A regulated one's last force is the least; `raising` tells the rest.
+    A `regulated` one's force is the least until contact; `raising` tells the rest.
     """
     squeeze = node.squeeze
     force = GENTLE_FORCE if regulated else force_counts(squeeze.force_mn)

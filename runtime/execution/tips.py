@@ -1,8 +1,7 @@
 """The finger tips on their arc: how far they advance as the jaws close, and stages that keep them level.
 
-The finger links of a 2F gripper are parallelograms: the tips move on a circle without turning. With link
-length L and offset c, at an opening w the tips stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF
-models of the 2F-85; Robotiq's own note gives only a straight line). So closing moves them towards the table.
+The finger links of a 2F gripper are parallelograms: with link length L and offset c, at an opening w the tips
+stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85).
 """
 
 from dataclasses import dataclass
@@ -11,19 +10,12 @@ from math import sqrt
 
 @dataclass(frozen=True, slots=True)
 class TipArc:
-    """The arc of one gripper's tips; custom fingers change the offset, never the link.
+    """The arc of one gripper's tips; custom fingers change the offset, never the link."""
 
-    Attributes:
-        link_mm: L, the finger links' length.
-        offset_mm: c, how far inside the opening the pads stand of the link's end.
-        taught_mm: the opening at which the arm's tool frame was taught to the tips.
-        level_mm: how far the tips may be above their height between two stages.
-    """
-
-    link_mm: float = 57.15
-    offset_mm: float = 5.0
-    taught_mm: float = 85.0
-    level_mm: float = 2.0
+    link_mm: float = 57.15  # L, the finger links' length
+    offset_mm: float = 5.0  # c, how far inside the opening the pads stand of the link's end
+    taught_mm: float = 85.0  # the opening at which the arm's tool frame was taught to the tips
+    level_mm: float = 2.0  # how far the tips may be above their height between two stages
 
     def advance_mm(self, width_mm: float) -> float:
         """How much nearer to the table the tips are than where the tool frame was taught."""
@@ -34,14 +26,9 @@ class TipArc:
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
-        """Openings between which the tips advance by no more than `level_mm`.
+        """Openings between which the tips advance by no more than `level_mm`, in falling order.
 
-        Args:
-            widest_mm: where the jaws stand.
-            least_mm: where they end.
-
-        Returns:
-            Openings in falling order, without the first and with the last.
+        The first, where the jaws stand, is not among them, the last is.
         """
         top_mm = max(2.0 * self.offset_mm, least_mm)
         widths: list[float] = []

@@ -17,15 +17,13 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
 from runtime.errors import JournalError, TornError
 from runtime.shell import strict_json
-from runtime.shell.files import oddity
+from runtime.shell.files import bring_to_disk, oddity
 
 VERSION = 1
 GENESIS = "0" * 64
@@ -35,12 +33,14 @@ MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the 
 RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
 
 
-class _End(NamedTuple):
-    """Where a journal ends: the last record's digest, the number of records, of bytes."""
+class Verified(NamedTuple):
+    """What a journal that verifies holds."""
 
-    head: str
-    records: int
-    size: int
+    head: str = GENESIS  # digest of the last record, what the next one has to hold
+    records: int = 0  # number of records
+    size: int = 0  # their length, bytes
+    runs: int = 0  # number of runs, each begun by a header
+    closed: bool = True  # whether the last run wrote its last record
 
 
 class Journal:
@@ -50,16 +50,11 @@ class Journal:
     file that holds anything else is left as it is.
 
     Attributes:
-        path: the file.
         cut_bytes: length of the unfinished line that was cut off, 0 for none.
     """
 
     def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
-        """Create the file, or verify it and go on at its end.
-
-        Args:
-            path: the file.
-            stamp: what each record is dated with, `Clock.stamp`.
+        """Create the file, or verify it and go on at its end; `stamp` (`Clock.stamp`) dates each record.
 
         Raises:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
@@ -67,7 +62,7 @@ class Journal:
         self.path = path
         self.cut_bytes = 0
         self._stamp = stamp
-        self._end = _End(GENESIS, 0, 0)
+        self._end = Verified()
         self._failed = False
         try:
             self._file = _opened(path)
@@ -80,25 +75,20 @@ class Journal:
             raise
 
     def _claim(self) -> None:
+        """Lock and verify the file; only then cut what a crash left unfinished at its end."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _sync_directory(self.path.parent)
-            self._go_on()
+            bring_to_disk(self.path.parent)
+            with open(self._file, "rb", closefd=False) as file:
+                self._end = _verified(self.path, file, torn=True)
+                self.cut_bytes = file.seek(0, os.SEEK_END) - self._end.size
+            if self.cut_bytes:
+                os.ftruncate(self._file, self._end.size)
+                os.fsync(self._file)
         except BlockingIOError:
             raise JournalError(self.path, "is being written by another process; name another file") from None
         except OSError as error:
             raise _unwritable(self.path, error) from error
-
-    def _go_on(self) -> None:
-        """Verify what the locked file holds; only then cut what a crash left unfinished at its end."""
-        with open(self._file, "rb", closefd=False) as file:
-            held = _verified(self.path, file, torn=True)
-            size = file.seek(0, os.SEEK_END)
-        self._end = _End(held.head, held.records, held.size)
-        self.cut_bytes = size - held.size
-        if self.cut_bytes:
-            os.ftruncate(self._file, held.size)
-            os.fsync(self._file)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Write the first record: the table's bytes and their digest, and what else tells the run apart.
@@ -115,10 +105,6 @@ class Journal:
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Append one record and bring it to the disk.
-
-        Args:
-            kind: what it tells.
-            fields: values JSON can hold, none of them under a name in `RESERVED`.
 
         Raises:
             JournalError: it cannot be written: full disk, lost mount, closed journal.
@@ -138,7 +124,7 @@ class Journal:
             _write_all(self._file, line)
             os.fsync(self._file)
             # One assignment: a stop request comes before it or after it, never in between.
-            self._end = _End(digest, end.records + 1, end.size + len(line))
+            self._end = Verified(digest, end.records + 1, end.size + len(line))
         except OSError as error:
             self._failed = True  # a failed sync cannot be repeated
             self._take_back()
@@ -161,31 +147,8 @@ class Journal:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
-
-
-@dataclass(frozen=True, slots=True)
-class Verified:
-    """What a journal that verifies is about.
-
-    Attributes:
-        records: number of records.
-        runs: number of runs, each begun by a header.
-        table: the bytes of the table embedded for the last run.
-        closed: whether the last run wrote its last record.
-        head: digest of the last record, what the next one has to hold.
-        size: length of all records, bytes.
-    """
-
-    records: int
-    runs: int
-    table: bytes
-    closed: bool
-    head: str
-    size: int
 
 
 class Incidents:
@@ -199,22 +162,14 @@ class Incidents:
         self._kept: list[tuple[str, Mapping[str, object]]] = []
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
-        """Write one incident, or keep it.
-
-        Raises:
-            JournalError: it cannot be written.
-        """
+        """Write one incident, or keep it; as `Journal.record`."""
         if self._journal is not None:
             self._journal.record(kind, fields)
         elif len(self._kept) < MOST_INCIDENTS:
             self._kept.append((kind, fields))
 
     def hand_over(self, journal: Journal) -> None:
-        """Write what was kept; from now on write at once.
-
-        Raises:
-            JournalError: it cannot be written.
-        """
+        """Write what was kept, as `Journal.record` does; from now on write at once."""
         self._journal = journal
         for kind, fields in self._kept:
             journal.record(kind, fields)
@@ -235,16 +190,20 @@ def verify(path: Path) -> Verified:
 
 
 def _verified(path: Path, file: BinaryIO, *, torn: bool = False) -> Verified:
-    number, runs, closed, table, head, size = 0, 0, True, b"", GENESIS, 0
+    seen = Verified()
     for entry, length in _chain(path, file, torn=torn):
-        number, head, size = number + 1, str(entry["digest"]), size + length
-        if entry["kind"] == "header":
-            table, runs, closed = _embedded_table(path, number, entry), runs + 1, False
-        elif closed:
-            raise JournalError(path, "does not belong to a run; a header was expected", number)
-        else:
-            closed = entry["kind"] == "end"
-    return Verified(number, runs, table, closed, head, size)
+        begins = entry["kind"] == "header"
+        if seen.closed and not begins:
+            told = "does not belong to a run; a header was expected"
+            raise JournalError(path, told, seen.records + 1)
+        seen = Verified(
+            str(entry["digest"]),
+            seen.records + 1,
+            seen.size + length,
+            seen.runs + begins,
+            entry["kind"] == "end",
+        )
+    return seen
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
@@ -310,11 +269,11 @@ def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, o
     if not (isinstance(kind, str) and kind.isidentifier() and isinstance(entry["time"], str)):
         raise JournalError(path, "has a kind that is no word, or a time that is no text", number)
     if kind == "header":
-        _embedded_table(path, number, entry)
+        _check_header(path, number, entry)
     return entry
 
 
-def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> bytes:
+def _check_header(path: Path, number: int, entry: Mapping[str, object]) -> None:
     if entry.get("journal_version") != VERSION:
         raise JournalError(path, f"is not a header of journal version {VERSION}", number)
     try:
@@ -323,7 +282,6 @@ def _embedded_table(path: Path, number: int, entry: Mapping[str, object]) -> byt
         raise JournalError(path, "the embedded table is not base64", number) from None
     if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
         raise JournalError(path, "the embedded table is not the one of its digest", number)
-    return table
 
 
 def _tail(digest: str) -> bytes:
@@ -337,12 +295,7 @@ def _write_all(file: int, data: bytes) -> None:
 
 
 def _opened(path: Path) -> int:
-    """A descriptor of a regular file, made if need be and never reached through a link.
-
-    Raises:
-        JournalError: it is something else.
-        OSError: it cannot be opened.
-    """
+    """A descriptor of a regular file, made if need be and never reached through a link."""
     with contextlib.suppress(FileNotFoundError):
         _check_regular(path, path.lstat().st_mode)
     flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
@@ -358,14 +311,6 @@ def _opened(path: Path) -> int:
 def _check_regular(path: Path, mode: int) -> None:
     if reason := oddity(mode):
         raise JournalError(path, f"cannot be written: {reason}; name another file")
-
-
-def _sync_directory(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _unwritable(path: Path, error: OSError) -> JournalError:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from runtime.errors import ArgumentsError
 from runtime.journal.replay import Entry
-from runtime.shell.files import writing
+from runtime.shell.files import STDOUT, writing
 
 SQUEEZE = {
     "time": "time",
@@ -56,12 +56,34 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     yield from part
 
 
-def write_csv(found: Iterable[Row], path: Path, columns: Sequence[str] = COLUMNS) -> int:
-    """Write rows as CSV with a header line; returns their number.
+def write_rows(
+    found: Iterable[Row],
+    path: Path,
+    option: str,
+    columns: Sequence[str] = COLUMNS,
+    kinds: Mapping[str, str] = MappingProxyType({}),
+) -> int:
+    """Write rows as the suffix says, `.csv` or `.parquet`, CSV to standard output; returns their number.
+
+    Args:
+        found: the rows.
+        path: the file.
+        option: that named it.
+        columns: names of the columns, in order.
+        kinds: Arrow types by column; those of the others follow from their values.
 
     Raises:
+        ArgumentsError: another suffix, or pyarrow is missing.
         OutputError: the file cannot be written.
     """
+    if path in STDOUT or path.suffix == ".csv":
+        return _write_csv(found, path, columns)
+    if path.suffix == ".parquet":
+        return _write_parquet(found, path, columns, kinds)
+    raise ArgumentsError(f"{option} {path}: name a file that ends in .csv or .parquet")
+
+
+def _write_csv(found: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
@@ -72,24 +94,7 @@ def write_csv(found: Iterable[Row], path: Path, columns: Sequence[str] = COLUMNS
     return number
 
 
-def write_parquet(
-    found: Iterable[Row],
-    path: Path,
-    columns: Sequence[str] = COLUMNS,
-    kinds: Mapping[str, str] = MappingProxyType({}),
-) -> int:
-    """Write rows as Parquet; returns their number.
-
-    Args:
-        found: the rows.
-        path: the file.
-        columns: names of the columns, in order.
-        kinds: Arrow types by column; those of the others follow from their values.
-
-    Raises:
-        ArgumentsError: pyarrow is not installed.
-        OutputError: the file cannot be written.
-    """
+def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]) -> int:
     try:
         import pyarrow
         from pyarrow import parquet

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from runtime.table import REJECT, Calibration, Table, decision_map, loads
+from runtime.table import Calibration, Table, decision_map, loads
 from runtime.traversal.decision import Policy, TraversalState, advance, decide
 from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
@@ -35,36 +35,19 @@ class Finding(NamedTuple):
 
 
 class Replay:
-    """The state of the run that a journal's records have told so far.
-
-    Attributes:
-        table: the table of the run.
-        calibration: its counts to widths.
-        policy: its policy.
-        header: its first record.
-        closed: whether its last record was seen.
-        over: whether its last part's outcome was one that ends a run.
-        part: number of the part under way, or None.
-        parts: parts that came to an outcome.
-        steps: the part's squeezes so far.
-        traversal: where the part stands.
-        last: what the hand was doing.
-        held_at: the node that last squeezed the part and the target it led to, or None; AWAY tells that the
-            fingers have let go there.
-        time: what the latest record is dated with.
-        delivering: whether the part was being carried.
-        decisions: squeezes derived so far, over all runs.
-    """
+    """The state of the run that a journal's records have told so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None
         self.header: Entry = {}
         self.policy = Policy()
-        self.closed = True
-        self.over = False
-        self.decisions = 0
-        self.parts = 0
-        self.time = ""
+        self.closed = True  # whether the run's last record was seen
+        self.over = False  # whether its last part's outcome was one that ends a run
+        self.decisions = 0  # squeezes derived so far, over all runs
+        self.parts = 0  # parts that came to an outcome
+        self.time = ""  # what the latest record is dated with
+        # The node that last squeezed the part and the target it led to; AWAY: the fingers have let go there.
+        self.held_at: tuple[int, int | None] | None = None
         self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
 
@@ -87,7 +70,7 @@ class Replay:
             self._resume(entry)
         elif kind == "placed":
             yield from self._expect(entry)
-            self._hold(Last.PLACED, (_integer(entry, "node"), None))
+            self.last, self.held_at = Last.PLACED, (_integer(entry, "node"), None)
         elif kind == "squeeze":
             yield from self._squeeze(entry)
         elif kind == "freed":
@@ -114,15 +97,12 @@ class Replay:
         self._begin(None)
 
     def _begin(self, part: int | None) -> None:
-        self.part = part
+        self.part = part  # its number, None before the first and between two
         self.steps: list[Step] = []
         self.traversal = TraversalState()
-        self.delivering = False
+        self.delivering = False  # whether the part was being carried
         self._found = None
-        self._hold(Last.AWAY, None)
-
-    def _hold(self, last: Last, held_at: tuple[int, int | None] | None) -> None:
-        self.last, self.held_at = last, held_at
+        self.last, self.held_at = Last.AWAY, None
 
     def _resume(self, entry: Entry) -> None:
         if entry["how"] == "restart":
@@ -140,7 +120,7 @@ class Replay:
         index, count = _integer(entry, "node"), _integer(entry, "position_counts")
         node = self.table.nodes[index]
         decision = decide(node, self._maps[index], count, _integer(entry, "object_flag"))
-        target = None if decision.branch == REJECT else node.branches[decision.branch].target
+        target = decision.target
         if entry["target"] != target:
             yield f"says that count {count} leads to {entry['target']}, the table says {target}"
         width_um = self.calibration.width_um(count)
@@ -149,7 +129,7 @@ class Replay:
         number = _integer(entry, "number")
         self.steps.append(Step(number, index, node.squeeze, count, width_um, target, decision.reason))
         self.traversal = advance(self.traversal._replace(node=index), target, self.table, self.policy)
-        self._hold(Last.SQUEEZED, (index, target))
+        self.last, self.held_at = Last.SQUEEZED, (index, target)
         self.decisions += 1
 
     def _end(self, entry: Entry) -> Iterator[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from runtime.execution.events import Sighting, Tally
 from runtime.shell.command import say
-from runtime.table import GoalSpec, Pose2, Table, predicted_pose
+from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose
 from runtime.traversal.geometry import placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -38,6 +38,8 @@ class Lines:
             leaf = self._table.leaves[result.leaf]
             success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
             told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
+            if (error := _expected_error(leaf)) is not None:
+                told += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
             told += f"; true error {seen.error_mm:.2f} mm"
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
@@ -78,14 +80,7 @@ class Objects:
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
-    """One part for machines. `audit` is the auditor's verdict, null without one; units are in the names.
-
-    Args:
-        table: for the leaf's pose and success.
-        result: the part's result.
-        seen: where it really lies, None on a real cell.
-        journal: where its record is.
-    """
+    """One part for machines, with where it really lies on a simulated cell; units are in the names."""
     leaf = None if result.leaf is None else table.leaves[result.leaf]
     return {
         "part": result.part,
@@ -97,6 +92,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
+        "expected_error_mm": None if leaf is None else _expected_error(leaf),
         "audit": result.audit,
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
@@ -128,6 +124,12 @@ def _sentences(result: PartResult) -> list[str]:
     told = [] if result.audit is None else [f"audit: {result.audit}"]
     told += [] if result.delivery is None else [f"delivery: {result.delivery}"]
     return [*told, *([result.reason] if result.reason else []), *result.safe_state]
+
+
+def _expected_error(leaf: Leaf) -> dict[str, float] | None:
+    """Median and 95th percentile of the trials that ended there [mm]; None without any."""
+    errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
+    return errors_mm if leaf.trials else None
 
 
 def _pose(pose: Pose2) -> str:

@@ -1,33 +1,22 @@
-"""A small read-only HTTP server beside the control loop: one thread, few clients, short timeouts.
+"""A small read-only HTTP server beside the control loop, which never waits for it.
 
-The loop never waits for it. Its cost is bounded: clients at a time, clients a second, bytes of a request,
-seconds from a client's first packet to its last.
+Its cost is bounded: clients at a time (a thread each), clients a second, bytes of a request, seconds that a
+client may take to ask and to read.
 """
 
 import contextlib
-import selectors
 import socket
 import threading
 from collections.abc import Callable
-from types import TracebackType
+from http import HTTPStatus
 from typing import Self
 
 from runtime.devices.clock import SystemClock
 
-MOST_CLIENTS = 8
-"""One more ends the one that has been here longest."""
+MOST_CLIENTS = 8  # one more ends the one that has been here longest
 PATIENCE_S = 5.0
-PAUSE_S = 0.02
-"""After each client that is let in, so that no more than fifty a second are."""
+PAUSE_S = 0.02  # after each client that is let in, so that no more than fifty a second are
 MAX_ASK_BYTES = 8192
-PIECE = 65536
-REASONS = {
-    200: "OK",
-    400: "Bad Request",
-    403: "Forbidden",
-    404: "Not Found",
-    405: "Method Not Allowed",
-}
 # No caching, no guessing of media types, no frames; a response ends with its connection.
 ALWAYS = """\
 Cache-Control: no-store\r
@@ -38,33 +27,17 @@ Connection: close\r
 
 
 def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    """A whole HTTP response.
-
-    Args:
-        code: one of `REASONS`.
-        kind: media type of the body.
-        body: what is told.
-        more: further header lines, each with its end.
-    """
-    head = f"HTTP/1.0 {code} {REASONS[code]}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
+    """A whole HTTP response with a body of some media type; `more` are header lines, each with its end."""
+    status = HTTPStatus(code)
+    head = f"HTTP/1.0 {status} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
     return f"{head}{more}{ALWAYS}\r\n".encode() + body
 
 
-class _Client:
-    """One connection: its request so far, and what of the response is still to be sent."""
-
-    def __init__(self, connection: socket.socket, until: float) -> None:
-        connection.setblocking(False)
-        self.connection, self.until = connection, until
-        self.asked = b""
-        self.answer: memoryview | None = None
-
-
 class Server:
-    """Answers requests on a socket in a thread of its own; leaving the context ends it.
+    """Answers requests on a socket that listens, in threads of its own; leaving the context ends it.
 
     Args:
-        listener: listening; closed at the end.
+        listener: closed at the end.
         answer: the whole response to a request's head.
         ask_s: seconds after which an incomplete request is answered, too; None: only complete requests are
             answered, and a client that sends or takes nothing for `PATIENCE_S` is disconnected.
@@ -73,106 +46,73 @@ class Server:
     def __init__(
         self, listener: socket.socket, answer: Callable[[bytes], bytes], ask_s: float | None = None
     ) -> None:
-        listener.setblocking(False)
         self._listener, self._answer, self._ask_s, self._clock = listener, answer, ask_s, SystemClock()
-        self._clients: list[_Client] = []  # the one that came first is the first
-        self._selector = selectors.DefaultSelector()
-        self._stop, stopped = socket.socketpair()
-        self._selector.register(stopped, selectors.EVENT_READ, stopped)
-        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._clients: dict[socket.socket, threading.Thread] = {}  # open ones, the oldest first
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="http", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """End all connections and stop listening."""
-        self._stop.close()
+        self._ended.set()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # ends its `accept`
         self._thread.join()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _serve(self) -> None:
-        with contextlib.ExitStack() as stack:
-            stack.enter_context(self._selector)
-            stack.enter_context(self._listener)
-            stack.callback(self._drop_all)
-            while True:
-                for key, _ in self._selector.select(self._patience()):
-                    if isinstance(key.data, _Client):
-                        self._go_on(key.data)
-                    elif key.data is None:
-                        self._let_in()
-                    else:
-                        key.data.close()
-                        return
-                now = self._clock.now()
-                for client in [client for client in self._clients if client.until <= now]:
-                    self._end_patience(client)
+        with self._listener:
+            while not self._ended.is_set():
+                # Gone again, or no descriptor or thread is left: the pause is for that, too.
+                with contextlib.suppress(OSError, RuntimeError):
+                    self._let_in(self._listener.accept()[0])
+                self._ended.wait(PAUSE_S)
+        for client, thread in tuple(self._clients.items()):
+            self._disconnect(client)
+            thread.join()
 
-    def _patience(self) -> float | None:
-        """Seconds until the first client times out; None without one."""
-        until = min((client.until for client in self._clients), default=None)
-        return None if until is None else max(until - self._clock.now(), 0.0)
+    def _let_in(self, client: socket.socket) -> None:
+        others = tuple(self._clients)
+        if len(others) >= MOST_CLIENTS:
+            self._disconnect(others[0])
+        thread = threading.Thread(target=self._converse, args=(client,), name="http", daemon=True)
+        with self._lock:
+            thread.start()
+            self._clients[client] = thread
 
-    def _end_patience(self, client: _Client) -> None:
-        if self._ask_s is None or client.answer is not None:
-            self._drop(client)
-        else:
-            self._reply(client)
+    def _disconnect(self, client: socket.socket) -> None:
+        """End a connection, and so its thread, unless it has ended already."""
+        with self._lock, contextlib.suppress(OSError):
+            if self._clients.pop(client, None) is not None:
+                client.shutdown(socket.SHUT_RDWR)
 
-    def _let_in(self) -> None:
-        with contextlib.suppress(OSError):  # gone again, or no descriptor is left: the pause is for that too
-            client = _Client(self._listener.accept()[0], self._clock.now() + (self._ask_s or PATIENCE_S))
-            if len(self._clients) == MOST_CLIENTS:
-                self._drop(self._clients[0])
-            self._clients.append(client)
-            self._selector.register(client.connection, selectors.EVENT_READ, client)
-        self._clock.sleep(PAUSE_S)
-
-    def _go_on(self, client: _Client) -> None:
-        """Continue to read or write, whichever this client is ready for."""
-        if client not in self._clients:  # dropped for another one a moment ago
-            return
-        try:
-            more = self._read(client) if client.answer is None else self._write(client, client.answer)
-        except BlockingIOError:
-            more = True
-        except OSError:
-            more = False
-        if not more:
-            self._drop(client)
-
-    def _read(self, client: _Client) -> bool:
-        piece = client.connection.recv(MAX_ASK_BYTES)
-        client.asked += piece
-        if not piece or len(client.asked) > MAX_ASK_BYTES:
-            if self._ask_s is None:
-                return False
-            self._reply(client)
-        elif b"\r\n\r\n" in client.asked or b"\n\n" in client.asked:
-            self._reply(client)
-        return True
-
-    def _reply(self, client: _Client) -> None:
-        client.answer, client.until = memoryview(self._answer(client.asked)), self._clock.now() + PATIENCE_S
-        self._selector.modify(client.connection, selectors.EVENT_WRITE, client)
-
-    def _write(self, client: _Client, answer: memoryview) -> bool:
-        client.answer = answer[client.connection.send(answer[:PIECE]) :]
-        return len(client.answer) > 0
-
-    def _drop_all(self) -> None:
-        for client in tuple(self._clients):
-            self._drop(client)
-
-    def _drop(self, client: _Client) -> None:
-        self._clients.remove(client)
-        self._selector.unregister(client.connection)
+    def _converse(self, client: socket.socket) -> None:
         with contextlib.suppress(OSError):
-            client.connection.shutdown(socket.SHUT_WR)
-        client.connection.close()
+            asked = self._read(client)
+            if asked is not None:
+                client.settimeout(PATIENCE_S)
+                client.sendall(self._answer(asked))
+                client.shutdown(socket.SHUT_WR)
+        with self._lock:
+            self._clients.pop(client, None)
+            client.close()
+
+    def _read(self, client: socket.socket) -> bytes | None:
+        """A request's head, or as much as came of it; None where that is not to be answered."""
+        asked, until = b"", self._clock.now() + (self._ask_s or PATIENCE_S)
+        while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
+            client.settimeout(max(until - self._clock.now(), 1e-3))
+            try:
+                piece = client.recv(MAX_ASK_BYTES)
+            except TimeoutError:
+                piece = b""
+            asked += piece
+            if not piece or len(asked) > MAX_ASK_BYTES:
+                return None if self._ask_s is None else asked
+        return asked

@@ -5,7 +5,6 @@ import socket
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
@@ -18,27 +17,17 @@ if TYPE_CHECKING:
 
 
 class Views(NamedTuple):
-    """Where a run is shown besides the console; None for nowhere.
+    """Where a run is shown besides the console; None for nowhere."""
 
-    Attributes:
-        socket: the status, on this Unix socket.
-        http: a page that follows it, at this `HOST:PORT`.
-        terminal: a picture in place of the console's parts and squeezes.
-    """
-
-    socket: Path | None = None
-    http: str | None = None
-    terminal: TextIO | None = None
+    socket: Path | None = None  # the status, on this Unix socket
+    http: str | None = None  # a page that follows it, at this `HOST:PORT`
+    terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
 
 
 class Monitor:
     """A console that also updates the status and the watchdog; servers and views run within its context.
 
-    Args:
-        console: told everything.
-        loaded: the table's file, for the status.
-        name: what the table is called.
-        views: where else the run is shown. What each needs is loaded only if it is asked for.
+    What each of the views needs is loaded only if it is asked for.
     """
 
     def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
@@ -99,22 +88,17 @@ class Monitor:
             self._stack = opened.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         notify("STOPPING=1")
         self._stack.close()
 
     def _serve(self, text: str, stack: ExitStack) -> None:
         from runtime.monitoring.live import page
-        from runtime.monitoring.live.answers import Answers
-        from runtime.monitoring.live.server import PageServer, is_loopback, parse
+        from runtime.monitoring.live.server import PageServer, parse
 
-        at = parse(text)
-        local = is_loopback(at.host)
-        answers = Answers(page.pages(self._table, Path(self._name).name, self._status), local=local)
-        server = stack.enter_context(PageServer(at, answers))
-        open_to = "" if local else ", for everybody who reaches this machine"
+        pages = page.pages(self._table, Path(self._name).name, self._status)
+        server = stack.enter_context(PageServer(parse(text), pages))
+        open_to = "" if server.local else ", for everybody who reaches this machine"
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
 

@@ -2,24 +2,18 @@
 
 import threading
 from collections import Counter, deque
+from collections.abc import Mapping
 from typing import Any
 
 from runtime.execution.events import Phase
 from runtime.table import PPM
 from runtime.traversal.results import Outcome, PartResult, Step
 
-RECENT = 10
-"""Parts that a snapshot remembers one by one."""
+RECENT = 10  # parts that a snapshot remembers one by one
 
 
 class Status:
-    """The snapshot, fed by the loop and read by any thread.
-
-    Args:
-        table: name of the table, for the reader.
-        table_sha256: digest of its bytes.
-        predicted_ppm: share of parts within the goal that its evaluation measured.
-    """
+    """The snapshot of a table, by its name and digest, fed by the loop and read by any thread."""
 
     def __init__(self, table: str, table_sha256: str, predicted_ppm: int) -> None:
         self._lock = threading.Lock()
@@ -83,41 +77,24 @@ class Status:
     def as_metrics(self) -> str:
         """The snapshot in Prometheus' text format 0.0.4."""
         with self._lock:
-            blocks = [
-                _metric("squeezes_total", "counter", "Squeezes so far.", {"": self._squeezes}),
-                _metric("part", "gauge", "Number of the part under way.", {"": self._part}),
-                _metric(
-                    "parts_total",
-                    "counter",
-                    "Parts by outcome.",
-                    {f'outcome="{outcome.value}"': self._outcomes[outcome] for outcome in Outcome},
-                ),
-                _metric(
-                    "phase",
-                    "gauge",
-                    "1 for what the cell is doing.",
-                    {f'phase="{phase.value}"': int(phase is self._phase) for phase in Phase},
-                ),
-                _metric(
-                    "leaves_total",
-                    "counter",
-                    "Parts by the leaf they ended at.",
-                    {f'leaf="{leaf}"': count for leaf, count in sorted(self._leaves.items())},
-                ),
-                _metric(
-                    "audits_total",
-                    "counter",
-                    "Parts by the auditor's verdict.",
-                    {f'verdict="{verdict}"': count for verdict, count in sorted(self._audits.items())},
-                ),
-                _metric(
-                    "predicted_success_ratio",
-                    "gauge",
-                    "Share within the goal that the table promises.",
-                    {"": self._predicted_ppm / PPM},
-                ),
-            ]
-        return "".join(blocks)
+            outcomes = {outcome.value: self._outcomes[outcome] for outcome in Outcome}
+            phases = {phase.value: int(phase is self._phase) for phase in Phase}
+            leaves, audits = dict(sorted(self._leaves.items())), dict(sorted(self._audits.items()))
+            share = {"": self._predicted_ppm / PPM}
+            metrics = (
+                ("squeezes_total", "counter", "Squeezes so far.", {"": self._squeezes}),
+                ("part", "gauge", "Number of the part under way.", {"": self._part}),
+                ("parts_total", "counter", "Parts by outcome.", _labelled("outcome", outcomes)),
+                ("phase", "gauge", "1 for what the cell is doing.", _labelled("phase", phases)),
+                ("leaves_total", "counter", "Parts by the leaf they ended at.", _labelled("leaf", leaves)),
+                ("audits_total", "counter", "Parts by the auditor's verdict.", _labelled("verdict", audits)),
+                ("predicted_success_ratio", "gauge", "Share within the goal that the table promises.", share),
+            )
+        return "".join(_metric(*metric) for metric in metrics)
+
+
+def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
+    return {f'{label}="{name}"': value for name, value in values.items()}
 
 
 def _metric(name: str, kind: str, told: str, values: dict[str, float]) -> str:

@@ -21,11 +21,7 @@ ASK_S = 0.25  # how long a client may take to say what it wants
 
 
 class StatusServer(Server):
-    """Answers for a status on a Unix socket, in a thread of its own; leaving the context ends it.
-
-    Args:
-        path: the socket's path; one that nobody listens at any more is replaced.
-        status: what is told.
+    """Answers for a status on a Unix socket; one that nobody listens at any more is replaced.
 
     Raises:
         ArgumentsError: the socket cannot be made there, or somebody else listens.

@@ -23,8 +23,7 @@ OURS = frozenset({"planner", "runtime", "drivers"})
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
-_lost: list[OSError] = []
-"""Why lines of standard output are lost, since `run` began."""
+_lost: list[OSError] = []  # why lines of standard output are lost, since `run` began
 
 
 class Parser(argparse.ArgumentParser):
@@ -51,7 +50,7 @@ class Parser(argparse.ArgumentParser):
         self.add_debug()
 
     def add_debug(self) -> None:
-        """Add --debug."""
+        """Add --debug alone."""
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 
@@ -61,7 +60,7 @@ def run(
     body: Callable[[argparse.Namespace], int],
     stopped: tuple[int, str] = (INTERRUPTED, "interrupted"),
 ) -> int:
-    """Run a command; every error becomes one line on standard error and an exit code.
+    """Run a command; every error becomes one line on standard error and an exit code, which is returned.
 
     An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
     connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
@@ -73,9 +72,6 @@ def run(
         argv: the arguments, without the command's name; None for the process's own.
         body: does the work and returns the exit code.
         stopped: exit code and sentence of a KeyboardInterrupt.
-
-    Returns:
-        The exit code.
 
     Raises:
         SystemExit: of the parser, for --help and for arguments that are not understood.
@@ -93,16 +89,9 @@ def run(
 
 
 def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
-    """Import the module of a command and run its `main`; say what to install where the extra is missing.
+    """Import the module of a command and run its `main` on its arguments, None for the process's own.
 
-    Args:
-        name: of the command.
-        module: its module.
-        extra: the extra of squeezetree that it needs.
-        argv: its arguments; None for the process's own.
-
-    Returns:
-        The exit code: 2 without the extra.
+    Where the module needs an extra of squeezetree that is missing, say what to install, and return 2.
     """
     try:
         loaded = import_module(module)
@@ -123,10 +112,6 @@ def say(line: str, file: TextIO | None = None) -> None:
     """Print a line at once; that nobody reads it or the disk is full must not stop a cell.
 
     What standard output has lost is told by `run` at the command's end.
-
-    Args:
-        line: what to print.
-        file: None for standard output.
     """
     file = file or sys.stdout
     try:
@@ -137,8 +122,7 @@ def say(line: str, file: TextIO | None = None) -> None:
 
 def tell(name: str, words: object) -> None:
     """Print what is wrong as one line on standard error, if there is one."""
-    with contextlib.suppress(OSError):
-        print(f"{name}: {one_line(words)}", file=sys.stderr, flush=True)
+    say(f"{name}: {one_line(words)}", sys.stderr)
 
 
 def told(error: BaseException) -> str:
@@ -214,7 +198,6 @@ def _guarded(
 
 
 def _end_of(error: BaseException) -> tuple[int, str]:
-    """Exit code and sentence of an error."""
     code = getattr(error, "exit_code", None)
     if isinstance(code, int):
         return code, told(error)

@@ -24,15 +24,12 @@ class OutputError(OSError):
 
 
 def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
-    """Check, before the work is done, that an output file may be written.
+    """Check, before the work is done, that an output file may be written; returns its path.
 
     Args:
         path: the file; it need not be there.
         others: files that the command reads, or writes besides; None for an option that was not given.
         stdout: whether standard output will do.
-
-    Returns:
-        The path.
 
     Raises:
         OutputError: it is a link, a folder, a device or one of the others, or may not be written.
@@ -52,14 +49,11 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
 
 
 def folder(path: Path, *others: Path | None) -> Path:
-    """Make a folder for output files, before the work is done.
+    """Make a folder for output files, before the work is done; returns its path.
 
     Args:
         path: the folder; it may be there.
         others: folders that the command reads, as in `usable`.
-
-    Returns:
-        The path.
 
     Raises:
         OutputError: it cannot be made, or is one of the others.
@@ -76,10 +70,9 @@ def folder(path: Path, *others: Path | None) -> Path:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Yields a draft to write to, of the same suffix; it takes the file's place when all went well.
+    """Yields a draft to write to, of the same suffix; when all went well it takes the file's place.
 
-    Args:
-        path: the file, or one of `STDOUT`, to which the draft is then copied.
+    Where the path is one of `STDOUT`, the draft is copied there.
 
     Raises:
         OutputError: it cannot be written.
@@ -98,7 +91,7 @@ def writing(path: Path) -> Iterator[Path]:
         os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
         try:
             yield draft
-            _bring_to_disk(draft)
+            bring_to_disk(draft)
             usable(path)
             draft.replace(path)
         finally:  # Ctrl-C, too, must not leave a draft behind
@@ -119,11 +112,7 @@ def words_of(path: Path) -> TextIO:
 
 
 def _objection(path: Path) -> str:
-    """Why a file cannot be written, "" if it can.
-
-    Raises:
-        OSError: it cannot even be looked at.
-    """
+    """Why a file cannot be written, "" if it can; OSError where it cannot even be looked at."""
     if path in STDOUT:
         return "this command has no use for standard output"
     if not path.parent.is_dir():
@@ -152,7 +141,8 @@ def same(one: Path, other: Path) -> bool:
         return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _bring_to_disk(path: Path) -> None:
+def bring_to_disk(path: Path) -> None:
+    """Wait until a file, or a folder's list of files, is on the disk."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

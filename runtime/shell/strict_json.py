@@ -9,10 +9,7 @@ MOST_DIGITS = 19
 
 
 def parse(text: str | bytes) -> Any:
-    """Read JSON whose numbers are finite, its integers short, and which is not nested deeply.
-
-    Args:
-        text: UTF-8 where it is bytes.
+    """Read JSON (UTF-8) whose numbers are finite, its integers short, and which is not nested deeply.
 
     Raises:
         ValueError: it is no such JSON; the sentence says why, and reads on after "is ".

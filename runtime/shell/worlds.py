@@ -37,12 +37,7 @@ def find_factory(name: str) -> Factory:
 
 
 def make_world(factory: Factory, subject: object, seed: int) -> Any:
-    """What a factory returns.
-
-    Args:
-        factory: of the world.
-        subject: handed to it: the job, or the table for a rehearsal.
-        seed: handed to it.
+    """What a factory returns for a subject (the job, or the table for a rehearsal) and a seed.
 
     Raises:
         WorldError: it fails, or what it returns cannot squeeze.

@@ -7,15 +7,10 @@ After an alarm a chart is reset: a fault that persists alarms again, one that wa
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import log, sqrt
-
-from runtime.spc.distributions import binomial_tail, chi_square_tail
+from math import comb, erfc, exp, lgamma, log, sqrt
 
 WINDOW = 50  # parts that shares are taken over
-WINDOWS = (
-    50,
-    200,
-)  # parts of frequencies: the short window finds large changes soon, the long one small ones
+WINDOWS = (50, 200)  # parts of frequencies: the short one finds large changes soon, the long one small ones
 RARE = 1e-5  # false-alarm probability of a window
 UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
@@ -30,14 +25,11 @@ class Cusum:
     shifted by little of its scatter, weighs little.
 
     Attributes:
-        shift: to be found, in the unit of the deviations.
-        limit: log-likelihood ratio at which it alarms.
-        up: sum for a shift upwards.
-        down: sum for a shift downwards.
+        up, down: sums for a shift either way.
     """
 
-    shift: float
-    limit: float = 12.0
+    shift: float  # to be found, in the unit of the deviations
+    limit: float = 12.0  # log-likelihood ratio at which it alarms
     up: float = 0.0
     down: float = 0.0
 
@@ -55,16 +47,10 @@ class Cusum:
 
 @dataclass(slots=True)
 class Ewma:
-    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959).
+    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959)."""
 
-    Attributes:
-        weight: of the newest value.
-        width: of the limits, standard deviations of the mean.
-        mean: now.
-    """
-
-    weight: float = 0.1
-    width: float = 5.0
+    weight: float = 0.1  # of the newest value
+    width: float = 5.0  # of the limits, standard deviations of the mean
     mean: float = 0.0
 
     @property
@@ -84,12 +70,7 @@ class Ewma:
 
 @dataclass(slots=True)
 class BinomialWindowChart:
-    """Number of the last parts with a property, against the predicted share (binomial test).
-
-    Attributes:
-        expected: predicted share.
-        recent: the last `WINDOW` parts.
-    """
+    """Number of the last `WINDOW` parts with a property, against the expected share (binomial test)."""
 
     expected: float
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -105,61 +86,50 @@ class BinomialWindowChart:
 
 @dataclass(slots=True)
 class GTestChart:
-    """Branches that the last parts took, against the shares that the table predicts (G test).
-
-    Attributes:
-        shares: predicted shares of each node's branches.
-        window: number of parts.
-        recent: the last parts' (node, branch) pairs.
-    """
+    """Branches (node, branch) that the last parts took, against predicted shares (G test)."""
 
     shares: Sequence[Sequence[float]]
-    window: int = WINDOW
-    recent: deque[tuple[tuple[int, int], ...]] = field(default_factory=deque)
+    window: int
+    recent: deque[tuple[tuple[int, int], ...]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
         """Take one part in; whether this is an alarm."""
         self.recent.append(taken)
-        if len(self.recent) > self.window:
-            self.recent.popleft()
-        if len(self.recent) < self.window // 2 or self.fit()[2] > UNLIKELY:
+        if len(self.recent) < self.window // 2 or self._tail() > UNLIKELY:
             return False
         self.recent.clear()
         return True
 
-    def fit(self) -> tuple[float, int, float]:
-        """Likelihood ratio of the window over all nodes, its degrees of freedom, and its tail probability."""
+    def _tail(self) -> float:
+        """Tail probability of the window's likelihood ratio over all nodes."""
         counts = [[0] * len(shares) for shares in self.shares]
         for part in self.recent:
             for node, branch in part:
                 counts[node][branch] += 1
         pairs = [likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)]
-        statistic, freedom = sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs)
-        return statistic, freedom, chi_square_tail(statistic, freedom)
+        return chi_square_tail(sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs))
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic and its degrees of freedom; cells of small expected counts are pooled.
-
-    Args:
-        counts: of each branch.
-        shares: predicted, need not add up to one.
-    """
-    filled = cells(counts, shares)
+    """Pearson's statistic of counts against shares (which need not add up to one), and its freedom."""
+    filled = _cells(counts, shares)
     return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(len(filled) - 1, 0)
 
 
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Twice the logarithm of the likelihood ratio (the G statistic), chi-square distributed as Pearson's is.
+    """Twice the logarithm of the likelihood ratio (the G statistic), and its degrees of freedom.
 
-    In short windows it detects a branch that is no longer taken far sooner.
+    In short windows it detects a branch that is no longer taken far sooner than Pearson's.
     """
-    filled = cells(counts, shares)
+    filled = _cells(counts, shares)
     gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
     return max(gain, 0.0), max(len(filled) - 1, 0)
 
 
-def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
+def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
     """Observed and expected counts, those of small expectation pooled."""
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
@@ -179,3 +149,26 @@ def cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, f
         smallest = min(range(len(filled)), key=lambda k: filled[k][1])
         filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
     return filled
+
+
+def binomial_tail(least: int, trials: int, share: float) -> float:
+    """Probability of at least so many among so many trials."""
+    if least <= 0:
+        return 1.0
+    terms = (comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1))
+    return min(1.0, sum(terms))
+
+
+def chi_square_tail(statistic: float, freedom: int) -> float:
+    """Probability that a chi-square variable exceeds the statistic; 1 without degrees of freedom.
+
+    For whole degrees of freedom it is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+    """
+    if freedom <= 0 or statistic <= 0.0:
+        return 1.0
+    x = 0.5 * statistic
+    a, tail = (0.5, erfc(sqrt(x))) if freedom % 2 else (1.0, exp(-x))
+    while a < 0.5 * freedom:
+        tail += exp(a * log(x) - x - lgamma(a + 1.0))
+        a += 1.0
+    return min(tail, 1.0)

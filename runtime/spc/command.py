@@ -2,16 +2,15 @@
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from runtime.journal.export import Row, write_rows
 from runtime.shell.command import Parser, run
 from runtime.shell.files import usable, writing
-from runtime.spc import expectation, export
-from runtime.spc.expectation import Expectation
-from runtime.spc.history import History, read
+from runtime.spc import expectation
+from runtime.spc.history import RESIDUAL, History, Part, read
 from runtime.spc.page import page
-from runtime.spc.series import all_series
 from runtime.spc.summary import Summary, summarise
 
 EPILOG = """\
@@ -25,6 +24,13 @@ exit codes:
   30 the table in a journal is refused   130 interrupted (Ctrl-C)
 """
 ALARMED = 13
+COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *RESIDUAL, "alarms")
+# A column without a single value has its type all the same, so that the files of many reports fit together.
+KINDS = {
+    **dict.fromkeys(COLUMNS, "string"),
+    **dict.fromkeys(("index", "part", "leaf", "squeezes"), "int64"),
+    **dict.fromkeys(RESIDUAL, "float64"),
+}
 
 
 def parser() -> Parser:
@@ -45,18 +51,10 @@ def parser() -> Parser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    return run(parser(), arguments, report)
+    return run(parser(), arguments, _report)
 
 
-def report(options: argparse.Namespace) -> int:
-    """Read, judge, write, and print the figures.
-
-    Returns:
-        0, or 13 where a chart alarms.
-
-    Raises:
-        CellError: a file cannot be used.
-    """
+def _report(options: argparse.Namespace) -> int:
     inputs = (*options.journals, options.expected)
     for output, other in ((options.output, None), (options.export, options.output)):
         if output is not None:
@@ -64,34 +62,36 @@ def report(options: argparse.Namespace) -> int:
     history = read(options.journals)
     expected = None if options.expected is None else expectation.load(options.expected)
     summary = summarise(history, expected)
-    write(options, history, summary, expected)
-    print(json.dumps(summary.fields()) if options.json else "\n".join(lines(summary)))
+    _write(options, history, summary)
+    print(json.dumps(summary.fields()) if options.json else "\n".join(_lines(summary)))
     return ALARMED if summary.alarms else 0
 
 
-def write(
-    options: argparse.Namespace, history: History, summary: Summary, expected: Expectation | None
-) -> None:
-    """Write the files that were asked for.
-
-    Raises:
-        ArgumentsError: one has a name of no format that is known.
-        OutputError: one cannot be written.
-    """
+def _write(options: argparse.Namespace, history: History, summary: Summary) -> None:
     if options.export is not None:
         alarms: dict[int, list[str]] = {}
         for alarm in summary.alarms:
             alarms.setdefault(alarm.place, []).append(alarm.chart)
-        export.write(export.rows(history.parts, alarms), options.export)
+        write_rows(rows(history.parts, alarms), options.export, "--export", COLUMNS, KINDS)
     if options.output is not None:
         first = history.parts[0].time[:10]
         title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"
         with writing(options.output) as draft:
-            draft.write_text(page(title, summary, all_series(history, expected)), encoding="utf-8")
+            draft.write_text(page(title, summary), encoding="utf-8")
 
 
-def lines(summary: Summary) -> list[str]:
-    """The figures in words."""
+def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
+    """One row a part, with the names of the charts that alarmed at its index; None is not known."""
+    for index, part in enumerate(parts):
+        values = (
+            *(index, part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes)),
+            *(part.residual or (None, None, None)),
+            " ".join(alarms.get(index, ())),
+        )
+        yield dict(zip(COLUMNS, values, strict=True))
+
+
+def _lines(summary: Summary) -> list[str]:
     told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
     if summary.verdicts:
         told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))

@@ -15,10 +15,9 @@ from typing import Any
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import Table
+from runtime.table import COUNTS, Table
 
 KIND, VERSION = "expected readings", 1
-COUNTS = 256
 PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift
@@ -28,24 +27,14 @@ Shares = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Shares of readings.
+    """Shares of readings in several worlds, the planned one first."""
 
-    Attributes:
-        table_sha256: of the table they are of.
-        names: of the worlds, the planned one first.
-        shares: for each world, (nodes, 256), none of them zero.
-    """
-
-    table_sha256: str
+    table_sha256: str  # of the table they are of
     names: tuple[str, ...]
-    shares: tuple[Shares, ...]
+    shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
 
     def check(self, history: History) -> None:
-        """Check that this is of the table of a history.
-
-        Raises:
-            ArgumentsError: it is not.
-        """
+        """Raises ArgumentsError unless this is of the table of a history."""
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
             raise ArgumentsError(
@@ -62,18 +51,12 @@ class Expectation:
 
 @dataclass(slots=True)
 class ShiryaevRoberts:
-    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics.
-
-    Attributes:
-        expected: the shares.
-        sums: the statistic of each other world.
-    """
+    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics."""
 
     expected: Expectation
     sums: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Set all statistics to zero."""
         self.sums = [0.0] * (len(self.expected.names) - 1)
 
     @property
@@ -82,11 +65,7 @@ class ShiryaevRoberts:
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
-        """Take one part in.
-
-        Returns:
-            The name of the likeliest other world where this is an alarm, else None.
-        """
+        """Take one part in; the name of the likeliest other world where this is an alarm, else None."""
         gains = self.expected.gains(table, part)
         self.sums = [(1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)]
         if self.value < LIMIT:

@@ -1,10 +1,9 @@
 """The parts of one or several journals, and the table that they were run with."""
 
 import base64
-import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,13 +16,7 @@ RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Squeezed(NamedTuple):
-    """One squeeze.
-
-    Attributes:
-        node: index of the node.
-        branch: index of the branch taken, None for a reject.
-        width_um: as read.
-    """
+    """A reading at a node, and the index of the branch that it took, None for a reject."""
 
     node: int
     branch: int | None
@@ -32,72 +25,29 @@ class Squeezed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One part, from its first squeeze to its end.
-
-    Attributes:
-        number: as the run counted it.
-        squeezes: in order.
-        outcome: "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off.
-        leaf: index of the leaf, None without one.
-        verdict: "pass", "fail", "unknown", None where it was not audited.
-        residual: measured less predicted pose (mm, mm, rad), None where it was not measured.
-        time: of its end, ISO 8601.
-    """
+    """One part, from its first squeeze to its end."""
 
     number: int
     squeezes: tuple[Squeezed, ...] = ()
-    outcome: str = ""
+    outcome: str = ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
     leaf: int | None = None
-    verdict: str | None = None
+    verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
+    # measured less predicted pose (mm, mm, rad), None where it was not measured.
     residual: tuple[float, float, float] | None = None
-    time: str = ""
+    time: str = ""  # of its end, ISO 8601
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Parts in the order in which they were run, and their table.
-
-    Attributes:
-        table: of all of them.
-        parts: in order.
-        table_sha256: digest of the table's bytes; "" where it did not come from a journal.
-    """
+    """Parts in the order in which they were run, their table, and its digest: "" if not from a journal."""
 
     table: Table
     parts: tuple[Part, ...]
     table_sha256: str = ""
 
 
-@dataclass(slots=True)
-class _Running:
-    """A part that has not ended yet."""
-
-    number: int
-    squeezes: list[Squeezed] = field(default_factory=list)
-    audit: Entry = field(default_factory=dict)
-
-    def ended(self, entry: Entry, table: Table) -> Part:
-        residual = tuple(_number(self.audit.get(name)) for name in RESIDUAL)
-        measured = None if None in residual else residual
-        verdict, leaf = self.audit.get("verdict", entry.get("audit")), entry.get("leaf")
-        if isinstance(leaf, int) and not 0 <= leaf < len(table.leaves):
-            raise IndexError(leaf)
-        return Part(
-            self.number,
-            tuple(self.squeezes),
-            str(entry.get("outcome", "")),
-            leaf if isinstance(leaf, int) else None,
-            None if verdict is None else str(verdict),
-            measured,  # type: ignore[arg-type]
-            str(entry.get("time", "")),
-        )
-
-
 def read(paths: Sequence[Path]) -> History:
     """The history in journals, one after the other.
-
-    Args:
-        paths: at least one; all of runs of one table.
 
     Raises:
         JournalError: one cannot be read, or does not verify.
@@ -107,18 +57,33 @@ def read(paths: Sequence[Path]) -> History:
     digest = ""
     parts: list[Part] = []
     for path in paths:
-        for found, data in _runs(_whole_records(path)):
-            name = hashlib.sha256(data).hexdigest()
-            if table is None:
-                table, digest = loads(data), name
-            elif name != digest:
-                raise ArgumentsError(f"journal {path}: is of another table; report on one table at a time")
-            try:
-                parts.extend(_parts(found, table))
-            except (KeyError, ValueError, IndexError) as error:
-                raise JournalError(
-                    path, "holds a squeeze or a leaf that is none of its table's; leave it out"
-                ) from error
+        running: Part | None = None
+        audit: Entry = {}
+        try:
+            for entry in _whole_records(path):
+                kind = entry["kind"]
+                if kind == "header":
+                    if table is None:
+                        digest = str(entry["table_sha256"])
+                        table = loads(base64.b64decode(str(entry["table_base64"])))
+                    elif digest != entry["table_sha256"]:
+                        told = "is of another table; report on one table at a time"
+                        raise ArgumentsError(f"journal {path}: {told}")
+                    running = None
+                elif kind == "part":
+                    running, audit = Part(_whole(entry["part"])), {}
+                elif table is None or running is None:
+                    continue
+                elif kind == "squeeze":
+                    running = replace(running, squeezes=(*running.squeezes, _squeezed(entry, table)))
+                elif kind == "audit":
+                    audit = entry
+                elif kind == "outcome":
+                    parts.append(_ended(running, audit, entry, table))
+                    running = None
+        except (KeyError, ValueError, IndexError) as error:
+            told = "holds a squeeze or a leaf that is none of its table's; leave it out"
+            raise JournalError(path, told) from error
     if table is None or not parts:
         raise ArgumentsError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)
@@ -130,36 +95,19 @@ def _whole_records(path: Path) -> Iterator[Entry]:
         yield from records(path)
 
 
-def _runs(entries: Iterable[Entry]) -> Iterable[tuple[list[Entry], bytes]]:
-    """The records of each run, and the table in its header."""
-    run: list[Entry] = []
-    data = b""
-    for entry in entries:
-        if entry["kind"] == "header":
-            if run:
-                yield run, data
-            run, data = [], base64.b64decode(str(entry.get("table_base64", "")))
-        else:
-            run.append(entry)
-    if data:
-        yield run, data
-
-
-def _parts(run: Iterable[Entry], table: Table) -> Iterable[Part]:
-    part: _Running | None = None
-    for entry in run:
-        kind = entry["kind"]
-        if kind == "part":
-            part = _Running(_whole(entry["part"]))
-        elif part is None:
-            continue
-        elif kind == "squeeze":
-            part.squeezes.append(_squeezed(entry, table))
-        elif kind == "audit":
-            part.audit = entry
-        elif kind == "outcome":
-            yield part.ended(entry, table)
-            part = None
+def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
+    x, y, theta = (_number(audit.get(name)) for name in RESIDUAL)
+    verdict, leaf = audit.get("verdict", entry.get("audit")), entry.get("leaf")
+    if isinstance(leaf, int) and not 0 <= leaf < len(table.leaves):
+        raise IndexError(leaf)
+    return replace(
+        part,
+        outcome=str(entry.get("outcome", "")),
+        leaf=leaf if isinstance(leaf, int) else None,
+        verdict=None if verdict is None else str(verdict),
+        residual=None if x is None or y is None or theta is None else (x, y, theta),
+        time=str(entry.get("time", "")),
+    )
 
 
 def _squeezed(entry: Entry, table: Table) -> Squeezed:

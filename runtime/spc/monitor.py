@@ -1,15 +1,14 @@
 """All charts over a history: what each of them shows, and where it alarms."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from math import hypot, inf, sqrt
+from dataclasses import dataclass, field
+from math import hypot, inf, log1p, sqrt
 from typing import NamedTuple
 
 from runtime.spc.charts import WINDOWS, BinomialWindowChart, Cusum, Ewma, GTestChart
-from runtime.spc.distributions import wilson
-from runtime.spc.expectation import Expectation, ShiryaevRoberts
+from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import PPM, Branch, Leaf, Table
+from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
 
 WIDTH_SHIFT_UM = 700.0  # worn fingers, a slipped encoder: two counts
 LEAST_WIDTH_SIGMA_UM = 150.0
@@ -20,14 +19,7 @@ COORDINATES = ("x", "y", "theta")
 
 
 class Alarm(NamedTuple):
-    """A chart out of control.
-
-    Attributes:
-        place: of the part in the history.
-        number: of the part in its run.
-        chart: which.
-        sentence: what it means, and what to look at.
-    """
+    """A chart out of control at a part, by its place in the history and its number in its run."""
 
     place: int
     number: int
@@ -51,10 +43,7 @@ MEANING = {
 
 @dataclass(slots=True)
 class Monitor:
-    """The charts of one table; sees one part after the other.
-
-    `readings` is there only where it is known what to expect of them.
-    """
+    """The charts of one table; sees one part after the other."""
 
     table: Table
     widths: Cusum
@@ -62,65 +51,77 @@ class Monitor:
     failures: BinomialWindowChart
     rejects: BinomialWindowChart
     residuals: tuple[Ewma, Ewma, Ewma]
-    readings: ShiryaevRoberts | None = None
+    readings: ShiryaevRoberts | None = None  # only where it is known what to expect of them
+    # values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals (named
+    # as `COORDINATES`) an audited part, of the readings a part.
+    lines: dict[str, list[float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
         """Charts without data."""
         predicted = table.predicted
-        _, failed = wilson(round((PPM - predicted.success_ppm) / PPM * predicted.trials), predicted.trials)
-        _, rejected = wilson(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
+        _, rejected = wilson_interval(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
         shares = branch_shares(table)
         return cls(
             table,
             Cusum(WIDTH_SHIFT_UM),
             tuple(GTestChart(shares, window) for window in WINDOWS),
-            BinomialWindowChart(max(failed, LEAST_SHARE)),
+            BinomialWindowChart(failure_share(predicted)),
             BinomialWindowChart(max(rejected, LEAST_SHARE)),
             (Ewma(), Ewma(), Ewma()),
             None if expected is None else ShiryaevRoberts(expected),
+            {name: [] for name in ("wider", "narrower", *COORDINATES, "friction")},
         )
+
+    def watch(self, history: History) -> Iterator[Alarm]:
+        """All alarms of a history of this table, in order.
+
+        Raises:
+            ArgumentsError: what is expected of the readings is of another table.
+        """
+        if self.readings is not None:
+            self.readings.expected.check(history)
+        for place, part in enumerate(history.parts):
+            for chart, sentence in self.add(part):
+                yield Alarm(place, part.number, chart, sentence)
 
     def add(self, part: Part) -> list[tuple[str, str]]:
         """Take one part in; the charts that alarm, each with its sentence."""
         found = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
-        if self.readings is not None and (world := self.readings.add(self.table, part)) is not None:
-            found.append(("readings", MEANING["readings"].format(world)))
+        if self.readings is not None:
+            world = self.readings.add(self.table, part)
+            self.lines["friction"].append(log1p(self.readings.value if world is None else LIMIT))
+            if world is not None:
+                found.append(("readings", MEANING["readings"].format(world)))
         return found
 
-    def _alarmed(self, part: Part) -> list[str]:
-        found = []
-        shifted = [self.widths.add(*deviation(self.table, squeeze)) for squeeze in part.squeezes]
-        if any(shifted):
-            found.append("widths")
+    def _alarmed(self, part: Part) -> Iterator[str]:
+        shifted = False
+        for squeeze in part.squeezes:
+            shifted |= self.widths.add(*deviation(self.table, squeeze))
+            self.lines["wider"].append(self.widths.up)
+            self.lines["narrower"].append(-self.widths.down)
+        if shifted:
+            yield "widths"
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
         strange = [chart.add(taken) for chart in self.branches]
         if any(strange):
-            found.append("branches")
+            yield "branches"
         if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
-            found.append("failures")
+            yield "failures"
         if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(part.outcome == "reject"):
-            found.append("rejects")
-        for name, chart, value in zip(
-            COORDINATES, self.residuals, standardised(self.table, part), strict=False
-        ):
+            yield "rejects"
+        values = standardised(self.table, part)
+        for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
             if chart.add(value):
-                found.append(f"residual {name}")
-        return found
+                yield f"residual {name}"
+            self.lines[name].append(chart.mean)
 
 
-def watch(history: History, expected: Expectation | None = None) -> Iterator[Alarm]:
-    """All alarms of a history, in order; of the readings too where it is known what to expect of them.
-
-    Raises:
-        ArgumentsError: the expectation is of another table.
-    """
-    if expected is not None:
-        expected.check(history)
-    monitor = Monitor.of(history.table, expected)
-    for index, part in enumerate(history.parts):
-        for chart, sentence in monitor.add(part):
-            yield Alarm(index, part.number, chart, sentence)
+def failure_share(predicted: Prediction) -> float:
+    """Upper end of the interval of failures that a table's evaluation leaves open."""
+    failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
+    return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 
 
 def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:

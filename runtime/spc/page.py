@@ -1,51 +1,42 @@
 """The report as one HTML page: no script, no network, pictures inline."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from math import degrees
+from pathlib import Path
+from string import Template
 
-from runtime.spc.series import Series, thinned
-from runtime.spc.summary import LeafRow, NodeRow, Summary
+from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
+
+TEMPLATE = Path(__file__).parent / "report.html"
 
 # Okabe and Ito's palette: told apart whatever one's eyes.
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 WIDTH, HEIGHT, LEFT, TOP, EDGE = 760.0, 202.0, 46.0, 26.0, 14.0
-STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a }
-body { max-width: 860px; margin: 2em auto; padding: 0 1em }
-h1 { font-size: 1.35em } h2 { font-size: 1.05em; margin-top: 1.8em }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums }
-th, td { padding: .15em .8em; text-align: right; border-bottom: 1px solid #e2e2e2 }
-th { font-weight: 600 } svg { width: 100%; overflow: visible }
-polyline { vector-effect: non-scaling-stroke } @media (max-width: 600px) { svg { font-size: 20px } }
-.wide { overflow-x: auto } .wide td { white-space: nowrap }
-.good { color: #00734f } .bad { color: #b34700; font-weight: 600 }
-""".strip()
+MOST_POINTS = 1200  # of a line
 
 
-def page(title: str, summary: Summary, charts: Iterable[Series]) -> str:
-    """The whole page."""
-    body = "\n".join(
-        [
-            f"<h1>{escape(title)}</h1>",
-            *_verdict(summary),
-            *_alarms(summary),
-            *(part for chart in charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
-            "<h2>Residuals by leaf</h2>",
-            _table(
-                ("leaf", "parts", "passed", "predicted", "x mm", "y mm", "theta deg"),
-                map(_leaf, summary.leaves),
-            ),
-            "<h2>Branches against the table</h2>",
-            f"<p>Chi-square over all nodes: p = {summary.tail:.3g}.</p>",
-            _table(("node", "taken", "predicted %", "rejects", "chi-square", "p"), map(_node, summary.nodes)),
-        ]
-    )
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{STYLE}\n</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+def page(title: str, summary: Summary) -> str:
+    """The whole page.
+
+    Args:
+        title: of the page.
+        summary: what it says.
+    """
+    body = [
+        *_verdict(summary),
+        *_alarms(summary),
+        *(part for chart in summary.charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
+        "<h2>Residuals by leaf</h2>",
+        _table(
+            ("leaf", "parts", "passed", "predicted", "x mm", "y mm", "theta deg"),
+            map(_leaf, summary.leaves),
+        ),
+        "<h2>Branches against the table</h2>",
+        f"<p>Chi-square over all nodes: p = {summary.tail:.3g}.</p>",
+        _table(("node", "taken", "predicted %", "rejects", "chi-square", "p"), map(_node, summary.nodes)),
+    ]
+    return Template(TEMPLATE.read_text("utf-8")).substitute(title=escape(title), body="\n".join(body))
 
 
 def picture(chart: Series) -> str:
@@ -75,6 +66,14 @@ def picture(chart: Series) -> str:
     drawn.append(word(LEFT - 5, HEIGHT - EDGE + 4, f"{low:.3g}"))
     drawn.append(word(WIDTH - EDGE, HEIGHT + 14, f"{chart.step} {count}"))
     return "\n".join([*drawn, "</svg>"])
+
+
+def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
+    """Thin values for drawing: of each stretch, index and value of the one farthest from zero."""
+    stretch = max(1, -(-len(values) // MOST_POINTS))
+    points = list(enumerate(values))
+    starts = range(0, len(points), stretch)
+    return [max(points[start : start + stretch], key=lambda point: abs(point[1])) for start in starts]
 
 
 def _verdict(summary: Summary) -> Iterator[str]:

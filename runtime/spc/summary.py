@@ -1,18 +1,29 @@
-"""The figures of a report: success against the table's prediction, residuals by leaf, fit of the branches."""
+"""What a report says: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import log1p
+from statistics import fmean, stdev
 from typing import NamedTuple
 
-from runtime.spc.charts import chi_square
-from runtime.spc.distributions import chi_square_tail, wilson
-from runtime.spc.expectation import Expectation
+from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
+from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part
-from runtime.spc.monitor import Alarm, branch_counts, branch_shares, watch
-from runtime.table import PPM
+from runtime.spc.monitor import COORDINATES, Alarm, Monitor, branch_counts, branch_shares, failure_share
+from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
+GROUP = 50  # audited parts of one point of the p-chart
+
+
+class Series(NamedTuple):
+    """A chart to draw: named values, one for each step, and limits that no line may pass."""
+
+    title: str
+    lines: tuple[tuple[str, Sequence[float]], ...]
+    limits: tuple[float, ...]
+    step: str
 
 
 class Moments(NamedTuple):
@@ -23,74 +34,43 @@ class Moments(NamedTuple):
 
 
 class LeafRow(NamedTuple):
-    """The parts of one leaf.
-
-    Attributes:
-        leaf: its index.
-        parts: that ended there.
-        judged: of these, judged to pass or fail.
-        passed: of these.
-        predicted: success rate that the table predicts, None where no trial ended there.
-        residuals: of x [mm], y [mm] and theta [rad]; empty where none was measured.
-    """
+    """The parts that ended at one leaf."""
 
     leaf: int
     parts: int
-    judged: int
+    judged: int  # of these, judged to pass or fail
     passed: int
-    predicted: float | None
-    residuals: tuple[Moments, ...]
+    predicted: float | None  # success rate that the table predicts, None where no trial ended there
+    residuals: tuple[Moments, ...]  # of x [mm], y [mm] and theta [rad]; empty where none was measured
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node.
-
-    Attributes:
-        node: its index.
-        counts: of each branch, and last of its rejects.
-        shares: predicted.
-        statistic: chi-square.
-        freedom: its degrees of freedom.
-        tail: probability of a larger one where the table is right.
-    """
+    """The squeezes at one node, against the table's shares by Pearson's chi-square."""
 
     node: int
-    counts: tuple[int, ...]
+    counts: tuple[int, ...]  # of each branch, and last of its rejects
     shares: tuple[float, ...]
     statistic: float
     freedom: int
-    tail: float
+    tail: float  # probability of a larger statistic where the table is right
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All figures.
-
-    Attributes:
-        outcomes: how many parts ended how.
-        verdicts: how many audits said what.
-        passed: judged parts that passed.
-        judged: parts judged to pass or fail.
-        interval: 95 % interval of the success rate.
-        predicted: what the table's evaluation says.
-        agrees: whether the interval holds the predicted rate.
-        leaves: by leaf.
-        nodes: by node.
-        tail: of the chi-square over all nodes.
-        alarms: of the charts.
-    """
+    """All figures: by outcome and verdict, of success with its 95 % interval, by leaf, by node; charts."""
 
     outcomes: dict[str, int]
     verdicts: dict[str, int]
     passed: int
-    judged: int
+    judged: int  # parts judged to pass or fail, of which `passed` passed
     interval: tuple[float, float]
     predicted: float
-    agrees: bool
+    agrees: bool  # whether the interval holds the predicted success rate
     leaves: tuple[LeafRow, ...]
     nodes: tuple[NodeRow, ...]
-    tail: float
+    tail: float  # of the chi-square over all nodes
     alarms: tuple[Alarm, ...]
+    charts: tuple[Series, ...]
 
     def fields(self) -> dict[str, object]:
         """The summary as JSON holds it."""
@@ -115,11 +95,12 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         ArgumentsError: the expectation is of another table.
     """
     parts, table = history.parts, history.table
-    passed = sum(part.verdict == "pass" for part in parts)
-    judged = passed + sum(part.verdict == "fail" for part in parts)
-    interval, predicted = wilson(passed, judged), table.predicted.success_ppm / PPM
+    passed, judged = _judged(parts)
+    interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
+    monitor = Monitor.of(table, expected)
+    alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),
         _counted(part.verdict for part in parts if part.verdict is not None),
@@ -131,38 +112,66 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         tuple(_leaves(history)),
         nodes,
         chi_square_tail(statistic, freedom),
-        tuple(watch(history, expected)),
+        alarms,
+        tuple(_charts(history, monitor)),
     )
 
 
 def moments(values: Sequence[float]) -> Moments:
     """Mean and standard deviation."""
-    mean = sum(values) / len(values)
-    spread = sum((value - mean) ** 2 for value in values)
-    return Moments(mean, sqrt(spread / (len(values) - 1)) if len(values) > 1 else 0.0)
+    return Moments(fmean(values), stdev(values) if len(values) > 1 else 0.0)
 
 
-def _counted(names: Iterable[str]) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for name in names:
-        found[name] = found.get(name, 0) + 1
-    return dict(sorted(found.items()))
+def _charts(history: History, monitor: Monitor) -> Iterator[Series]:
+    def lines(*names: str) -> tuple[tuple[str, Sequence[float]], ...]:
+        return tuple((name, monitor.lines[name]) for name in names)
+
+    yield failures(history)
+    limit = monitor.residuals[0].limit
+    title = "residuals, weighted means in standard deviations"
+    yield Series(title, lines(*COORDINATES), (-limit, limit), "audited part")
+    limit = monitor.widths.limit
+    title = "widths, cumulative sums of deviations"
+    yield Series(title, lines("wider", "narrower"), (-limit, limit), "squeeze")
+    if monitor.readings is not None:
+        title = "readings, logarithm of the Shiryaev-Roberts statistic for another friction"
+        yield Series(title, lines("friction"), (log1p(LIMIT),), "part")
 
 
-def _leaves(history: History) -> Iterable[LeafRow]:
+def failures(history: History) -> Series:
+    """Shares of failures in groups of audited parts: the p-chart."""
+    judged = [part.verdict == "fail" for part in history.parts if part.verdict in ("pass", "fail")]
+    groups = [judged[k : k + GROUP] for k in range(0, len(judged), GROUP)]
+    expected = failure_share(history.table.predicted)
+    most = next(k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP)
+    shares = tuple(sum(group) / len(group) for group in groups)
+    title = f"failures, share of each {GROUP} audited parts"
+    return Series(title, (("failures", shares),), (most / GROUP,), "group")
+
+
+def _judged(parts: Sequence[Part]) -> tuple[int, int]:
+    """How many passed, and how many were judged to pass or fail."""
+    passed = sum(part.verdict == "pass" for part in parts)
+    return passed, passed + sum(part.verdict == "fail" for part in parts)
+
+
+def _counted(names: Iterator[str]) -> dict[str, int]:
+    return dict(sorted(Counter(names).items()))
+
+
+def _leaves(history: History) -> Iterator[LeafRow]:
     by_leaf: dict[int, list[Part]] = {}
     for part in history.parts:
         if part.leaf is not None:
             by_leaf.setdefault(part.leaf, []).append(part)
     for leaf, parts in sorted(by_leaf.items()):
         residuals = [part.residual for part in parts if part.residual is not None]
-        passed = sum(part.verdict == "pass" for part in parts)
-        judged = passed + sum(part.verdict == "fail" for part in parts)
+        passed, judged = _judged(parts)
         columns = tuple(moments(column) for column in zip(*residuals, strict=True))
         yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, columns)
 
 
-def _nodes(history: History) -> Iterable[NodeRow]:
+def _nodes(history: History) -> Iterator[NodeRow]:
     table = history.table
     trials = table.predicted.trials or PREDICTED_FROM
     predicted = branch_shares(table)

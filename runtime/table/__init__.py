@@ -44,57 +44,18 @@ from runtime.table.model import (
     Squeeze,
     Table,
 )
-from runtime.table.proof import job_of, prove, refuted
+from runtime.table.proof import job_of, prove, refuted, wilson_interval
 
-__all__ = [
-    "COUNTS",
-    "HELD_UM",
-    "KINDS",
-    "PPM",
-    "REJECT",
-    "UNDETECTED_UM",
-    "Branch",
-    "Calibration",
-    "GoalSpec",
-    "GripperSpec",
-    "Leaf",
-    "Limits",
-    "Node",
-    "Pose2",
-    "Prediction",
-    "Squeeze",
-    "Table",
-    "TableError",
-    "TableFile",
-    "TableFileError",
-    "by_count",
-    "decide",
-    "decision_map",
-    "distance",
-    "dump",
-    "dumps",
-    "error_mm",
-    "job_of",
-    "load",
-    "loads",
-    "meets",
-    "misfits",
-    "poses_of",
-    "predicted_pose",
-    "refuted",
-    "residual",
-    "threshold",
-]
+__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "REJECT", "UNDETECTED_UM"]
+__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction"]
+__all__ += ["Branch", "Leaf", "Node", "Squeeze", "Table", "TableError", "TableFile", "TableFileError"]
+__all__ += ["by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load", "loads", "misfits"]
+__all__ += ["distance", "error_mm", "meets", "poses_of", "predicted_pose", "residual", "threshold"]
+__all__ += ["refuted", "wilson_interval"]
 
 
 class TableFile(NamedTuple):
-    """A table with the bytes of its file.
-
-    Attributes:
-        table: decoded and proved.
-        data: the whole file.
-        digest: SHA-256 of it in hexadecimal, one name for one behaviour; `sha256sum` tells the same.
-    """
+    """A table, decoded and proved, the bytes of its file, and their SHA-256 as `sha256sum` tells it."""
 
     table: Table
     data: bytes
@@ -151,4 +112,4 @@ def load(path: Path | str) -> TableFile:
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
-        raise TableError(error.reason, path) from error
+        raise TableError(f"table {path.name}: {error}") from error

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import astuple
 from itertools import islice
 from typing import TypeVar
 
@@ -30,13 +31,27 @@ MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
 POSE = ("x_um", "y_um", "theta_urad")
+# The columns of integers: one a field of each kind of record.
+ERRORS = ("error_median_um", "error_p95_um")
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
     "branch": Branch._fields,
-    "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", "success_ppm", "trials", "resolved", "alternatives"),
+    "leaf": (
+        *POSE,
+        "xx",
+        "xy",
+        "yy",
+        "xt",
+        "yt",
+        "tt",
+        "success_ppm",
+        "trials",
+        "resolved",
+        "alternatives",
+        *ERRORS,
+    ),
     "alternative": POSE,
 }
-"""The columns of integers: one a field of each kind of record."""
 PAYLOAD_FIELDS = (
     *HEADER_FIELDS,
     *(f"{kind}_{field}" for kind, fields in COLUMNS.items() for field in fields),
@@ -97,14 +112,7 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
         ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (
-                *leaf[:3],
-                *leaf.covariance,
-                leaf.success_ppm,
-                leaf.trials,
-                int(leaf.resolved),
-                len(leaf.alternatives),
-            )
+            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives), *leaf[8:])
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -113,10 +121,9 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
 
 def _unpacked(data: bytes, name: str) -> object:
     """One msgpack value without maps and extensions; nothing in it is longer than a table's parts may be."""
+    most = {"max_array_len": MAX_LEAVES, "max_map_len": 0, "max_ext_len": 0}
     try:
-        value: object = msgpack.unpackb(
-            data, use_list=False, max_array_len=MAX_LEAVES, max_map_len=0, max_ext_len=0
-        )
+        value: object = msgpack.unpackb(data, use_list=False, **most)
     except msgpack.ExtraData:
         raise TableError(f"bytes follow the end of {name}; copy the file again or recompile it") from None
     except (MemoryError, ValueError, msgpack.UnpackException) as error:
@@ -126,38 +133,15 @@ def _unpacked(data: bytes, name: str) -> object:
 
 
 def _header(table: Table) -> list[object]:
-    gripper, goal, limits, predicted = table.gripper, table.goal, table.limits, table.predicted
+    gripper, goal, limits = astuple(table.gripper), astuple(table.goal), astuple(table.limits)
     return [
         table.tool,
         table.job_digest,
-        gripper.model,
-        [
-            gripper.opening_um,
-            gripper.finger_length_um,
-            gripper.finger_width_um,
-            gripper.count_open,
-            gripper.count_closed,
-            gripper.encoder_noise_um,
-        ],
-        [
-            goal.distance_um,
-            goal.confidence_ppm,
-            goal.rho_um,
-            goal.symmetry,
-            KINDS.index(goal.kind),
-            *goal.tolerance,
-            goal.modes,
-        ],
-        [
-            limits.max_depth,
-            limits.max_force_mn,
-            limits.max_speed_um_s,
-            *limits.work_area_um,
-            limits.retreat_height_um,
-            limits.squeeze_height_um,
-            limits.arm_speed_um_s,
-        ],
-        [predicted.success_ppm, predicted.trials, predicted.mean_squeezes_ppm, predicted.reject_ppm],
+        gripper[0],
+        gripper[1:],
+        (*goal[:4], KINDS.index(table.goal.kind), *table.goal.tolerance, table.goal.modes),
+        (*limits[:3], *table.limits.work_area_um, *limits[4:]),
+        astuple(table.predicted),
     ]
 
 
@@ -181,14 +165,16 @@ def _table(fields: dict[str, object]) -> Table:
         limits=Limits(max_depth, force, speed, (x0, y0, x1, y1), retreat, height, arm_speed),
         nodes=_nodes(fields),
         leaves=leaves,
-        predicted=Prediction(*_integers(fields, "predicted", 4)),
+        predicted=Prediction(*_integers(fields, "predicted", 6)),
         job=None if fields["job"] is None else _typed(fields, "job", str),
     )
 
 
 def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
     rows = _rows(fields, "node")
-    branches = _parts(map(Branch._make, _rows(fields, "branch")), rows, MAX_BRANCHES, "node_branches")
+    branches = _parts(
+        map(Branch._make, _rows(fields, "branch")), [row[-1] for row in rows], MAX_BRANCHES, "node_branches"
+    )
     return tuple(
         Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
         for row, own in zip(rows, branches, strict=True)
@@ -199,27 +185,28 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
     rows = _rows(fields, "leaf")
     if not all(0 <= row[11] <= 1 for row in rows):
         raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
-    alternatives = _parts(_rows(fields, "alternative"), rows, MAX_ALTERNATIVES, "leaf_alternatives")
+    alternatives = _parts(
+        _rows(fields, "alternative"), [row[12] for row in rows], MAX_ALTERNATIVES, "leaf_alternatives"
+    )
     return tuple(
-        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others))
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:]))
         for row, others in zip(rows, alternatives, strict=True)
     )
 
 
 def _rows(fields: dict[str, object], kind: str) -> list[Row]:
-    """The records of a kind; all its columns have the length of the first."""
     names = [f"{kind}_{name}" for name in COLUMNS[kind]]
     length = len(_typed(fields, names[0], tuple))
     return list(zip(*(_integers(fields, name, length) for name in names), strict=True))
 
 
-def _parts(records: Iterable[Kind], rows: list[Row], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
-    """The records that belong to each row, whose last number says how many."""
+def _parts(records: Iterable[Kind], sizes: list[int], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
+    """The records in groups of these sizes."""
     left = iter(records)
-    for row in rows:
-        own = tuple(islice(left, row[-1])) if 0 <= row[-1] <= most else None
-        if own is None or len(own) != row[-1]:
-            raise TableError(f"{name} holds {row[-1]}, but no more than {most} may be, and as many as follow")
+    for size in sizes:
+        own = tuple(islice(left, size)) if 0 <= size <= most else None
+        if own is None or len(own) != size:
+            raise TableError(f"{name} holds {size}, but no more than {most} may be, and as many as follow")
         yield own
     if next(left, None) is not None:
         raise TableError(f"{name} adds up to fewer than there are")

@@ -10,10 +10,6 @@ def misfits(table: Table, calibration: Calibration) -> list[str]:
     The jaws must open as far as the table asks, and every branch must be read at one count at least, and not
     as another branch at the count nearest to its expected width.
 
-    Args:
-        table: the table, proved.
-        calibration: the widths of this gripper's counts.
-
     Returns:
         One sentence a problem, with what to do; empty if there is none.
     """

@@ -25,22 +25,15 @@ def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
 
 
 def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """sqrt(dx^2 + dy^2) + rho * dtheta (eq. 9), whatever the kind of goal.
-
-    Args:
-        goal: rho in um, and the symmetry.
-        predicted: mm, mm, rad.
-        true: where the part lies, mm, mm, rad.
-    """
+    """sqrt(dx^2 + dy^2) + rho * dtheta in mm (eq. 9) of poses in mm, mm, rad, whatever the kind of goal."""
     x, y, turn = residual(goal, predicted, true)
     return hypot(x, y) + goal.rho_um / 1e3 * abs(turn)
 
 
 def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """How far off a prediction is, to be held against `threshold`; arguments as for `error_mm`.
+    """How far off a prediction is, to be held against `threshold`.
 
-    Returns:
-        `error_mm` for the kinds "pose" and "modes"; else the largest deviation in units of its tolerance.
+    It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance.
     """
     if goal.kind in ("pose", "modes"):
         return error_mm(goal, predicted, true)

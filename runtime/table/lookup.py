@@ -14,10 +14,7 @@ COUNTS = 256
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The width between the finger faces at each encoder count.
-
-    Attributes:
-        widths_um: 256 widths in um, never rising with the count.
+    """The width between the finger faces at each of the 256 counts, um, never rising with the count.
 
     Raises:
         TableError: there are not 256 of them, or they rise somewhere.
@@ -34,11 +31,7 @@ class Calibration:
 
     @classmethod
     def linear(cls, gripper: GripperSpec) -> Self:
-        """The straight line between the two end counts, clamped at both ends (Robotiq SDK, units.cpp).
-
-        Args:
-            gripper: opening in um, `count_open` and `count_closed`.
-        """
+        """The straight line between the two end counts, clamped at both ends (Robotiq SDK, units.cpp)."""
         span = gripper.count_closed - gripper.count_open
         steps = (min(max(gripper.count_closed - count, 0), span) for count in range(COUNTS))
         return cls(tuple((2 * gripper.opening_um * step + span) // (2 * span) for step in steps))
@@ -65,10 +58,6 @@ def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
     width 0; a narrower one means that nothing is held. With an object felt only a grip is believed. With none
     felt no width above `UNDETECTED_UM` is believed; up to it a grip may have gone unfelt. All else is
     `REJECT`.
-
-    Args:
-        node: the node, its branches ordered by expected width.
-        calibration: counts to widths.
 
     Returns:
         512 entries, each an index into `node.branches` or `REJECT`: at each count with no object felt, then

@@ -22,83 +22,53 @@ MAX_DEPTH = 64
 
 
 class Squeeze(NamedTuple):
-    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes.
+    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes."""
 
-    Attributes:
-        x_um: hand centre, world x, um.
-        y_um: hand centre, world y, um.
-        angle_urad: hand angle in the world, urad.
-        opening_um: opening before the squeeze, um.
-        speed_um_s: closing speed of the fingers, um/s.
-        force_mn: closing force, mN.
-        clearance_um: least distance between the open fingers and any believed pose of the part, um, >= 0.
-    """
-
-    x_um: int
+    x_um: int  # of the hand's centre in the world
     y_um: int
     angle_urad: int
-    opening_um: int
-    speed_um_s: int
-    force_mn: int
-    clearance_um: int
+    opening_um: int  # before the squeeze
+    speed_um_s: int  # closing speed of the fingers
+    force_mn: int  # closing force
+    clearance_um: int  # least distance between the open fingers and any believed pose of the part, >= 0
 
 
 class Branch(NamedTuple):
-    """One outcome of a squeeze: an interval of widths and where it leads.
-
-    Attributes:
-        low_um: least width of the interval, um.
-        expected_um: expected width, um; the nearest one wins where intervals overlap.
-        high_um: greatest width of the interval, um.
-        probability_ppm: predicted share of this outcome among the node's outcomes, ppm.
-        target: >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`.
-    """
+    """One outcome of a squeeze: an interval of widths and where it leads."""
 
     low_um: int
-    expected_um: int
+    expected_um: int  # expected width; the nearest one wins where intervals overlap
     high_um: int
-    probability_ppm: int
-    target: int
+    probability_ppm: int  # predicted share of this outcome among the node's outcomes
+    target: int  # >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width.
-
-    Attributes:
-        squeeze: where and how the jaws close.
-        branches: the outcomes.
-        release: x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle
-            before the jaws open, another place than the squeeze's; None: they open where they closed.
-    """
+    """One decision: a squeeze and its outcomes, ordered by width."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
+    # x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle before the
+    # jaws open, another place than the squeeze's; None: they open where they closed.
     release: tuple[int, int] | None = None
 
 
 class Leaf(NamedTuple):
-    """An end of the tree: the predicted pose of the part in the world, and how often it holds.
-
-    Attributes:
-        x_um: predicted x, um.
-        y_um: predicted y, um.
-        theta_urad: predicted angle, urad, within half a turn of zero.
-        covariance: xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
-        success_ppm: share of the evaluation's trials ending here that met the goal, ppm.
-        trials: number of those trials.
-        resolved: whether the part may be taken to lie here; False ends in the outcome UNRESOLVED.
-        alternatives: further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal
-            of kind "modes", or what an unresolved leaf cannot tell apart.
-    """
+    """An end of the tree: the predicted pose of the part in the world, and how often it holds."""
 
     x_um: int
     y_um: int
-    theta_urad: int
+    theta_urad: int  # within half a turn of zero
+    # xx, xy, yy, x theta, y theta, theta theta, in units of 0.1 mm and 10 mrad.
     covariance: tuple[int, int, int, int, int, int]
-    success_ppm: int
+    success_ppm: int  # share of the evaluation's `trials` ending here that met the goal
     trials: int
-    resolved: bool
+    resolved: bool  # whether the part may be taken to lie here; False ends in the outcome UNRESOLVED
+    # further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal of kind
+    # "modes", or what an unresolved leaf cannot tell apart.
     alternatives: tuple[tuple[int, int, int], ...] = ()
+    error_median_um: int = 0  # of the error of those trials (paper eq. 9)
+    error_p95_um: int = 0  # its 95th percentile
 
     @property
     def success(self) -> float | None:
@@ -121,90 +91,54 @@ class GripperSpec:
 
 @dataclass(frozen=True, slots=True)
 class GoalSpec:
-    """When a part counts as located, under the symmetry and at a confidence.
-
-    Attributes:
-        distance_um: the goal's distance, um.
-        confidence_ppm: the share of parts that must meet it, ppm.
-        rho_um: what one radian of error weighs, um.
-        symmetry: rotational order of the part, 1 for none.
-        kind: "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within
-            its own; "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
-        tolerance: x_um, y_um, theta_urad, for "tolerances" and "orientation".
-        modes: how many poses a leaf may leave open, for "modes".
-    """
+    """When a part counts as located, under the symmetry and at a confidence."""
 
     distance_um: int
-    confidence_ppm: int
-    rho_um: int
-    symmetry: int
+    confidence_ppm: int  # the share of parts that must meet it
+    rho_um: int  # what one radian of error weighs
+    symmetry: int  # rotational order of the part, 1 for none
+    # "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within its own;
+    # "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
     kind: str = "pose"
-    tolerance: tuple[int, int, int] = (0, 0, 0)
-    modes: int = 1
+    tolerance: tuple[int, int, int] = (0, 0, 0)  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
+    modes: int = 1  # how many poses a leaf may leave open, for "modes"
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no motion of this table may exceed.
+    """What no motion of this table may exceed."""
 
-    Attributes:
-        max_depth: squeezes to any leaf, at most `MAX_DEPTH`.
-        max_force_mn: closing force, mN.
-        max_speed_um_s: closing speed, um/s.
-        work_area_um: x min, y min, x max, y max of the hand's centre and of predicted poses, um.
-        retreat_height_um: height of the tips while the arm travels, um.
-        squeeze_height_um: height of the tips while squeezing, um.
-        arm_speed_um_s: speed of the arm, um/s.
-    """
-
-    max_depth: int
-    max_force_mn: int
-    max_speed_um_s: int
-    work_area_um: tuple[int, int, int, int]
-    retreat_height_um: int
-    squeeze_height_um: int
+    max_depth: int  # squeezes to any leaf, at most `MAX_DEPTH`
+    max_force_mn: int  # of closing
+    max_speed_um_s: int  # of closing
+    work_area_um: tuple[int, int, int, int]  # x min, y min, x max, y max of hand's centre and predicted poses
+    retreat_height_um: int  # of the tips while the arm travels
+    squeeze_height_um: int  # of the tips while squeezing
     arm_speed_um_s: int
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the evaluation at compile time measured for the table as a whole.
+    """What the evaluation at compile time measured for the table as a whole."""
 
-    Attributes:
-        success_ppm: parts within the goal among all trials, ppm.
-        trials: number of trials, 0 if the table was not evaluated.
-        mean_squeezes_ppm: mean number of squeezes a part, in millionths.
-        reject_ppm: trials that ended in REJECT, ppm.
-    """
-
-    success_ppm: int
+    success_ppm: int  # parts within the goal among all `trials`, of which there are 0 without an evaluation
     trials: int
-    mean_squeezes_ppm: int
-    reject_ppm: int = 0
+    mean_squeezes_ppm: int  # mean number of squeezes a part, in millionths
+    reject_ppm: int = 0  # trials that ended in REJECT
+    error_median_um: int = 0  # of the parts that came to resolved leaves (paper eq. 9)
+    error_p95_um: int = 0  # of the same
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root.
+    """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root."""
 
-    Attributes:
-        tool: name and version of the compiler.
-        job_digest: SHA-256 of the job's canonical text, 32 bytes.
-        gripper: the gripper it was made for.
-        goal: the goal it was made for.
-        limits: what its motions stay within.
-        nodes: the decisions.
-        leaves: the ends.
-        predicted: what its evaluation measured.
-        job: the job's canonical text, or None where it was stripped.
-    """
-
-    tool: str
-    job_digest: bytes
+    tool: str  # name and version of the compiler
+    job_digest: bytes  # SHA-256 of the job's canonical text, 32 bytes
     gripper: GripperSpec
     goal: GoalSpec
     limits: Limits
     nodes: tuple[Node, ...]
     leaves: tuple[Leaf, ...]
     predicted: Prediction
-    job: str | None
+    job: str | None  # the job's canonical text, or None where it was stripped

@@ -27,7 +27,7 @@ FAR = 10**9
 MAX_ANGLE_URAD = 3_142_000
 MAX_TRIALS = 10**10
 MAX_MODES = 64
-WILSON_Z = 1.959964  # two-sided 95 %
+Z95 = 1.959963984540054  # two-sided 95 %
 LEVEL = 0.025
 MOST_TERMS = 1000
 LEAST_LOG = -700.0  # exp of less is zero
@@ -61,6 +61,7 @@ def prove(table: Table) -> None:
             told = f"{low:.2f}..{high:.2f} mm"
             raise TableError(f"node {index}, branch {number}: no encoder count means {told}; widen it")
     for index, leaf in enumerate(table.leaves):
+        _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
             _prove_resolved(index, leaf, table.goal, table.limits)
 
@@ -84,13 +85,15 @@ def job_of(table: Table) -> dict[str, Any] | None:
     return job
 
 
-def wilson_upper(successes: float, trials: int) -> float:
-    """Upper end of the 95 % Wilson score interval of a share; 1 without trials."""
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """The 95 % score interval of a share (Wilson 1927); all of [0, 1] without trials."""
     if trials == 0:
-        return 1.0
-    share, z2 = successes / trials, WILSON_Z**2
-    spread = WILSON_Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    return (share + z2 / (2 * trials) + spread) / (1 + z2 / trials)
+        return 0.0, 1.0
+    share, z2 = successes / trials, Z95**2
+    middle = share + z2 / (2 * trials)
+    spread = Z95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    low = (middle - spread) / (1 + z2 / trials) if successes else 0.0
+    return low, (middle + spread) / (1 + z2 / trials) if successes < trials else 1.0
 
 
 def refuted(successes: int, trials: int, confidence: float) -> bool:
@@ -101,7 +104,7 @@ def refuted(successes: int, trials: int, confidence: float) -> bool:
     """
     misses, log_none = trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
-        return wilson_upper(successes, trials) < confidence
+        return wilson_interval(successes, trials)[1] < confidence
     term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
     for k in range(misses):
         fewer += term
@@ -125,6 +128,8 @@ def _prove_header(table: Table) -> None:
     _within("predicted.trials", predicted.trials, 0, MAX_TRIALS)
     _within("predicted.mean_squeezes_ppm", predicted.mean_squeezes_ppm, 0, MAX_DEPTH * PPM)
     _within("predicted.reject_ppm", predicted.reject_ppm, 0, PPM)
+    _within("predicted.error_p95_um", predicted.error_p95_um, 0)
+    _within("predicted.error_median_um", predicted.error_median_um, 0, predicted.error_p95_um)
 
 
 def _prove_gripper(gripper: GripperSpec) -> None:
@@ -173,7 +178,7 @@ def _bounds(table: Table) -> dict[str, tuple[tuple[int, int], ...]]:
     return {
         "node": (*area, turn, *jaws, *area, (1, MAX_BRANCHES)),
         "branch": (width, width, width, share, targets),
-        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES)),
+        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES), (0, FAR), (0, FAR)),
         "alternative": pose,
     }
 

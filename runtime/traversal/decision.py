@@ -1,7 +1,6 @@
 """What a reading means, and what follows from it: the same for a run, its replay and its resumption.
 
-`decide` turns one settled reading into a branch of a node. `advance` turns that branch into the next squeeze
-or the part's outcome, by the table and the declared policy. Neither knows devices, files or time.
+Knows no devices, files or time.
 """
 
 from dataclasses import dataclass
@@ -17,28 +16,27 @@ MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
 
 class Decision(NamedTuple):
-    """What a reading means at a node.
+    """What a reading means at a node: the branch taken, or `REJECT`."""
 
-    Attributes:
-        branch: the branch taken, or `REJECT`.
-        refused: for `REJECT`, the node none of whose branches fits.
-        empty: for `REJECT`, whether the gripper says that it met nothing.
-    """
-
+    node: Node
     branch: int
-    refused: Node | None = None
-    empty: bool = False
+    object_flag: int
+
+    @property
+    def target(self) -> int | None:
+        """Where it leads: >= 0 a node, < 0 leaf ~target, None for `REJECT`."""
+        return None if self.branch == REJECT else self.node.branches[self.branch].target
 
     @property
     def reason(self) -> str | None:
-        """Why it is `REJECT`, None where it is not; put into words when asked, not while deciding."""
-        if self.refused is None:
+        """Why it is `REJECT`, None where it is not."""
+        if self.branch != REJECT:
             return None
-        if self.empty:
+        if self.object_flag == ARRIVED:
             return "the fingers closed on nothing"
         widths = [
             f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
-            for branch in self.refused.branches
+            for branch in self.node.branches
             if branch.expected_um >= HELD_UM  # an object was felt
         ]
         planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
@@ -46,16 +44,7 @@ class Decision(NamedTuple):
 
 
 def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -> Decision:
-    """What a settled reading means at a node; nothing is inferred.
-
-    Args:
-        node: the node.
-        decided: its `decision_map`.
-        count: settled encoder count, 0..255.
-        object_flag: settled object flag, 2 or 3.
-
-    Returns:
-        The branch, or `REJECT` with its reason: nothing between the fingers, or a width nobody planned for.
+    """What a settled reading, encoder count and object flag, means at a node by its `decision_map`.
 
     Raises:
         GripperStateError: the flag contradicts a closing motion.
@@ -64,16 +53,13 @@ def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -
         raise GripperStateError(
             f"object flag {object_flag} after a closing motion; the reading is not believed"
         )
-    branch = look_up(decided, count, object_flag == CLOSING_CONTACT)
-    return Decision(branch) if branch != REJECT else Decision(REJECT, node, object_flag == ARRIVED)
+    return Decision(node, look_up(decided, count, object_flag == CLOSING_CONTACT), object_flag)
 
 
 def release_point(node: Node, branch: int) -> tuple[int, int] | None:
     """Where a node wants the part let go, x and y in um; None for where the hand stands.
 
-    Args:
-        node: the node squeezed.
-        branch: the branch taken, or `REJECT`: what nobody can name is not dragged anywhere.
+    What nobody can name, a part whose branch is `REJECT`, is not dragged anywhere.
     """
     if branch == REJECT or node.branches[branch].expected_um < HELD_UM:
         return None
@@ -94,15 +80,10 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """The recovery actions in order: each is tried once a part, the last one is an end.
+    """The recovery actions in order: each is tried once a part, the last one is an end."""
 
-    Attributes:
-        on_reject: after a squeeze that no branch explains.
-        on_unresolved: after a leaf that is not resolved.
-    """
-
-    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
-    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
+    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)  # after a squeeze that no branch explains
+    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)  # after a leaf that is not resolved
 
     @classmethod
     def of(cls, on_reject: str, on_unresolved: str) -> Self:
@@ -112,10 +93,8 @@ class Policy:
             ArgumentsError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
                 has no end.
         """
-        rejected, unresolved = (
-            _actions("--on-reject", on_reject),
-            _actions("--on-unresolved", on_unresolved),
-        )
+        rejected = _actions("--on-reject", on_reject)
+        unresolved = _actions("--on-unresolved", on_unresolved)
         if RecoveryAction.RESQUEEZE in unresolved:
             raise ArgumentsError(
                 "--on-unresolved: a leaf has no squeeze to repeat; use restart, next or stop"
@@ -131,55 +110,39 @@ class Policy:
 
     def ends_run(self, outcome: Outcome) -> bool:
         """Whether no further part follows one that ended so."""
-        if outcome is Outcome.REJECT:
-            return self.on_reject[-1] is RecoveryAction.STOP
-        if outcome is Outcome.UNRESOLVED:
-            return self.on_unresolved[-1] is RecoveryAction.STOP
+        actions = {Outcome.REJECT: self.on_reject, Outcome.UNRESOLVED: self.on_unresolved}
+        if outcome in actions:
+            return actions[outcome][-1] is RecoveryAction.STOP
         return outcome is not Outcome.LEAF
 
 
 class TraversalState(NamedTuple):
-    """Where a part stands: the node to squeeze next, or its outcome.
+    """Where a part stands: the node to squeeze next, or its outcome."""
 
-    Attributes:
-        node: index of the next node; meaningless once there is an outcome.
-        outcome: LEAF, REJECT or UNRESOLVED, None while the part is under way.
-        leaf: index of the leaf reached, or None.
-        rejects: rejected squeezes so far.
-        unresolved: unresolved leaves so far.
-    """
-
-    node: int = 0
-    outcome: Outcome | None = None
-    leaf: int | None = None
-    rejects: int = 0
-    unresolved: int = 0
+    node: int = 0  # index of the next node; meaningless once there is an outcome
+    outcome: Outcome | None = None  # LEAF, REJECT or UNRESOLVED, None while the part is under way
+    leaf: int | None = None  # index of the leaf reached, or None
+    rejects: int = 0  # rejected squeezes so far
+    unresolved: int = 0  # unresolved leaves so far
 
 
 def advance(traversal: TraversalState, target: int | None, table: Table, policy: Policy) -> TraversalState:
-    """What follows a squeeze at `traversal.node`.
-
-    Args:
-        traversal: where the part stood.
-        target: where the squeeze led: >= 0 a node, < 0 leaf ~target, None for REJECT.
-        table: the table.
-        policy: what follows a reject and an unresolved leaf.
-    """
+    """What follows a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
+    if target is not None and target >= 0:
+        return traversal._replace(node=target)
     if target is None:
+        outcome, leaf = Outcome.REJECT, None
         action = policy.on_reject[traversal.rejects]  # the last is an end: there is no further one
         traversal = traversal._replace(rejects=traversal.rejects + 1)
-        if action in ENDS:
-            return traversal._replace(outcome=Outcome.REJECT)
-        return traversal if action is RecoveryAction.RESQUEEZE else traversal._replace(node=0)
-    if target >= 0:
-        return TraversalState(target, None, None, traversal.rejects, traversal.unresolved)
-    if table.leaves[~target].resolved:
-        return traversal._replace(outcome=Outcome.LEAF, leaf=~target)
-    action = policy.on_unresolved[traversal.unresolved]
-    traversal = traversal._replace(unresolved=traversal.unresolved + 1)
+    else:
+        outcome, leaf = Outcome.UNRESOLVED, ~target
+        if table.leaves[leaf].resolved:
+            return traversal._replace(outcome=Outcome.LEAF, leaf=leaf)
+        action = policy.on_unresolved[traversal.unresolved]
+        traversal = traversal._replace(unresolved=traversal.unresolved + 1)
     if action in ENDS:
-        return traversal._replace(outcome=Outcome.UNRESOLVED, leaf=~target)
-    return traversal._replace(node=0)
+        return traversal._replace(outcome=outcome, leaf=leaf)
+    return traversal if action is RecoveryAction.RESQUEEZE else traversal._replace(node=0)
 
 
 def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:

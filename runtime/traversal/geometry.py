@@ -7,9 +7,10 @@ from runtime.table import Pose2, Squeeze
 MOST_TURNS = 3  # no wrist turns farther round, and none is counted farther
 
 
-def placement(squeeze: Squeeze) -> Pose2:
-    """The hand frame in the world."""
-    return squeeze.x_um / 1000, squeeze.y_um / 1000, squeeze.angle_urad / 1e6
+def placement(squeeze: Squeeze, released_um: tuple[int, int] | None = None) -> Pose2:
+    """The hand frame in the world, mm, mm, rad: of the squeeze, or where it lets go if that is elsewhere."""
+    x_um, y_um = released_um or (squeeze.x_um, squeeze.y_um)
+    return x_um / 1000, y_um / 1000, squeeze.angle_urad / 1e6
 
 
 def compose(frame: Pose2, pose: Pose2) -> Pose2:

@@ -37,25 +37,15 @@ EXIT_CODES = {
 
 
 class Step(NamedTuple):
-    """One squeeze and its reading.
+    """One squeeze and its reading."""
 
-    Attributes:
-        number: from 1, within the part.
-        node: index of the node.
-        squeeze: what was commanded.
-        position_counts: settled encoder count.
-        width_um: the width it means, um.
-        target: >= 0 the next node, < 0 leaf ~target, None for REJECT.
-        reason: why it was rejected, or None.
-    """
-
-    number: int
-    node: int
-    squeeze: Squeeze
-    position_counts: int
-    width_um: int
-    target: int | None
-    reason: str | None
+    number: int  # from 1, within the part
+    node: int  # index of the node
+    squeeze: Squeeze  # what was commanded
+    position_counts: int  # settled encoder count
+    width_um: int  # the width it means, um
+    target: int | None  # >= 0 the next node, < 0 leaf ~target, None for REJECT
+    reason: str | None  # why it was rejected, or None
 
     def fields(self) -> dict[str, object]:
         """The step as a journal record holds it."""
@@ -75,29 +65,18 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PartResult:
-    """How one part ended.
+    """How one part ended."""
 
-    Attributes:
-        part: its number.
-        outcome: the outcome.
-        steps: its squeezes, in order.
-        leaf: index of the leaf reached, also where its delivery came to a fault; or None.
-        reason: why it is no resolved leaf, or None.
-        exit_code: what a run of this one part exits with.
-        safe_state: what the safe sequence reached, one sentence a step; empty without a fault.
-        audit: the auditor's verdict, "pass", "fail" or "unknown"; None without one.
-        delivery: "done" or "missed", None where no delivery was asked for.
-    """
-
-    part: int
-    outcome: Outcome
-    steps: tuple[Step, ...]
-    leaf: int | None
-    reason: str | None
-    exit_code: int
+    part: int  # its number
+    outcome: Outcome  # the outcome
+    steps: tuple[Step, ...]  # its squeezes, in order
+    leaf: int | None  # index of the leaf reached, also where its delivery came to a fault; or None
+    reason: str | None  # why it is no resolved leaf, or None
+    exit_code: int  # what a run of this one part exits with
+    # what the safe sequence reached, one sentence a step; empty without a fault
     safe_state: tuple[str, ...] = ()
-    audit: str | None = None
-    delivery: str | None = None
+    audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
+    delivery: str | None = None  # "done" or "missed", None where no delivery was asked for
 
     @classmethod
     def of(
@@ -110,35 +89,18 @@ class PartResult:
         exit_code: int | None = None,
         safe_state: tuple[str, ...] = (),
     ) -> Self:
-        """The result of a part's steps; LEAF and UNRESOLVED name the leaf.
-
-        Args:
-            part: its number.
-            outcome: how it ended.
-            steps: its squeezes.
-            reason: why it is no resolved leaf, or None.
-            exit_code: a fault's; the other outcomes have their own.
-            safe_state: what the safe sequence reached.
-        """
+        """The result of a part's steps, which name the leaf; only a fault brings its exit code."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
         code = EXIT_CODES[outcome] if exit_code is None else exit_code
         return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
 
-    def audited(self, verdict: str) -> Self:
-        """The same result with the auditor's verdict."""
-        return replace(self, audit=verdict)
-
     def delivered(self, missed: str | None) -> Self:
         """The same result after the delivery; `missed` tells why the part still lies where it was found."""
         if missed is None:
             return replace(self, delivery="done")
         return replace(self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code)
-
-    def noting(self, sentence: str) -> Self:
-        """The same result with one more sentence about its safe state."""
-        return replace(self, safe_state=(*self.safe_state, sentence))
 
     def fields(self) -> dict[str, object]:
         """The result as a journal record holds it."""

@@ -17,6 +17,7 @@ import shlex
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +27,15 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
-from cameras import SIDE_MM, angle_between, part_tag, true_calibration  # noqa: E402
+from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration  # noqa: E402
 
 from drivers.camera.calibration import command as calibrate_command  # noqa: E402
 from drivers.camera.calibration import file as calibration  # noqa: E402
 from drivers.camera.calibration import measure  # noqa: E402
 from drivers.camera.errors import TagError  # noqa: E402
 from drivers.camera.vision.plane import View  # noqa: E402
-from drivers.camera.vision.tags import Finder  # noqa: E402
+from drivers.camera.vision.tags import find  # noqa: E402
+from drivers.planar import compose  # noqa: E402
 from drivers.sim.camera import album  # noqa: E402
 from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
 from drivers.sim.camera.optics import Array  # noqa: E402
@@ -92,23 +94,13 @@ def shot(
     """A picture of one tag."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
     heading, speed = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal
-    card = lying(
-        tag_cells(number),
-        SIDE_MM / 8,
-        pose,
-        face_down=True,
-        speed_mm=(speed * float(np.cos(heading)), speed * float(np.sin(heading))),
-    )
-    stain = values.pop("stain_mm", 0.0)
-    spots: tuple[Array, ...] = ()
-    if stain:
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        along = rng.uniform(-0.35, 0.35) * SIDE_MM
-        middle = np.array([along, 0.5 * SIDE_MM]) + 0.5 * stain * np.array(
-            [(-1, -0.5), (1, -0.5), (1, 1.5), (-1, 1.5)]
-        )
-        spots = (middle @ np.array([[c, s], [-s, c]]) + pose[:2],)
-    return render(OPTICS, [card], Flaws(**values), rng, spots)
+    card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=True)
+    card = replace(card, speed_mm=speed * np.array([np.cos(heading), np.sin(heading), 0.0]))
+    cards, size = [card], values.pop("stain_mm", 0.0)
+    if size:
+        middle = (rng.uniform(-0.35, 0.35) * SIDE_MM, 0.5 * SIDE_MM + 0.25 * size, 0.0)
+        cards.append(stain(compose(pose, middle), (size, size)))
+    return render(OPTICS, cards, Flaws(**values), rng)
 
 
 def measured(
@@ -117,12 +109,12 @@ def measured(
     """The figures of so many pictures."""
     rng = np.random.default_rng(seed)
     truth, tag = true_calibration(OPTICS, references=False), part_tag(on_part=(0.0, 0.0, 0.0))
-    finder, off, ours, wrong, missed, spent = Finder(), [], [], 0, 0, []
+    off, ours, wrong, missed, spent = [], [], 0, 0, []
     for pose in poses(rng, truth.view, count):
         number = int(rng.integers(587))
         picture = shot(rng, pose, number, flaws)
         start = time.process_time()
-        seen = finder.find(picture)
+        seen = find(picture)
         numbers = [found.number for found in seen]
         place = None
         with contextlib.suppress(TagError):

@@ -17,7 +17,6 @@ import platform
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +52,7 @@ def estimate(count: int) -> tuple[Kcde, RollOuts]:
     rows = np.random.default_rng(0).permutation(touching)[:count]
     chosen = RollOuts(*(column[rows] for column in rolled))
     model = Kcde.fit(chosen, part.outline, part.jaws, part.surface.rho_mm, 2, paper=True)
-    return replace(model, most=0), chosen
+    return model._replace(most=0), chosen
 
 
 def with_scipy(
@@ -102,7 +101,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 def planners_own() -> Kcde:
     """What the planner draws from at the default number of roll-outs."""
     part, store = simulator(OUTLINES["rectangle"]()), Store(cache_folder() / "rollouts")
-    return LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 3 * RADIUS_MM, None, store)).motion
+    return LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 3 * RADIUS_MM, 100_000, store)).motion
 
 
 def main() -> None:

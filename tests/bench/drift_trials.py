@@ -16,10 +16,10 @@ from planner.arrays import Array
 from planner.evaluation.expectation import readings
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
-from runtime.spc.expectation import COUNTS, PRIOR, Expectation
+from runtime.spc.expectation import PRIOR, Expectation
 from runtime.spc.history import Part
 from runtime.spc.monitor import Monitor
-from runtime.table import Table
+from runtime.table import COUNTS, Table
 
 BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here

@@ -64,7 +64,7 @@ BROKEN = [
         "the runtime's rooms",
         id="journal-up",
     ),
-    pytest.param("drivers/ports.py", "import drivers.robotiq", "drivers.ports holds", id="ports-make"),
+    pytest.param("drivers/ports.py", "import drivers.robotiq", "drivers.ports imports", id="ports-make"),
     pytest.param("runtime/table/codec.py", "import numpy", "runtime is numpy-free", id="table-numpy"),
     pytest.param("drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"),
     pytest.param(

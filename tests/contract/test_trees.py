@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import diameter
 
 from planner.job import model as job_file
 from planner.job.overrides import changes_of
-from planner.part.outline import diameter
 from planner.report.comparison import table_rows
 
 TREES = Path(__file__).parents[2] / "trees"
@@ -61,7 +61,7 @@ def test_goal_and_gripper_are_the_papers(name, jobs):
     assert (gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm) == (85.0, 27.5, 9.5)
     assert (job.friction.finger_part_min, job.friction.finger_part_max) == (0.4, 0.6)
     assert job.pressure.kind == "boundary"
-    assert job.uncertainty.orientation == "unknown"
+    assert job.uncertainty.orientation_halfwidth_deg == 180.0
 
 
 def test_parts_have_different_outlines_and_names(jobs):

@@ -126,7 +126,7 @@ def test_camera_that_was_plugged_in_late_is_used(files, tmp_path):
     with Asked(**{**files, "camera": folder}) as audit:
         assert "there is no camera or folder" in audit.ask()["reason"]
         folder.mkdir()
-        cv2.imwrite(str(folder / "a.png"), RIG.picture(POSE, np.random.default_rng(1)))
+        cv2.imwrite(str(folder / "a.png"), RIG.seen(Look(POSE), np.random.default_rng(1)))
         assert audit.ask()["verdict"] == "pass"
 
 

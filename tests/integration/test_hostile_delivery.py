@@ -73,13 +73,13 @@ def tree(tmp_path: Path) -> Path:
 
 def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record) -> None:
     told = soaked(200)
-    assert (told.findings, told.halts) == ([], 0)
-    assert told.delivered == told.outcomes["leaf"] > 150
+    assert (told.findings, told.sums["halts"]) == ([], 0)
+    assert told.sums["delivered"] == told.outcomes["leaf"] > 150
     low, high = told.wrist_deg
     assert LAST_AXIS_DEG[0] < low < high < LAST_AXIS_DEG[1]
     record_property("exit_code", 0)
     turned = f"{low:.0f}..{high:.0f} deg"
-    record_property("ends", f"{told.delivered} parts put down, wrist at {turned}, no halt")
+    record_property("ends", f"{told.sums['delivered']} parts put down, wrist at {turned}, no halt")
 
 
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +88,7 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     told = soaked(60)
-    assert (told.halts, told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)
+    assert (told.sums["halts"], told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)
 
 
 @pytest.mark.parametrize("mode", [(), ("--json",)])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rolling
 
-KILLS = 24
+KILLS = 14  # at every number of finished blocks
 BLOCK_S = 0.012
 """About what a block takes."""
 

@@ -18,8 +18,7 @@ from planner.learned.model import learned_model, learns
 from planner.learned.rollouts import COLLIDES
 from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.report import canvas
-from planner.report.subspaces import figure
+from planner.report import canvas, paper_figures
 from runtime.table import dumps
 
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
@@ -96,7 +95,8 @@ def compiled(tmp_path, *words):
 def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_path):
     report, _ = judged
     picture = tmp_path / "tree.models.svg"
-    canvas.save(picture, lambda: figure(report, rectangle(), JAWS))
+    shown = report.subspaces, report.label, report.final, rectangle(), JAWS, models_report.names(report)
+    canvas.save(picture, lambda: paper_figures.subspaces(*shown))
     out = models_report.text(report)
     assert out.count(" deg: ") == 4
     for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):

@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate, simulate
+from runtime.table import load
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
@@ -96,6 +98,29 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
     assert all(world["trials"] == 200 for world in worlds)
 
 
+def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
+    kept = tmp_path / "study.json"
+    for _ in range(2):  # the second has nothing left to do
+        code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
+        told = json.loads(out)
+        assert code == 0
+        assert told["parts"] == 10_000
+        assert told["wrong_ppm"]["low"] <= told["wrong_ppm"]["rate"] <= told["wrong_ppm"]["high"] < 5000
+        assert len(told["leaves"]) == len(load(TABLE).table.leaves)
+    code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--resume", kept, "--until", 0.001)
+    assert code == 0
+    assert "0.001 ppm" in out
+    before = kept.read_bytes()
+    code, _, err = inside(evaluate, TABLE, "--ppm", "--seed", 5, "--resume", kept)
+    assert code == 3
+    assert one_line(err)
+    assert kept.read_bytes() == before
+    for words in (["--until", 5], ["--resume", kept], ["--ppm", "--sweep"], ["--ppm", "--resume", TABLE]):
+        code, _, err = inside(evaluate, TABLE, *words)
+        assert code == 2
+        assert one_line(err)
+
+
 def test_bad_worlds_are_refused_in_one_line():
     for words, expected in [
         (("--world-set", "friction.finger_part_max"), 2),
@@ -119,8 +144,29 @@ def test_compile_says_what_limits_the_plan(tmp_path):
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - json.loads(out)["success_rate"])
     words = ("-o", tmp_path / "out.msgpack", "--trials", 500, "--no-advice", "--json")
-    code, out, _ = run("compile", job, *words)
+    code, out, _ = inside(compile_, job, *words)
     assert json.loads(out)["advice"] is None
+
+
+def test_compile_proves_how_near_the_best_the_plan_is(tmp_path):
+    job = tmp_path / "quick.toml"
+    job.write_text(JOB.read_text().replace("stress_trials = 2000", "stress_trials = 0"))
+    words = (job, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--no-advice", "--bound", 5000)
+    code, out, _ = inside(compile_, *words, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert 2.0 < figures["squeezes_lower_bound"] < figures["mean_squeezes"]
+    bound = figures["bound"]
+    assert bound["squeezes"] == figures["squeezes_lower_bound"]
+    assert bound["confidence"] == 0.95
+    assert bound["leaf_confidence"] == 0.99
+    assert bound["success_rate"] == pytest.approx(figures["success_ci95"][0], abs=1e-5)
+    assert set(bound["terms"]) == {"leaves", "overall"}
+    table = (tmp_path / "out.msgpack").read_bytes()
+    code, out, _ = inside(compile_, *words)
+    shown = float(re.search(r"any plan as good takes (\d\.\d\d) squeezes a part or more", out)[1])
+    assert shown <= figures["squeezes_lower_bound"] < shown + 0.01
+    assert (tmp_path / "out.msgpack").read_bytes() == table
 
 
 def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
@@ -146,8 +192,8 @@ def read_rows(path):
 
 def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
-    code, _, _ = run(
-        "simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    code, _, _ = inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
     )
     rows = read_rows(tmp_path / "out.csv")
     assert code == 0
@@ -163,7 +209,9 @@ def test_simulate_reproduces_the_reference_squeezes(tmp_path):
     reference = read_rows(SHARED / "oracle_rect.csv")
     poses = [(1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference]
     write_poses(tmp_path / "in.csv", poses)
-    run("simulate", JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5)
+    inside(
+        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+    )
     for want, got in zip(reference, read_rows(tmp_path / "out.csv"), strict=True):
         dx = 1e3 * float(want["x_m"]) - float(got["final_x_mm"])
         dy = 1e3 * float(want["y_m"]) - float(got["final_y_mm"])
@@ -233,6 +281,16 @@ def test_usage_errors(tmp_path):
     assert inside(evaluate, TABLE, "--world", "no.such.module:make", "--trials", 1)[0] == 2
     assert inside(evaluate, TABLE, "--world", "math:sqrt2", "--trials", 1)[0] == 2
     assert inside(compile_)[0] == 2
+    table = ("-o", tmp_path / "out.msgpack")
+    for words in (
+        (*table, "--bound", 0),
+        (*table, "--bound", 10**9),
+        (*table, "--bound-dense", "--sweep", "seed=1,2"),
+        (*table, "--bound", "--sweep", "seed=1,2"),
+        ("--baseline", "sensorless", "--bound"),
+    ):
+        code, _, err = inside(compile_, JOB, *words)
+        assert (code, one_line(err)) == (2, True), words
 
 
 def test_a_damaged_table_is_refused(tmp_path):

@@ -29,9 +29,9 @@ def script(*arguments):
 
 
 def test_a_slice_under_random_faults_finds_nothing():
-    code, told, out = script("--transactions", "60000")
+    code, told, out = script("--transactions", "40000")
     assert (code, told["findings"]) == (0, 0), out
-    assert told["transactions"] >= 60_000
+    assert told["transactions"] >= 40_000
     assert len(told["faults_met"]) >= 24
     assert set(told["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
 
@@ -69,7 +69,7 @@ def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
 
 
 def test_a_driver_that_commands_an_unready_gripper_is_found(monkeypatch):
-    monkeypatch.setattr("drivers.robotiq.gripper.require_ready", lambda seen, doing: None)
+    monkeypatch.setattr("drivers.robotiq.gripper._require_ready", lambda seen, doing: None)
     monkeypatch.setattr(safety, "ready_gripper", lambda gripper: gripper.state())
     assert "not ready" in runs(60)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from documents import DOCS, ROOT, blocks, matches, run, shims
 
-from planner.evaluation.statistics import wilson_interval
 from runtime.execution import calibration
+from runtime.table import wilson_interval
 
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 

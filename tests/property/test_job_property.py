@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from problems import diameter
 
 from planner.errors import JobError
 from planner.job import model as job
@@ -62,7 +63,7 @@ def test_the_frame_of_a_part_does_not_depend_on_its_drawing(lengths, shift):
     here, there = (outline.canonical(star(lengths, at)).outline_mm for at in ((0.0, 0.0), shift))
     assert np.allclose(here, there, atol=1e-9)
     assert outline.area(there) > 0
-    assert outline.min_width(there) <= outline.width(there, 0.3) <= outline.diameter(there) + 1e-9
+    assert outline.min_width(there) <= outline.width(there, 0.3) <= diameter(there) + 1e-9
     assert symmetry.has_order(there, symmetry.order(there))
 
 

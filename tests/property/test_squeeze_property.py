@@ -7,6 +7,7 @@ from contact_problems import (
     rows,
     wrenches,
 )
+from contact_solutions import workspace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import (
@@ -20,7 +21,7 @@ from problems import (
 
 from planner.mechanics.contacts import FN, FT
 from planner.mechanics.simulator import STATUS_NAMES, Parameters
-from planner.mechanics.step import SOLVED, solve, workspace
+from planner.mechanics.step import SOLVED, solve
 
 CASES = settings(max_examples=60, deadline=None, derandomize=True)
 PENETRATION_MM = 0.02

@@ -7,9 +7,8 @@ import random
 
 import pytest
 
-from drivers.clock import Pace, WallClock
+from drivers.clock import Clock, Pace
 from drivers.robotiq.modbus import rtu_link
-from drivers.robotiq.registers import to_bytes
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import RtuSlave
@@ -110,7 +109,7 @@ class Wire:
 
 def link(replies):
     wire = Wire(replies)
-    return rtu_link(wire, Pace(WallClock())), wire
+    return rtu_link(wire, Pace(Clock())), wire
 
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])
@@ -122,5 +121,5 @@ def test_the_driver_writes_the_frames_of_the_manual(frame):
 
 def test_the_driver_reads_with_the_frame_of_the_manual():
     made, wire = link(["09 03 06 B900 00FF BD00 1D7C"])
-    assert made.read() == to_bytes((0xB900, 0x00FF, 0xBD00))
+    assert made.read() == bytes.fromhex("B900 00FF BD00")
     assert wire.sent == [bytes.fromhex(READ_3)]

@@ -27,7 +27,6 @@ def held(tilt, spot, distance_mm):
         OPTICS.eye_mm + back @ middle,
         back @ turn[:, 0],
         back @ turn[:, 1],
-        np.zeros(3),
     )
 
 

@@ -1,11 +1,14 @@
 """Simulated cameras for tests, small enough to be quick: half a webcam, at half its distance."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from drivers.camera.calibration.file import CameraCalibration, Reference, Trust
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.tag_file import PartTag
+from drivers.sim.camera.cards import Card, lying
 from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws
 from drivers.sim.camera.rig import Rig
@@ -27,6 +30,13 @@ def camera(*, below: bool = True) -> Optics:
 def rig(optics: Optics, **flaws: object) -> Rig:
     """The camera with its reference tags and the part's."""
     return Rig(optics, Flaws(**flaws), NUMBER, SIDE_MM, (2.0, -1.0, 0.3), REFERENCES)
+
+
+def stain(pose: tuple[float, float, float], size_mm: tuple[float, float]) -> Card:
+    """Something dark that lies before the camera under the table: its middle and its size along x and y."""
+    columns, rows = (round(5.0 * size) for size in size_mm)
+    card = lying(np.zeros((rows, columns), np.uint8), 0.2, pose, face_down=True, margin_mm=0.0)
+    return replace(card, tones=(0.25, 1.0))
 
 
 def true_view(optics: Optics) -> View:

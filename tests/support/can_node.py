@@ -7,9 +7,9 @@ import threading
 from collections.abc import Callable
 
 import canopen
-from canopen.objectdictionary import ODVariable
+from canopen import objectdictionary
 
-from drivers.robotiq.canopen import HEAR_S, CanMap, dictionary
+from drivers.robotiq.canopen import HEAR_S, CanMap
 from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.sim.wire.modbus import Device
 
@@ -50,7 +50,7 @@ class CanNode:
         """Leave it."""
         self._network.disconnect()
 
-    def _read(self, *, index: int, subindex: int, od: ODVariable) -> int | None:
+    def _read(self, *, index: int, subindex: int, od: objectdictionary.ODVariable) -> int | None:
         del od
         byte = subindex - 1
         if not 0 <= byte < BLOCK_BYTES:
@@ -60,8 +60,22 @@ class CanNode:
                 return self._device.read_input(self._now())[byte]
             return self._device.read_output()[byte]
 
-    def _write(self, *, index: int, subindex: int, od: ODVariable, data: bytes) -> None:
+    def _write(self, *, index: int, subindex: int, od: objectdictionary.ODVariable, data: bytes) -> None:
         del od
         if index == self._where.output:
             with self._lock:
                 self._device.write_output(subindex - 1, data, self._now())
+
+
+def dictionary(where: CanMap) -> canopen.ObjectDictionary:
+    """The two objects of the map, each byte an unsigned 8."""
+    made = canopen.ObjectDictionary()
+    for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
+        record = objectdictionary.ODRecord(name, index)
+        for sub in range(1, BLOCK_BYTES + 1):
+            variable = objectdictionary.ODVariable(f"byte {sub - 1}", index, sub)
+            variable.data_type = objectdictionary.UNSIGNED8
+            variable.access_type = access
+            record.add_member(variable)
+        made.add_object(record)
+    return made

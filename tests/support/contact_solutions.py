@@ -10,8 +10,13 @@ from planner.arrays import Array
 from planner.mechanics import contacts
 from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import SOLVED
-from planner.mechanics.step import TOUCHING_MM, directions, workspace
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, directions
 from planner.mechanics.surface_step import solve_surface
+
+
+def workspace():
+    """A fresh workspace of a step."""
+    return np.zeros(1, STEP_WORK).view(np.recarray)[0]
 
 
 class Residuals(NamedTuple):

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from drivers.ports import Settled
 from runtime.execution.executor import Cell
 
 
@@ -18,16 +19,6 @@ class State(NamedTuple):
     echo_counts: int = 0
     position_counts: int = 3
     current_ma: int = 0
-
-
-class Settled(NamedTuple):
-    """One finished motion of the fake gripper."""
-
-    position_counts: int
-    object_flag: int
-    current_ma: int
-    echo_counts: int
-    seconds: float
 
 
 class Call(NamedTuple):
@@ -72,7 +63,7 @@ class FakeGripper:
 
     def activate(self) -> None:
         self.log.call("gripper", "activate")
-        self.now = self.now._replace(activated=True)
+        self.now = self.now._replace(activated=True, fault=0)
 
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
         self.log.call("gripper", "move", position_counts, speed_counts, force_counts)

@@ -13,8 +13,9 @@ from can_node import CanNode
 
 from drivers import connect
 from drivers.robotiq.canopen import CanMap
+from drivers.robotiq.frames import TCP
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.gripper_tcp import TcpPort, modbus_tcp, rtu_over_tcp, stop_jaws
+from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
@@ -47,10 +48,10 @@ class Robotiq:
             node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
             return node, f"can:{channel}?interface=virtual"
         if bus == "rtu+tcp":
-            self.slave = rtu_over_tcp(self.model, self.now)
+            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
             port = TcpPort(self.slave, self.lock, self.time)
         else:
-            self.slave = modbus_tcp(self.model, self.now)
+            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
             port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
         return port, f"{bus}://127.0.0.1:{port.port}"
 
@@ -64,8 +65,8 @@ class Robotiq:
     def released(self):
         pass
 
-    def open(self, *, read_only=False):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+    def open(self, **options):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, **options))
 
     def put_part(self):
         self.holds = True
@@ -99,8 +100,8 @@ class Other:
         self.port = other_make.Server(self.device.answer)
         self.name = f"other://127.0.0.1:{self.port.port}"
 
-    def open(self, *, read_only=False):
-        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, read_only=read_only))
+    def open(self, **options):
+        return contextlib.closing(connect.gripper(self.name, time_scale=SCALE, **options))
 
     def put_part(self):
         self.device.contact_mm = 24.0

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.spc.expectation import bin_of
+from runtime.spc.expectation import Expectation, bin_of
 from runtime.spc.history import History, Part, Squeezed
-from runtime.spc.monitor import branch_shares, sigmas
+from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Calibration, Table, by_count, decision_map, load
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
@@ -83,6 +83,11 @@ def history(tree: Table, *stretches: list[Part]) -> History:
     """Stretches of parts one after the other, numbered through."""
     parts = [part for stretch in stretches for part in stretch]
     return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
+
+
+def watch(seen: History, expected: Expectation | None = None) -> list[Alarm]:
+    """All alarms of the charts over a history."""
+    return list(Monitor.of(seen.table, expected).watch(seen))
 
 
 def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[str, object]:

@@ -120,7 +120,7 @@ class Bench:
     def prepare(self, *, active: bool) -> None:
         """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
         self.scene.next_part()
-        self.gripper.activate(after_fault=True)
+        self.gripper.activate()
         self.gripper.move(0, 255, 0)
         self.gripper.wait()
         if not active:

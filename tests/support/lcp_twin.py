@@ -11,8 +11,18 @@ from contact_problems import (
     wrenches,
 )
 
+from planner.mechanics.lcp import lemke
+
 SEPARATE, STICK, SLIDE_FORWARD, SLIDE_BACK = range(4)
 TOLERANCE = 1e-9
+
+
+def solve(M: np.ndarray, q: np.ndarray) -> tuple[int, np.ndarray]:
+    """Lemke's method with workspaces of its own: status and z (n,) for M (n, n) and q (n,)."""
+    n = len(q)
+    z = np.zeros(n)
+    status = int(lemke(M, q, n, np.empty((n, 2 * n + 2)), np.empty(n, np.int64), z))
+    return status, z
 
 
 def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:

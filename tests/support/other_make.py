@@ -8,11 +8,10 @@ import math
 import socketserver
 import threading
 import time
-from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import ArmSetup
+from drivers.ports import GripperState, Settled
 from drivers.stream import Stream, open_tcp
 
 ANSWER_S = 0.5
@@ -33,7 +32,7 @@ class Lines:
 
     def ask(self, line: str, seconds: float = ANSWER_S) -> list[str]:
         if self._lost:
-            raise LinkError(f"{self.endpoint} is closed: {self._lost}", self.endpoint)
+            raise LinkError(f"{self.endpoint} is closed: {self._lost}")
         if self._read_only and line not in QUESTIONS:
             raise ReadOnlyError(f"a dry run was about to send {line!r} to {self.endpoint}")
         try:
@@ -48,30 +47,12 @@ class Lines:
             raise
         except OSError as error:
             self._lost = "the connection broke"
-            raise LinkError(f"{self.endpoint} broke; check the cable", self.endpoint) from error
+            raise LinkError(f"{self.endpoint} broke; check the cable") from error
         return text.decode().split()
 
     def close(self) -> None:
         self._lost = self._lost or "it was closed"
         self._stream.close()
-
-
-class State(NamedTuple):
-    activated: bool
-    moving: bool
-    fault: int
-    object_flag: int
-    echo_counts: int
-    position_counts: int
-    current_ma: int = 0
-
-
-class Settled(NamedTuple):
-    position_counts: int
-    object_flag: int
-    current_ma: int
-    echo_counts: int
-    seconds: float
 
 
 class OtherGripper:
@@ -82,10 +63,10 @@ class OtherGripper:
         self._asked: tuple[int, float] | None = None
         self.state()
 
-    def state(self) -> State:
+    def state(self) -> GripperState:
         ready, moving, held, asked_mm, at_mm = self._lines.ask("status")
         flag = 0 if moving == "1" else 2 if held == "1" else 3
-        return State(ready == "1", moving == "1", 0, flag, _counts(asked_mm), _counts(at_mm))
+        return GripperState(ready == "1", moving == "1", 0, flag, _counts(asked_mm), _counts(at_mm), 0)
 
     def activate(self) -> None:
         if self.state().activated:
@@ -98,7 +79,7 @@ class OtherGripper:
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
         self._asked = None
         if not self.state().activated:
-            raise GripperFault("gripper not active; home it first", 0x07)
+            raise GripperFault("gripper not active; home it first")
         opening_mm = STROKE_MM * (255 - position_counts) / 255
         self._lines.ask(f"go {opening_mm:.3f} {10 + speed_counts} {force_counts}")
         self._asked = position_counts, self._pace.now()
@@ -170,7 +151,7 @@ class OtherArm:
             raise ArmError(f"arm lost, state unknown since {error}") from error
 
 
-def arm(host: str, number: int, pace: Pace, setup: ArmSetup) -> OtherArm:
+def arm(host: str, number: int, pace: Pace, setup) -> OtherArm:
     stream = open_tcp(host, number, f"other://{host}:{number}", "check its power")
     return OtherArm(Lines(stream, pace, read_only=setup.read_only))
 

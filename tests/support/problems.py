@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import shapely
+from scipy.spatial.distance import pdist
 
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
 from planner.mechanics.simulator import DEFAULT_STEP_MM, Simulator
@@ -151,3 +152,8 @@ def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float, jaws: n
     """Deepest overlap of a part with either finger, of jaws that are `width` apart, in mm."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2, jaws)) for f in (1, -1))
+
+
+def diameter(outline):
+    """Largest distance of two of its points [mm]."""
+    return float(pdist(outline).max())

@@ -48,11 +48,11 @@ def small_table() -> Table:
         ),
     )
     leaves = (
-        Leaf(0, 500, 0, TIGHT, 999_000, 6_000, True),
-        Leaf(-1_200, -2_000, 1_571_000, TIGHT, 995_000, 3_000, True),
-        Leaf(0, 0, 643_000, (90, -4, 60, 3, 0, 40), 610_000, 1_000, False),
+        Leaf(0, 500, 0, TIGHT, 999_000, 6_000, True, (), 320, 940),
+        Leaf(-1_200, -2_000, 1_571_000, TIGHT, 995_000, 3_000, True, (), 410, 1_250),
+        Leaf(0, 0, 643_000, (90, -4, 60, 3, 0, 40), 610_000, 1_000, False, (), 2_200, 9_800),
     )
-    predicted = Prediction(958_000, 10_000, 1_400_000)
+    predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
     return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
 
 

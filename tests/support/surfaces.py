@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.part.quartic_form import PAIRS, quadratics
+from planner.part.quartic_form import PAIRS
 
 
 def mean_twist_error(predicted, twists):
@@ -13,7 +13,8 @@ def mean_twist_error(predicted, twists):
 
 def hessian(surface, F):
     """hess H (..., 3, 3) of a quartic at wrenches F (..., 3)."""
-    entries = quadratics(F) @ surface.hessian_table().T
+    products = F[..., PAIRS[:, 0]] * F[..., PAIRS[:, 1]]
+    entries = products @ surface.hessian_table().T
     result = np.empty((*entries.shape[:-1], 3, 3))
     result[..., PAIRS[:, 0], PAIRS[:, 1]] = result[..., PAIRS[:, 1], PAIRS[:, 0]] = entries
     return result

@@ -1,10 +1,9 @@
 """One audit: take a picture, check the camera, measure the part, compare it with what the leaf says."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from drivers.camera.audit import overlay
 from drivers.camera.audit.subject import Subject
@@ -13,10 +12,9 @@ from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.calibration.measure import Measured, measure
 from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
-from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.sources import Source
-from drivers.camera.vision.tag_file import Pose
-from drivers.camera.vision.tags import Finder
+from drivers.camera.vision.tags import find
+from drivers.planar import Pose2
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
@@ -24,27 +22,34 @@ COVERAGE = 3.0
 """How many standard deviations a measurement has to be clear of the threshold."""
 
 
-class Judgement(NamedTuple):
-    """How a measurement compares.
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the audit says of one part."""
 
-    Attributes:
-        verdict: "pass", "fail" or "unknown".
-        distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
-        error: `COVERAGE` standard deviations of it.
-        threshold: what it has to stay below.
-        residual: measured less predicted: mm, mm, rad under the symmetry.
-    """
+    verdict: str  # "pass", "fail" or "unknown"
+    reason: str  # one sentence
+    measured: Pose2 | None = None  # pose of the part: mm, mm, rad; None where there is no measurement
+    residual: Pose2 | None = None  # measured less predicted, under the symmetry
+    distance: float | None = None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
+    error: float | None = None  # `COVERAGE` standard deviations of it
+    moved_mm: float | None = None  # greatest motion of a reference tag
+    picture: str | None = None  # file of the overlay, None where none was kept
 
-    verdict: str
-    distance: float
-    error: float
-    threshold: float
-    residual: Pose
+    def fields(self) -> dict[str, object]:
+        """The answer as JSON holds it, units in the names, what is not known left out."""
+        told: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
+        for prefix, pose in (("measured", self.measured), ("residual", self.residual)):
+            if pose is not None:
+                names = (f"{prefix}_{name}" for name in ("x_mm", "y_mm", "theta_rad"))
+                told |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
+        figures = {"distance": self.distance, "error": self.error, "moved_mm": self.moved_mm}
+        told |= {name: round(value, 6) for name, value in figures.items() if value is not None}
+        return told if self.picture is None else told | {"picture": self.picture}
 
 
 def judge(
-    goal: GoalSpec, predicted: Iterable[Pose], measured: Pose, sigma_mm: float, sigma_rad: float
-) -> Judgement:
+    goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
+) -> Answer:
     """Compare a measured pose with the predicted ones; the nearest counts.
 
     Args:
@@ -54,66 +59,25 @@ def judge(
         sigma_mm: standard deviation of the measured place, in each direction.
         sigma_rad: standard deviation of the measured angle.
     """
-    return min(
-        (_compare(goal, pose, measured, sigma_mm, sigma_rad) for pose in predicted),
-        key=lambda judged: judged.distance,
-    )
-
-
-def _compare(goal: GoalSpec, pose: Pose, measured: Pose, sigma_mm: float, sigma_rad: float) -> Judgement:
+    pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
     off, bound = distance(goal, pose, measured), threshold(goal)
     if goal.kind in ("pose", "modes"):
-        sigma = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad)
+        sigma, unit = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad), " mm"
     else:
         x_um, y_um, theta_urad = goal.tolerance
         shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
-        sigma = max(shift, sigma_rad / (theta_urad / 1e6))
-    error, verdict = COVERAGE * sigma, UNKNOWN
+        sigma, unit = max(shift, sigma_rad / (theta_urad / 1e6)), " of the tolerance"
+    error, verdict, words = COVERAGE * sigma, UNKNOWN, "too close to call"
     if off + error < bound:
-        verdict = PASS
+        verdict, words = PASS, "within the goal"
     elif off - error >= bound:
-        verdict = FAIL
-    return Judgement(verdict, off, error, bound, residual(goal, pose, measured))
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What the audit says of one part.
-
-    Attributes:
-        verdict: "pass", "fail" or "unknown".
-        reason: one sentence.
-        measured: pose of the part: mm, mm, rad; None where there is no measurement.
-        residual: measured less predicted, under the symmetry.
-        distance: eq. 9 in mm; for tolerances the largest deviation in units of its own.
-        error: by how much it may be off.
-        moved_mm: greatest motion of a reference tag.
-        picture: file of the overlay, None where none was kept.
-    """
-
-    verdict: str
-    reason: str
-    measured: Pose | None = None
-    residual: Pose | None = None
-    distance: float | None = None
-    error: float | None = None
-    moved_mm: float | None = None
-    picture: str | None = None
-
-    def fields(self) -> dict[str, object]:
-        """The answer as JSON holds it, units in the names, what is not known left out."""
-        told: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
-        for prefix, pose in (("measured", self.measured), ("residual", self.residual)):
-            if pose is not None:
-                names = (f"{prefix}_{name}" for name in ("x_mm", "y_mm", "theta_rad"))
-                told |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
-        for name in ("distance", "error", "moved_mm"):
-            value = getattr(self, name)
-            if value is not None:
-                told[name] = round(value, 6)
-        if self.picture is not None:
-            told["picture"] = self.picture
-        return told
+        verdict, words = FAIL, "not within the goal"
+    x, y, theta = left = residual(goal, pose, measured)
+    reason = (
+        f"{words}: {off:.2f} +- {error:.2f}{unit}, allowed {bound:g} "
+        f"(x {x:+.2f} mm, y {y:+.2f} mm, angle {math.degrees(theta):+.2f} deg off)"
+    )
+    return Answer(verdict, reason, measured, left, off, error)
 
 
 class Auditor:
@@ -139,10 +103,9 @@ class Auditor:
         self._calibration = calibration
         self._subject = subject
         self._limit_mm = limit_mm
-        self._album = None if pictures is None else overlay.Album(pictures)
-        self._finder = Finder()
+        self._pictures = pictures
 
-    def audit(self, part: int, predicted: Pose, until: float) -> Answer:
+    def audit(self, part: int, predicted: Pose2, until: float) -> Answer:
         """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
 
         Args:
@@ -155,56 +118,21 @@ class Auditor:
         except CameraError as error:
             return Answer(UNKNOWN, str(error))
         found: Measured | None = None
+        view = self._calibration.view
         try:
-            found, moved_mm = self._measured(picture, predicted)
-            answer = self._answer(found, moved_mm, predicted)
+            self._calibration.check_size(picture.shape)
+            explain.check_exposure(picture)
+            seen = find(picture)
+            moved_mm = drift.check(self._calibration.references, seen, view, self._limit_mm)
+            found = measure(picture, seen, self._calibration, self._subject.tag, predicted)
+            allowed = self._subject.poses_of(predicted)
+            judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
+            answer = replace(judged, moved_mm=moved_mm)
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
-        return self._kept(answer, part, picture, found, predicted)
-
-    def _measured(self, picture: Picture, predicted: Pose) -> tuple[Measured, float]:
-        self._calibration.check_size(picture.shape)
-        explain.check_exposure(picture)
-        seen = self._finder.find(picture)
-        view, references = self._calibration.view, self._calibration.references
-        moved_mm = drift.check(references, seen, view, self._limit_mm)
-        return measure(picture, seen, self._calibration, self._subject.tag, predicted), moved_mm
-
-    def _answer(self, found: Measured, moved_mm: float, predicted: Pose) -> Answer:
-        allowed = self._subject.poses_of(predicted)
-        judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
-        return Answer(
-            judged.verdict,
-            sentence(judged, self._subject.goal),
-            found.pose,
-            judged.residual,
-            judged.distance,
-            judged.error,
-            moved_mm,
-        )
-
-    def _kept(
-        self, answer: Answer, part: int, picture: Picture, found: Measured | None, predicted: Pose
-    ) -> Answer:
-        if self._album is None or answer.verdict == PASS:
+        if self._pictures is None or answer.verdict == PASS:
             return answer
-        drawn = overlay.draw(
-            picture,
-            self._calibration.view,
-            self._subject,
-            predicted,
-            found,
-            f"{answer.verdict}: {answer.reason}",
-        )
-        path = self._album.keep(part, answer.verdict, drawn)
+        sentence = f"{answer.verdict}: {answer.reason}"
+        drawn = overlay.draw(picture, view, self._subject, predicted, found, sentence)
+        path = overlay.keep(self._pictures, part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))
-
-
-def sentence(judged: Judgement, goal: GoalSpec) -> str:
-    """What a judgement says, in words."""
-    x, y, theta = judged.residual
-    off = f"x {x:+.2f} mm, y {y:+.2f} mm, angle {math.degrees(theta):+.2f} deg off"
-    unit = " mm" if goal.kind in ("pose", "modes") else " of the tolerance"
-    distance = f"{judged.distance:.2f} +- {judged.error:.2f}{unit}, allowed {judged.threshold:g}"
-    words: Mapping[str, str] = {PASS: "within the goal", FAIL: "not within the goal"}
-    return f"{words.get(judged.verdict, 'too close to call')}: {distance} ({off})"

@@ -1,12 +1,10 @@
 """`grasp-audit judge`: judge parts by a camera; `report` is only told of here, for it needs none."""
 
 import argparse
-import contextlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import cv2
 
@@ -18,8 +16,6 @@ from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import open_source
 from runtime.shell.command import Parser, positive, run
 from runtime.shell.files import folder
-
-T = TypeVar("T")
 
 EXIT_CODES = """\
 exit codes:
@@ -61,12 +57,8 @@ def parser() -> Parser:
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
     add("--tag", type=Path, required=True, metavar="F", help="from grasp-calibrate tag")
     add("--pictures", type=Path, metavar="DIR", help="keep an overlay of every part that does not pass")
-    add(
-        "--moved-mm",
-        type=positive,
-        default=drift.LIMIT_MM,
-        help="limit of reference tags (default: %(default)s)",
-    )
+    limit = "limit of reference tags (default: %(default)s)"
+    add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
     add("--deadline", type=positive, default=5.0, metavar="S", help="for an answer (default: %(default)s)")
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
     made.add_debug()
@@ -88,52 +80,27 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
 
     Nothing that is wrong with the files or the camera keeps the cell from running: every verdict is then
     "unknown" for that reason, and the command ends with it.
-
-    Returns:
-        0.
-
-    Raises:
-        Exception: why there was nobody to judge, to the end.
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)
-    why_not: list[Exception] = []
-
-    def noted(step: Callable[[argparse.Namespace], T]) -> T:
-        why_not.clear()
-        try:
-            return step(options)
-        except Exception as error:
-            why_not.append(error)
-            raise
-
-    with contextlib.suppress(Exception):
-        noted(read)  # by the end it is known, also where nothing is asked
-    worker = service.Worker(lambda: noted(make))
+    worker = service.Worker(lambda: make(options))
     lines = service.Lines(sys.stdin.fileno())
     if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full):
         os.execv(sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words])
-    if why_not:
-        raise why_not[0]
+    if worker.why_not is not None:
+        raise worker.why_not
+    if not worker.asked:
+        read(options)  # what is wrong with the files is told also where nothing was asked
     return 0
 
 
 def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, subject.Subject]:
-    """What the files of a command line say.
-
-    Raises:
-        CameraError: a file about the camera is refused.
-        Exception: the table's reader's own errors.
-    """
+    """What the files of a command line say; errors of their readers pass as they are."""
     return calibration.load(options.calibration), subject.from_table(options.tree, tag_file.load(options.tag))
 
 
 def make(options: argparse.Namespace) -> Auditor:
-    """The auditor of a command line.
-
-    Raises:
-        Exception: those of `read`, or there is no camera.
-    """
+    """The auditor of a command line; errors of `read` and `open_source` pass as they are."""
     if options.pictures is not None:
         folder(options.pictures, Path(options.camera))
     known, about = read(options)

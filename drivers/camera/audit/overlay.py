@@ -9,8 +9,8 @@ import numpy as np
 from drivers.camera.audit.subject import Subject
 from drivers.camera.calibration.measure import Measured, print_corners
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.plane import View, as_it_lies
-from drivers.camera.vision.tag_file import Pose
+from drivers.camera.vision.plane import View, as_it_lies, placed
+from drivers.planar import Pose2
 from runtime.shell.files import writing
 
 # Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
@@ -22,36 +22,32 @@ MOST_PICTURES = 1000
 QUALITY = 85
 
 
-class Album:
-    """A folder of overlays; the oldest go when there are too many.
+def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES) -> Path | None:
+    """Write an overlay; None where the disk refuses, for an audit does not depend on it.
 
     Args:
         folder: made where it is missing.
-        most: how many are kept.
+        part: its number.
+        verdict: on it.
+        drawn: (h, w, 3).
+        most: how many are kept; the oldest go.
     """
-
-    def __init__(self, folder: Path, most: int = MOST_PICTURES) -> None:
-        self._folder = folder
-        self._most = most
-
-    def keep(self, part: int, verdict: str, drawn: Picture) -> Path | None:
-        """Write one; None where the disk refuses, for an audit does not depend on it."""
-        path = self._folder / f"part-{part:07d}-{verdict}.jpg"
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            kept = sorted(self._folder.glob("part-*.jpg"))
-            for old in kept[: max(0, len(kept) - self._most + 1)]:
-                old.unlink(missing_ok=True)
-            _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-            with writing(path) as draft:
-                draft.write_bytes(coded.tobytes())
-        except OSError:
-            return None
-        return path
+    path = folder / f"part-{part:07d}-{verdict}.jpg"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = sorted(folder.glob("part-*.jpg"))
+        for old in kept[: max(0, len(kept) - most + 1)]:
+            old.unlink(missing_ok=True)
+        _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        with writing(path) as draft:
+            draft.write_bytes(coded.tobytes())
+    except OSError:
+        return None
+    return path
 
 
 def draw(
-    picture: Picture, view: View, subject: Subject, predicted: Pose, found: Measured | None, sentence: str
+    picture: Picture, view: View, subject: Subject, predicted: Pose2, found: Measured | None, sentence: str
 ) -> Picture:
     """Lay outlines and the sentence over a picture.
 
@@ -82,10 +78,8 @@ def draw(
     return canvas
 
 
-def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose, colour: tuple[int, int, int]) -> None:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    places = outline @ np.array([[c, s], [-s, c]]) + pose[:2]
-    _closed(canvas, view.pixels_at(places), colour)
+def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose2, colour: tuple[int, int, int]) -> None:
+    _closed(canvas, view.pixels_at(placed(outline, pose)), colour)
 
 
 def _closed(canvas: Picture, pixels: Array, colour: tuple[int, int, int]) -> None:

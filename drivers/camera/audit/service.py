@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
-from drivers.camera.vision.tag_file import Pose
+from drivers.planar import Pose2
 from runtime.shell import strict_json
 
 MAX_LINE_BYTES = 65_536
@@ -33,48 +33,57 @@ class Worker:
     """A thread that judges one part after the other, so that one that hangs cannot hold up an answer."""
 
     def __init__(self, make: Callable[[], Auditor]) -> None:
+        self.asked = False
+        self.why_not: Exception | None = None  # why there is no auditor
         self._make = make
-        self._questions: queue.Queue[tuple[int, Pose, float]] = queue.Queue()
+        self._questions: queue.Queue[tuple[int, Pose2, float]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
         self._owed = 0
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
-    def ask(self, part: int, predicted: Pose, deadline_s: float) -> Answer:
+    def ask(self, part: int, predicted: Pose2, deadline_s: float) -> Answer:
         """Judge one part within so many seconds."""
+        self.asked = True
         start = time.monotonic()
-        if self._owed and not self._caught_up(start + 0.5 * deadline_s):
-            return Answer(UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit")
+        while self._owed:
+            if self._next_answer(start + 0.5 * deadline_s) is None:
+                return Answer(UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit")
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s))
         self._owed += 1
+        return self._next_answer(start + deadline_s) or Answer(
+            UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera"
+        )
+
+    def _next_answer(self, until: float) -> Answer | None:
         try:
-            answer = self._answers.get(timeout=max(start + deadline_s - time.monotonic(), 0.0))
+            answer = self._answers.get(timeout=max(until - time.monotonic(), 0.0))
         except queue.Empty:
-            return Answer(UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera")
+            return None
         self._owed -= 1
         return answer
-
-    def _caught_up(self, until: float) -> bool:
-        while self._owed:
-            try:
-                self._answers.get(timeout=max(until - time.monotonic(), 0.0))
-            except queue.Empty:
-                return False
-            self._owed -= 1
-        return True
 
     def _work(self) -> None:
         audits: Auditor | None = None
         while True:
-            part, predicted, until = self._questions.get()
+            question = self._questions.get()
             try:
-                if audits is None:
-                    audits = self._make()
-                answer = audits.audit(part, predicted, until)
+                audits = audits or self._made()
+                answer = audits.audit(*question)
             except MemoryError:
                 answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
             except Exception as error:
-                answer = Answer(UNKNOWN, _sentence(error))
+                said = " ".join(str(error).split())
+                foreseen = hasattr(error, "exit_code")
+                answer = Answer(UNKNOWN, said if foreseen else f"{said} ({type(error).__name__})")
             self._answers.put(answer)
+
+    def _made(self) -> Auditor:
+        self.why_not = None
+        try:
+            return self._make()
+        except Exception as error:
+            self.why_not = error
+            raise
 
 
 class Lines:
@@ -131,14 +140,9 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Bound this process's memory.
+    """Bound this process's memory to so much more than now; returns whether that is reached.
 
-    Args:
-        memory_mb: resident memory beyond what it uses now at which it should start anew; of address space it
-            gets `RESERVE_BYTES` more, and then none.
-
-    Returns:
-        Whether the first bound is reached.
+    Address space is bounded as well, `RESERVE_BYTES` above that; beyond it nothing is given.
     """
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))
@@ -146,12 +150,6 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     most = virtual + extra + RESERVE_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
     return lambda: _memory()[1] > resident + extra
-
-
-def _sentence(error: Exception) -> str:
-    """What an error says; of one that nobody foresaw also what it is."""
-    said = " ".join(str(error).split())
-    return said if hasattr(error, "exit_code") else f"{said} ({type(error).__name__})"
 
 
 def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:

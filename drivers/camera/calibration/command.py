@@ -5,26 +5,29 @@ import datetime
 import json
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import residual_picture
-from drivers.camera.calibration.fit import Made, Material, calibrate, glue, pictures_in, read_poses
+from drivers.camera.calibration.fit import calibrate, glue, pictures_in, read_poses
 from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
-from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.tag_file import PartTag
+from drivers.planar import Pose2
 from runtime.shell.command import USAGE, Parser, run, tell
 from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
 Told = Generator[str, None, dict[str, object]]
 """Lines for people as the work goes on; at its end the same for machines."""
+Run = Callable[[argparse.Namespace], Told]
 EXIT_CODES = """\
 exit codes:
    0  measured and written    2  usage         23  no camera   130  interrupted (Ctrl-C)
@@ -52,13 +55,54 @@ def parser() -> Parser:
     )
     built.add_debug()
     commands = built.add_subparsers(required=True, metavar="camera | tag | pictures", dest="command")
-    for name, (told, example, add) in SUBCOMMANDS.items():
+
+    def adder(name: str, help: str, example: str, run: Run) -> Any:  # noqa: A002
         made = commands.add_parser(
-            name, help=told, description=f"{told[0].upper()}{told[1:]}.",
-            epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
+            name, help=help, description=f"{help[0].upper()}{help[1:]}.",
+            epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
         )  # fmt: skip
         made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-        add(made)
+        made.set_defaults(run=run)
+        return made.add_argument
+
+    add = adder(
+        "camera",
+        "lens and place of a camera, from pictures of a board",
+        "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
+        run_camera,
+    )
+    add("--name", required=True, help="name or serial number of the camera: the file is for this one alone")
+    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
+    add("--views", type=Path, required=True, metavar="DIR", help="pictures of the board, held and tilted")
+    add("--table", type=Path, required=True, nargs="+", metavar="F", help="pictures of it lying on the table")
+    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
+    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
+    add("--touched", type=Path, metavar="CSV", help="places of a tag that the arm knows, with pictures")
+    add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
+    add("--references", type=Path, metavar="F", help="a picture of the tags that stay where they are")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration; a picture beside it")
+
+    add = adder(
+        "tag",
+        "where a tag is on its part",
+        "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
+        run_tag,
+    )
+    add("--part", required=True, help="name of the part")
+    add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
+    add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
+    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
+    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
+    add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
+    add("--poses", type=Path, metavar="CSV", help="poses of the part that the arm knows, with pictures")
+    add("-o", "--output", type=Path, required=True, metavar="F", help="the tag file")
+
+    add = adder("pictures", "take pictures, one at each Enter", "--camera /dev/video0 -o views", run_pictures)
+    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
+    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default: 1920x1080)")
+    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
+    add("--stem", default="view", help="what their names begin with (default: view)")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
     return built
 
 
@@ -87,65 +131,47 @@ def _follow(options: argparse.Namespace) -> int:
 
 def run_camera(options: argparse.Namespace) -> Told:
     """Calibrate a camera, write file and picture, and tell the residuals."""
-    material = Material(
-        options.name,
-        parse(options.board),
-        not options.above,
-        pictures_in(options.views),
-        tuple(options.table),
-        () if options.touched is None else read_poses(options.touched),
-        options.number,
-        options.references,
-        options.board_height,
-    )
+    board, held = parse(options.board), pictures_in(options.views)
+    touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
-    read = (
-        *(*material.held, *material.table, options.touched, options.references),
-        *(touched.picture for touched in material.touched),
-    )
+    read = (*held, *options.table, options.touched, options.references, *(known.picture for known in touched))
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
-    made = calibrate(material, now())
+    made = calibrate(
+        options.name,
+        _now(),
+        board,
+        held,
+        options.table,
+        touched,
+        options.number,
+        options.references,
+        from_below=not options.above,
+        height_mm=options.board_height,
+    )
     calibration.save(made.calibration, options.output)
-    boards = [view.pixels for view in made.views]
     with writing(picture) as draft:
-        draft.write_text(residual_picture.draw(made.calibration, made.residuals, boards), encoding="ascii")
-    yield from report(made, material)
-    yield f"written to {options.output} and {picture}"
-    return {"output": str(options.output), "picture": str(picture), **figures(made, material)}
-
-
-def report(made: Made, material: Material) -> Iterator[str]:
-    """What was measured, in lines."""
-    known = made.calibration
-    off = np.hypot(*made.residuals.off.T)
-    sigma = known.trust.sigma_mm
+        draft.write_text(residual_picture.draw(made), encoding="ascii")
+    known, off, sigma = made.calibration, np.hypot(*made.residuals.off.T), made.calibration.trust.sigma_mm
+    numbers = [reference.number for reference in known.references]
     yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
     for name in made.left_out:
         yield f"left out: {name}, the board is not found in it"
     yield f"boards on the table: {made.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most"
     yield f"standard deviation of a place: {np.median(sigma):.3f} mm, at worst {sigma.max():.3f} mm"
-    if material.touched:
-        yield f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(material.touched)} places"
+    if touched:
+        yield f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(touched)} places"
     else:
         yield "no touched places were given: the board's middle and rows are the frame of all poses"
-    numbers = ", ".join(str(reference.number) for reference in known.references)
-    yield f"reference tags: {numbers or 'none, so a moved camera will not be noticed'}"
-
-
-def figures(made: Made, material: Material) -> dict[str, object]:
-    """What was measured, in plain types."""
-    known = made.calibration
+    named = ", ".join(map(str, numbers))
+    yield f"reference tags: {named or 'none, so a moved camera will not be noticed'}"
+    yield f"written to {options.output} and {picture}"
     return {
-        "camera": known.camera,
-        "views": known.views,
-        "left_out": list(made.left_out),
-        "residual_px": float(known.rms_px),
-        "table_rms_mm": float(made.residuals.rms_mm),
-        "sigma_mm": float(np.median(known.trust.sigma_mm)),
-        "alignment_mm": float(known.alignment_mm) if material.touched else None,
-        "references": [reference.number for reference in known.references],
-    }
+        "output": str(options.output), "picture": str(picture), "camera": known.camera, "views": known.views,
+        "left_out": made.left_out, "residual_px": known.rms_px, "table_rms_mm": made.residuals.rms_mm,
+        "sigma_mm": float(np.median(sigma)), "alignment_mm": known.alignment_mm if touched else None,
+        "references": numbers,
+    }  # fmt: skip
 
 
 def run_tag(options: argparse.Namespace) -> Told:
@@ -160,7 +186,7 @@ def run_tag(options: argparse.Namespace) -> Told:
         touched = read_poses(options.poses)
         usable(options.output, *(known.picture for known in touched))
         tag = glue(calibration.load(options.calibration), tag, touched)
-    tag_file.save(tag, options.output, now())
+    tag_file.save(tag, options.output, _now())
     x_mm, y_mm, theta_rad = tag.on_part
     yield f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad"
     yield f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad"
@@ -172,9 +198,9 @@ def run_tag(options: argparse.Namespace) -> Told:
     }  # fmt: skip
 
 
-def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] | None = None) -> Told:
+def run_pictures(options: argparse.Namespace) -> Told:
     """Take so many pictures, each when Enter is pressed."""
-    ask = ask or (_ask_beside if options.json else input)
+    ask = _ask_beside if options.json else input
     source = open_source(options.camera, options.size)
     taken = []
     folder(options.output, Path(options.camera))
@@ -192,66 +218,8 @@ def run_pictures(options: argparse.Namespace, ask: Callable[[str], object] | Non
     return {"pictures": taken}
 
 
-def now() -> str:
-    """The time, ISO 8601."""
+def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-
-
-def _camera(command: argparse.ArgumentParser) -> None:
-    command.set_defaults(run=run_camera)
-    add = command.add_argument
-    add("--name", required=True, help="name or serial number of the camera: the file is for this one alone")
-    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
-    add("--views", type=Path, required=True, metavar="DIR", help="pictures of the board, held and tilted")
-    add("--table", type=Path, required=True, nargs="+", metavar="F", help="pictures of it lying on the table")
-    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
-    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
-    add("--touched", type=Path, metavar="CSV", help="places of a tag that the arm knows, with pictures")
-    add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
-    add("--references", type=Path, metavar="F", help="a picture of the tags that stay where they are")
-    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration; a picture beside it")
-
-
-def _tag(command: argparse.ArgumentParser) -> None:
-    command.set_defaults(run=run_tag)
-    add = command.add_argument
-    add("--part", required=True, help="name of the part")
-    add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
-    add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
-    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
-    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
-    add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
-    add("--poses", type=Path, metavar="CSV", help="poses of the part that the arm knows, with pictures")
-    add("-o", "--output", type=Path, required=True, metavar="F", help="the tag file")
-
-
-def _pictures(command: argparse.ArgumentParser) -> None:
-    command.set_defaults(run=run_pictures)
-    add = command.add_argument
-    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
-    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default: 1920x1080)")
-    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
-    add("--stem", default="view", help="what their names begin with (default: view)")
-    add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
-
-
-SUBCOMMANDS = {
-    "camera": (
-        "lens and place of a camera, from pictures of a board",
-        "grasp-calibrate camera --name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
-        _camera,
-    ),
-    "tag": (
-        "where a tag is on its part",
-        "grasp-calibrate tag --part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
-        _tag,
-    ),
-    "pictures": (
-        "take pictures, one at each Enter",
-        "grasp-calibrate pictures --camera /dev/video0 -o views",
-        _pictures,
-    ),
-}
 
 
 def _ask_beside(sentence: str) -> None:
@@ -260,7 +228,7 @@ def _ask_beside(sentence: str) -> None:
     input()
 
 
-def _pose(text: str) -> Pose:
+def _pose(text: str) -> Pose2:
     x_mm, y_mm, theta_rad = map(float, text.split(","))
     return (x_mm, y_mm, theta_rad)
 

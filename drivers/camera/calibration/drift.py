@@ -31,32 +31,27 @@ def check(
     """
     if not references:
         return 0.0
-    moved = shifts(references, seen, view)
+    places = {tag.number: place(tag, view) for tag in seen}
+    moved = [
+        (float(np.hypot(places[number][0] - x, places[number][1] - y)), number)
+        for number, x, y in references
+        if number in places
+    ]
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
         raise MovedError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
-    worst = max(moved, key=lambda number: moved[number])
-    if moved[worst] > limit_mm:
+    worst_mm, number = max(moved)
+    if worst_mm > limit_mm:
         raise MovedError(
-            f"reference tag {worst} is {moved[worst]:.2f} mm from where it was (limit {limit_mm:g} mm): "
+            f"reference tag {number} is {worst_mm:.2f} mm from where it was (limit {limit_mm:g} mm): "
             "the camera or the tag moved; calibrate again"
         )
-    return moved[worst]
+    return worst_mm
 
 
-def shifts(references: Sequence[Reference], seen: Sequence[Sighting], view: View) -> dict[int, float]:
-    """How far each reference tag that is seen has moved, mm."""
-    places = {tag.number: place(tag, view) for tag in seen}
-    return {
-        number: float(np.hypot(places[number][0] - x, places[number][1] - y))
-        for number, x, y in references
-        if number in places
-    }
-
-
-def place(tag: Sighting, view: View, height_mm: float = 0.0) -> tuple[float, float]:
-    """The middle of a tag on its plane, mm: where its diagonals cross."""
-    a, b, c, d = view.on_plane(tag.corners, height_mm)
+def place(tag: Sighting, view: View) -> tuple[float, float]:
+    """The middle of a tag on the table, mm: where its diagonals cross."""
+    a, b, c, d = view.on_plane(tag.corners)
     (px, py), (qx, qy) = c - a, d - b
     reach = ((b[0] - a[0]) * qy - (b[1] - a[1]) * qx) / (px * qy - py * qx)
     return float(a[0] + reach * px), float(a[1] + reach * py)

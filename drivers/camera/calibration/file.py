@@ -26,64 +26,37 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place that comes from the calibration, on a grid of the table.
+    """Standard deviation of a measured place that comes from the calibration, on a grid of the table."""
 
-    Attributes:
-        x_mm: (m,) rising.
-        y_mm: (n,) rising.
-        sigma_mm: (n, m) of the worse of both directions.
-    """
-
-    x_mm: Array
-    y_mm: Array
-    sigma_mm: Array
+    x_mm: Array  # (m,) rising
+    y_mm: Array  # (n,) rising
+    sigma_mm: Array  # (n, m) of the worse of both directions
 
     def at(self, x_mm: float, y_mm: float) -> float:
         """Between the grid's points by bilinear interpolation; beyond it, as much more as it is far."""
-        column = float(np.interp(x_mm, self.x_mm, np.arange(len(self.x_mm))))
-        row = float(np.interp(y_mm, self.y_mm, np.arange(len(self.y_mm))))
-        j, i = min(int(column), len(self.x_mm) - 2), min(int(row), len(self.y_mm) - 2)
-        u, v = column - j, row - i
-        s = self.sigma_mm
-        upper = (1.0 - u) * s[i, j] + u * s[i, j + 1]
-        lower = (1.0 - u) * s[i + 1, j] + u * s[i + 1, j + 1]
-        inside_x = float(np.clip(x_mm, self.x_mm[0], self.x_mm[-1]))
-        inside_y = float(np.clip(y_mm, self.y_mm[0], self.y_mm[-1]))
-        beyond = np.hypot(x_mm - inside_x, y_mm - inside_y)
-        span = np.hypot(self.x_mm[-1] - self.x_mm[0], self.y_mm[-1] - self.y_mm[0])
-        return float(((1.0 - v) * upper + v * lower) * (1.0 + 10.0 * beyond / span))
+        along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
+        inside = np.interp(y_mm, self.y_mm, along_rows)
+        low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T
+        place = np.array([x_mm, y_mm])
+        beyond = np.hypot(*(place - np.clip(place, low, high)))
+        return float(inside * (1.0 + 10.0 * beyond / np.hypot(*(high - low))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """One camera at one place.
+    """One camera at one place."""
 
-    Attributes:
-        camera: its name or serial number, as the operator gave it.
-        made: when, ISO 8601.
-        view: lens and place, in the frame of the arm's world.
-        rms_px: how well the lens explains the board views.
-        alignment_mm: how well touched poses agree with seen ones, rms; 0 where none were given.
-        trust: how far to trust it where.
-        references: fixed tags.
-        views: number of board views it was made of.
-    """
-
-    camera: str
-    made: str
-    view: View
-    rms_px: float
-    alignment_mm: float
-    trust: Trust
-    references: tuple[Reference, ...] = ()
-    views: int = 0
+    camera: str  # its name or serial number, as the operator gave it
+    made: str  # when, ISO 8601
+    view: View  # lens and place, in the frame of the arm's world
+    rms_px: float  # how well the lens explains the board views
+    alignment_mm: float  # how well touched poses agree with seen ones, rms; 0 where none were given
+    trust: Trust  # how far to trust it where
+    references: tuple[Reference, ...] = ()  # fixed tags
+    views: int = 0  # number of board views it was made of
 
     def check_size(self, shape: tuple[int, ...]) -> None:
-        """Check that a picture (rows, columns) is of this camera's resolution.
-
-        Raises:
-            PictureError: it is not.
-        """
+        """Check a picture's rows and columns; PictureError where they are not this camera's."""
         lens = self.view.lens
         if tuple(shape[:2]) != (lens.height, lens.width):
             raise PictureError(
@@ -93,11 +66,7 @@ class CameraCalibration:
 
 
 def save(calibration: CameraCalibration, path: Path) -> None:
-    """Write the file.
-
-    Raises:
-        CameraFileError: it cannot be written.
-    """
+    """Write the file; CameraFileError where it cannot be written."""
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
@@ -122,11 +91,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> CameraCalibration:
-    """Read and check a file.
-
-    Raises:
-        CameraFileError: it cannot be read, was changed, or is none.
-    """
+    """Read and check a file; CameraFileError where it cannot be read, was changed, or is none."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

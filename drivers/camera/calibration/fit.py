@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,97 +14,79 @@ from drivers.camera.calibration.table_fit import Residuals
 from drivers.camera.errors import CalibrationRefusedError, CameraFileError
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.board import Board, BoardView
-from drivers.camera.vision.plane import View
 from drivers.camera.vision.sources import SUFFIXES, decoded
-from drivers.camera.vision.tag_file import PartTag, Pose
-from drivers.camera.vision.tags import Finder
+from drivers.camera.vision.tag_file import PartTag
+from drivers.camera.vision.tags import Sighting, find
+from drivers.planar import Pose2
 
-ZERO: Pose = (0.0, 0.0, 0.0)
+ZERO: Pose2 = (0.0, 0.0, 0.0)
 
 
 class Touched(NamedTuple):
     """A pose that the arm knows, and the picture of a tag there."""
 
     picture: Path
-    pose: Pose
+    pose: Pose2
 
 
-@dataclass(frozen=True, slots=True)
-class Material:
-    """The pictures a calibration is made of.
+class Made(NamedTuple):
+    """A calibration, and what it was made of."""
 
-    Attributes:
+    calibration: CameraCalibration  # the calibration
+    residuals: Residuals  # of boards on the table
+    views: list[BoardView]  # all views of the board, those on the table first
+    left_out: list[str]  # pictures in which the board was not found
+
+
+def calibrate(
+    camera: str,
+    made: str,
+    board: Board,
+    held: Sequence[Path],
+    table: Sequence[Path],
+    touched: Sequence[Touched],
+    number: int,
+    references: Path | None,
+    *,
+    from_below: bool,
+    height_mm: float,
+) -> Made:
+    """Calibrate a camera.
+
+    Args:
         camera: name or serial number of the camera.
+        made: when, ISO 8601.
         board: the board.
-        from_below: whether the camera looks up through the table.
         held: pictures of the board held before the camera.
         table: pictures of the board on the table; the first one gives the frame.
         touched: pictures of the part's tag at places that the arm knows; empty: the board is the world.
         number: id of that tag.
         references: a picture of the fixed tags, None: there are none.
+        from_below: whether the camera looks up through the table.
         height_mm: of the board's face above the table.
-    """
-
-    camera: str
-    board: Board
-    from_below: bool
-    held: tuple[Path, ...]
-    table: tuple[Path, ...]
-    touched: tuple[Touched, ...] = ()
-    number: int = 0
-    references: Path | None = None
-    height_mm: float = 0.0
-
-
-class Made(NamedTuple):
-    """A calibration, and what it was made of.
-
-    Attributes:
-        calibration: the calibration.
-        residuals: of boards on the table.
-        views: all views of the board, those on the table first.
-        left_out: pictures in which the board was not found.
-    """
-
-    calibration: CameraCalibration
-    residuals: Residuals
-    views: tuple[BoardView, ...]
-    left_out: tuple[str, ...]
-
-
-def calibrate(material: Material, made: str) -> Made:
-    """Calibrate a camera.
-
-    Args:
-        material: the pictures.
-        made: when, ISO 8601.
 
     Raises:
         CameraError: a picture cannot be read, or no calibration can be made of them that could be trusted.
     """
-    size, views, left_out = _views(material)
-    lying = [view for view in views if view.name in {path.name for path in material.table}]
-    if not lying or lying[0].name != material.table[0].name:
-        raise CalibrationRefusedError(
-            f"{material.table[0].name}: the board on the table is not seen; take it again"
-        )
+    size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
+    lying = [view for view in views if view.name in {path.name for path in table}]
+    if not lying or lying[0].name != table[0].name:
+        raise CalibrationRefusedError(f"{table[0].name}: the board on the table is not seen; take it again")
     found = lens_fit.fit(views, size)
-    height_mm, below = material.height_mm, material.from_below
-    view = table_fit.stand(found.lens, found.poses[0], below, height_mm)
+    view = table_fit.stand(found.lens, found.pose, from_below, height_mm)
     world, alignment_mm = ZERO, 0.0
-    if material.touched:
-        seen = [_tag_place(touched.picture, view, material.number) for touched in material.touched]
-        world, alignment_mm = table_fit.align([touched.pose[:2] for touched in material.touched], seen)
+    if touched:
+        seen = [place(_only_tag(known.picture, number), view) for known in touched]
+        world, alignment_mm = table_fit.align([known.pose[:2] for known in touched], seen)
     view = view.moved(world)
     residuals = table_fit.board_residuals(view, lying, height_mm)
-    trust = table_fit.trust(found, view, below, height_mm, world)
-    references = (
-        () if material.references is None else _references(material.references, view, material.number)
-    )
-    calibration = CameraCalibration(
-        material.camera, made, view, found.rms_px, alignment_mm, trust, references, len(views)
-    )
-    return Made(calibration, residuals, tuple(views), tuple(left_out))
+    trust = table_fit.trust(found, view, height_mm, world)
+    fixed = [tag for tag in _tags(references) if tag.number != number] if references else []
+    if references and not fixed:
+        raise CalibrationRefusedError(f"{references.name}: no reference tag is seen; take it again")
+    places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
+    calibration = CameraCalibration(camera, made, view, found.rms_px, alignment_mm, trust, places, len(views))
+    return Made(calibration, residuals, views, left_out)
 
 
 def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched]) -> PartTag:
@@ -112,36 +94,31 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
     Args:
         calibration: of the camera.
-        tag: what is known of the tag: number, side, height.
+        tag: the tag, as if it lay at the part's origin.
         touched: the part's poses, and their pictures.
 
     Raises:
         CameraError: a tag is not seen, or the poses contradict one another.
     """
-    bare = PartTag(tag.part, tag.number, tag.side_mm, height_mm=tag.height_mm)
-    finder = Finder()
     fixed = {reference.number for reference in calibration.references}
     seen = []
     for known in touched:
         picture = load_picture(known.picture)
         calibration.check_size(picture.shape)
-        sighting = the_one(finder.find(picture), tag.number, fixed)
+        sighting = the_one(find(picture), tag.number, fixed)
         if sighting is None:
             raise CalibrationRefusedError(
                 f"{known.picture.name}: tag {tag.number} is not seen; take it again"
             )
-        seen.append(of_sighting(sighting, calibration, bare).pose)
+        seen.append(of_sighting(sighting, calibration, tag).pose)
     on_part, sigma_mm, sigma_rad = table_fit.part_offset([known.pose for known in touched], seen)
-    return PartTag(tag.part, tag.number, tag.side_mm, on_part, tag.height_mm, sigma_mm, sigma_rad)
+    return replace(tag, on_part=on_part, sigma_mm=sigma_mm, sigma_rad=sigma_rad)
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Poses the arm knows, from a CSV file: `picture,x_mm,y_mm` and, where it matters, `theta_rad`.
+    """Poses the arm knows, from a CSV file; CameraFileError where it cannot be read.
 
-    Pictures are named relative to the file.
-
-    Raises:
-        CameraFileError: it cannot be read.
+    Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, where it matters, `theta_rad`.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -165,11 +142,7 @@ def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in the order of their names.
-
-    Raises:
-        CameraFileError: it cannot be read.
-    """
+    """The pictures of a folder in the order of their names; CameraFileError where it cannot be read."""
     try:
         return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
     except OSError as error:
@@ -177,50 +150,40 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
 
 
 def load_picture(path: Path) -> Picture:
-    """A picture's grey levels.
-
-    Raises:
-        CameraError: it cannot be read, or is none.
-    """
+    """A picture's grey levels; CameraError where it cannot be read, or is none."""
     try:
         return decoded(path.read_bytes(), str(path))
     except OSError as error:
         raise CameraFileError(f"picture {path}: {error.strerror}") from error
 
 
-def _views(material: Material) -> tuple[tuple[int, int], list[BoardView], list[str]]:
+def _views(board: Board, paths: Sequence[Path]) -> tuple[tuple[int, int], list[BoardView], list[str]]:
     """The size of all pictures, the board in each of them, and where it was not found."""
     views, left_out = [], []
-    size: tuple[int, int] | None = None
-    for path in (*material.table, *(path for path in material.held if path not in material.table)):
+    sizes: list[tuple[int, int]] = []
+    for path in paths:
         picture = load_picture(path)
-        found_size = (picture.shape[1], picture.shape[0])
-        if size is not None and size != found_size:
+        height, width = picture.shape
+        sizes.append((width, height))
+        if sizes[-1] != sizes[0]:
             raise CalibrationRefusedError(
-                f"{path.name} is {_words(found_size)}, those before it {_words(size)}; take all at one size"
+                f"{path.name} is {width} x {height}, those before it {sizes[0][0]} x {sizes[0][1]}; "
+                "take all at one size"
             )
-        size = found_size
-        view = material.board.find(picture, path.name)
+        view = board.find(picture, path.name)
         if view is None:
             left_out.append(path.name)
         else:
             views.append(view)
-    return size or (0, 0), views, left_out
+    return sizes[0], views, left_out
 
 
-def _words(size: tuple[int, int]) -> str:
-    return f"{size[0]} x {size[1]}"
+def _tags(path: Path) -> list[Sighting]:
+    return find(load_picture(path))
 
 
-def _tag_place(path: Path, view: View, number: int) -> tuple[float, float]:
-    found = [tag for tag in Finder().find(load_picture(path)) if tag.number == number]
+def _only_tag(path: Path, number: int) -> Sighting:
+    found = [tag for tag in _tags(path) if tag.number == number]
     if len(found) != 1:
         raise CalibrationRefusedError(f"{path.name}: tag {number} is seen {len(found)} times; take it again")
-    return place(found[0], view)
-
-
-def _references(path: Path, view: View, number: int) -> tuple[Reference, ...]:
-    seen = [tag for tag in Finder().find(load_picture(path)) if tag.number != number]
-    if not seen:
-        raise CalibrationRefusedError(f"{path.name}: no reference tag is seen; take it again")
-    return tuple(Reference(tag.number, *place(tag, view)) for tag in seen)
+    return found[0]

@@ -9,9 +9,10 @@ from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.errors import TagError
 from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.plane import as_it_lies, compose, inverse, rigid_fit
-from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.plane import as_it_lies, rigid_fit
+from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import Sighting
+from drivers.planar import Pose2, compose, relative
 
 LEAST_CORNER_PX = 0.05  # no corner is better than this, whatever its sides say
 HEIGHT_SIGMA_MM = 0.1
@@ -19,19 +20,12 @@ LARGEST_SCALE_ERROR = 0.02
 
 
 class Measured(NamedTuple):
-    """A part as the camera sees it.
+    """A part as the camera sees it."""
 
-    Attributes:
-        pose: x, y, theta of the part: mm, mm, rad.
-        sigma_mm: standard deviation of its place.
-        sigma_rad: standard deviation of its angle.
-        tag: the sighting it rests on.
-    """
-
-    pose: Pose
-    sigma_mm: float
-    sigma_rad: float
-    tag: Sighting
+    pose: Pose2  # x, y, theta of the part: mm, mm, rad
+    sigma_mm: float  # standard deviation of its place
+    sigma_rad: float  # standard deviation of its angle
+    tag: Sighting  # the sighting it rests on
 
 
 def measure(
@@ -39,7 +33,7 @@ def measure(
     seen: Sequence[Sighting],
     calibration: CameraCalibration,
     tag: PartTag,
-    near: Pose | None = None,
+    near: Pose2 | None = None,
 ) -> Measured:
     """Measure the part that carries a tag.
 
@@ -62,11 +56,7 @@ def measure(
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners.
-
-    Raises:
-        TagError: the tag is not of the size it should have.
-    """
+    """The part's pose from its tag's corners; TagError where the tag is not of the size it should have."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)
@@ -75,7 +65,7 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
             f"tag {tag.number} looks {fit.scale * tag.side_mm:.2f} mm large and should be {tag.side_mm:g}; "
             "check its size and height, and calibrate the camera again if both are right"
         )
-    pose = compose(fit.pose, inverse(tag.on_part))
+    pose = compose(fit.pose, relative(tag.on_part, (0.0, 0.0, 0.0)))
     sigma_mm, sigma_rad = _spread(sighting, corners, calibration, tag)
     return Measured(pose, sigma_mm, sigma_rad, sighting)
 
@@ -86,11 +76,7 @@ def print_corners(side_mm: float) -> Array:
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all that are seen, the fixed ones aside.
-
-    Raises:
-        TagError: there are two, or only a wrong one.
-    """
+    """The part's tag among all but the fixed ones; TagError where there are two, or only a wrong one."""
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})

@@ -7,16 +7,15 @@ import cv2
 import numpy as np
 
 from drivers.camera.calibration.file import Trust
-from drivers.camera.calibration.lens_fit import STEPS, LensFit
+from drivers.camera.calibration.lens_fit import LensFit, slopes_at
 from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.board import BoardView
 from drivers.camera.vision.lens import Lens
-from drivers.camera.vision.plane import View, as_it_lies, compose, inverse, rigid_fit
-from drivers.camera.vision.tag_file import Pose
+from drivers.camera.vision.plane import View, as_it_lies, placed, rigid_fit
+from drivers.planar import Pose2, relative
 
 Place = tuple[float, float]
-
 LEAST_TOUCHED = 3
 LEAST_SPREAD_MM = 50.0
 LARGEST_ALIGNMENT_MM = 1.0
@@ -25,15 +24,10 @@ GRID = (17, 11)  # places across and down the picture where trust is worked out
 
 
 class Residuals(NamedTuple):
-    """Corners of boards on the table: where they are, and how far from there they were measured.
+    """Corners of boards on the table: where they are, and how far from there they were measured."""
 
-    Attributes:
-        places: (n, 2) mm.
-        off: (n, 2) mm.
-    """
-
-    places: Array
-    off: Array
+    places: Array  # (n, 2) mm
+    off: Array  # (n, 2) mm
 
     @property
     def rms_mm(self) -> float:
@@ -57,15 +51,12 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
     return View(lens, rotation, pose[3:] - rotation @ np.array([0.0, 0.0, height_mm]))
 
 
-def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose, float]:
-    """The arm's world frame in the board's, and how well they agree.
+def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
+    """Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
     Args:
         touched: places in the arm's world, mm.
         seen: the same in the board's frame, mm.
-
-    Returns:
-        Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
     Raises:
         CalibrationRefusedError: too few places, too near to one another, or in contradiction.
@@ -99,9 +90,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     for board in boards:
         seen = view.on_plane(board.pixels, height_mm)
         points = as_it_lies(board.points, view.from_below)
-        x, y, theta = rigid_fit(points, seen).pose
-        c, s = np.cos(theta), np.sin(theta)
-        whole = points @ np.array([[c, s], [-s, c]]) + (x, y)
+        whole = placed(points, rigid_fit(points, seen).pose)
         places.append(whole)
         off.append(seen - whole)
     found = Residuals(np.concatenate(places), np.concatenate(off))
@@ -113,50 +102,46 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     return found
 
 
-def trust(found: LensFit, view: View, from_below: bool, height_mm: float, world: Pose) -> Trust:
+def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """How far places may be trusted, on a grid over all of the table that the camera sees.
+
+    A place moves by as much as keeps its pixel where it is when lens and pose change.
 
     Args:
         found: lens and the table board's pose, with their covariance.
         view: of the camera in the arm's world.
-        from_below: as for `stand`.
-        height_mm: as for `stand`.
+        height_mm: of the board's face above the table.
         world: pose of the arm's world in the board's frame.
     """
-    lens = view.lens
+    lens, below = view.lens, view.from_below
     rim = np.array([(x, y) for x in (0, lens.width - 1) for y in (0, lens.height - 1)], np.float64)
     corners = view.on_plane(rim)
     low, high = corners.min(axis=0), corners.max(axis=0)
     x_mm, y_mm = (np.linspace(low[k], high[k], GRID[k]) for k in (0, 1))
-    places = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
-    pixels = view.pixels_at(places)
-    slopes = np.empty((len(places), 2, len(STEPS)))
-    values = np.concatenate([lens.parameters, found.poses[0]])
-    for index, step in enumerate(STEPS):
-        ends = []
-        for sign in (1.0, -1.0):
-            at = values.copy()
-            at[index] += sign * step
-            moved = stand(lens.with_parameters(at[:9]), at[9:], from_below, height_mm).moved(world)
-            ends.append(moved.on_plane(pixels))
-        slopes[:, :, index] = (ends[0] - ends[1]) / (2.0 * step)
-    spread = np.einsum("pik,kl,pjl->pij", slopes, found.covariance, slopes)
-    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(spread, nan=1e6))[:, 1])
+    places = placed(np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2), world)
+    deep = np.full(len(places), -height_mm if below else height_mm)
+    slopes = slopes_at(lens, found.pose, np.column_stack([as_it_lies(places, below), deep]))
+    slopes = slopes.reshape(-1, 2, slopes.shape[1])
+    turn, _ = cv2.Rodrigues(found.pose[:3])
+    moved = np.linalg.solve(slopes[:, :, -3:] @ np.asarray(turn, np.float64)[:, :2], slopes)
+    spread = moved @ found.covariance @ moved.transpose(0, 2, 1)
+    worse = np.sqrt(np.linalg.eigvalsh(spread)[:, 1])
     return Trust(x_mm, y_mm, worse.reshape(len(y_mm), len(x_mm)))
 
 
-def part_offset(parts: Sequence[Pose], tags: Sequence[Pose]) -> tuple[Pose, float, float]:
-    """Where a tag is on its part, from poses of the part that are known and of the tag that were seen.
+def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
+    """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
 
-    Returns:
-        Pose of the tag in the part's frame, and the standard deviations of its place (mm) and angle (rad).
+    Args:
+        parts: poses of the part that are known.
+        tags: poses of the tag that were seen.
 
     Raises:
         CalibrationRefusedError: too few, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
         raise CalibrationRefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
-    offsets = [compose(inverse(part), tag) for part, tag in zip(parts, tags, strict=True)]
+    offsets = [relative(part, tag) for part, tag in zip(parts, tags, strict=True)]
     found = np.array(offsets)
     theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))
     place = found[:, :2].mean(axis=0)

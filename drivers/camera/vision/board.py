@@ -10,40 +10,27 @@ from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array, Picture
 
 LEAST_CORNERS = 12  # of a view
-WINDOW_SQUARES = (
-    0.11  # half of the window that a corner is refined in: markers leave an eighth of a field free
-)
+NOTHING = np.zeros(0), np.zeros((0, 2))
+# Half of the window that a corner is refined in: markers leave an eighth of a field free.
+WINDOW_SQUARES = 0.11
 
 
 class BoardView(NamedTuple):
-    """A board in a picture.
+    """A board in a picture."""
 
-    Attributes:
-        name: of the picture.
-        points: (n, 2) corners on the board, mm from its middle, x right and y down as one reads it.
-        pixels: (n, 2) where they are seen.
-    """
-
-    name: str
-    points: Array
-    pixels: Array
+    name: str  # of the picture
+    points: Array  # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
+    pixels: Array  # (n, 2) where they are seen
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A printed board.
+    """A printed board."""
 
-    Attributes:
-        columns: fields across.
-        rows: fields down.
-        field_mm: edge of a field, as measured on the print.
-        marker_mm: edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard.
-    """
-
-    columns: int
-    rows: int
-    field_mm: float
-    marker_mm: float
+    columns: int  # fields across
+    rows: int  # fields down
+    field_mm: float  # edge of a field, as measured on the print
+    marker_mm: float  # edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard
 
     def find(self, picture: Picture, name: str) -> BoardView | None:
         """The board in a picture; None where too little of it is seen."""
@@ -53,7 +40,7 @@ class Board:
         across = self.columns - 1
         grid = np.stack([numbers % across, numbers // across], axis=1) + 1.0
         points = (grid - 0.5 * np.array([self.columns, self.rows])) * self.field_mm
-        return BoardView(name, points, refined(picture, pixels, points, self.field_mm))
+        return BoardView(name, points, _refined(picture, pixels, points, self.field_mm))
 
     def _charuco(self, picture: Picture) -> tuple[Array, Array]:
         dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
@@ -61,26 +48,19 @@ class Board:
         board = cv2.aruco.CharucoBoard(size, self.field_mm, self.marker_mm, dictionary)
         corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(picture)
         if ids is None or corners is None:
-            return np.zeros(0), np.zeros((0, 2))
+            return NOTHING
         return np.ravel(ids).astype(np.float64), np.asarray(corners, np.float64).reshape(-1, 2)
 
     def _chessboard(self, picture: Picture) -> tuple[Array, Array]:
         inner = (self.columns - 1, self.rows - 1)
         good, corners = cv2.findChessboardCornersSB(picture, inner, flags=cv2.CALIB_CB_ACCURACY)
         if not good:
-            return np.zeros(0), np.zeros((0, 2))
+            return NOTHING
         return np.arange(float(inner[0] * inner[1])), np.asarray(corners, np.float64).reshape(-1, 2)
 
 
 def parse(text: str) -> Board:
-    """A board as the command line names it.
-
-    Args:
-        text: `charuco:12x9:30:22.5` or `chessboard:12x9:30`: fields across, down, mm of a field, a marker.
-
-    Raises:
-        CalibrationRefusedError: it is not understood.
-    """
+    """A board as the command line names it; CalibrationRefusedError where it is not understood."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))
@@ -95,7 +75,7 @@ def parse(text: str) -> Board:
     return Board(columns, rows, field_mm, marker_mm)
 
 
-def refined(picture: Picture, pixels: Array, points: Array, field_mm: float) -> Array:
+def _refined(picture: Picture, pixels: Array, points: Array, field_mm: float) -> Array:
     """Corners to a few hundredths of a pixel, each in a window that holds nothing but its own four fields."""
     gaps = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     gaps[gaps > 1.01 * field_mm] = 0.0

@@ -1,9 +1,8 @@
-"""Corners of a tag to a few hundredths of a pixel: each side is a line through its edge.
+"""Corners of a tag to a few hundredths of a pixel: where the lines through its four edges cross.
 
-Along a side, profiles are read across the edge from black to white. In each the edge is the centroid of the
-slope within half a square of it, found again until it stays; then a line is fitted to all of them, without
-those that do not belong to it (a stain, a finger's shadow), and the corners are where lines cross. The window
-is symmetric about the edge, so that blur leaves it where it is.
+Profiles are read across each side. In each the edge is the centroid of the slope within a window that is
+symmetric about it, so that blur leaves it where it is; a line is fitted to them without outliers (a stain, a
+finger's shadow).
 """
 
 from typing import NamedTuple
@@ -25,17 +24,10 @@ LEAST_SHARE = 0.5  # of the profiles of a side
 
 
 class Corners(NamedTuple):
-    """Refined corners.
+    """Refined corners."""
 
-    Attributes:
-        pixels: (4, 2) in the order they came in.
-        rms_px: how far the edge's points are from their lines.
-        support: least share of profiles that any of the sides rests on.
-    """
-
-    pixels: Array
-    rms_px: float
-    support: float
+    pixels: Array  # (4, 2) in the order they came in
+    rms_px: float  # how far the edge's points are from their lines
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
@@ -72,28 +64,21 @@ def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
     shares = np.linspace(INSET, 1.0 - INSET, PROFILES)
     places = corners[:, None] + shares[None, :, None] * (ends - corners)[:, None]  # (4, m, 2)
     spots = places[:, :, None] + offsets[None, None, :, None] * across[:, None, None]
-    levels = sample(picture, spots)
+    levels = _sample(picture, spots)
     if levels is None:
         return None
     edge, sharp = _edges(levels, offsets, WINDOW_SQUARES * square)
     lines = [_line(shares * n, e, ok) for n, e, ok in zip(lengths, edge, sharp, strict=True)]
-    if any(line is None for line in lines):
-        return None
     told = [line for line in lines if line is not None]
-    origins = corners + np.array([line[0] for line in told])[:, None] * across
-    headings = along + np.array([line[1] for line in told])[:, None] * across
-    rms = float(np.sqrt(np.mean([line[2] ** 2 for line in told])))
-    support = float(min(line[3] for line in told))
-    return Corners(_crossings(origins, headings), rms, support)
+    if len(told) < len(lines):
+        return None
+    offset, slope, rms = np.array(told).T
+    origins, headings = corners + offset[:, None] * across, along + slope[:, None] * across
+    return Corners(_crossings(origins, headings), float(np.sqrt(np.mean(rms**2))))
 
 
-def sample(picture: Picture, spots: Array) -> Array | None:
-    """Grey levels between pixels, by bilinear interpolation; None where a spot lies outside the picture.
-
-    Args:
-        picture: (h, w).
-        spots: (..., 2) x and y.
-    """
+def _sample(picture: Picture, spots: Array) -> Array | None:
+    """Grey levels at (..., 2) x and y, by bilinear interpolation; None where one lies outside the picture."""
     x, y = spots[..., 0], spots[..., 1]
     height, width = picture.shape
     if not (x.min() >= 0 and y.min() >= 0 and x.max() < width - 1 and y.max() < height - 1):
@@ -110,7 +95,9 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
     slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
     middles = 0.5 * (offsets[1:] + offsets[:-1])
     near = np.abs(middles) <= window
-    centre = middles[near][np.argmax(_smoothed(slope[..., near]), axis=-1)]
+    steep = slope[..., near]
+    smooth = steep + np.roll(steep, 1, axis=-1) + np.roll(steep, -1, axis=-1)
+    centre = middles[near][np.argmax(smooth, axis=-1)]
     for _ in range(RECENTRINGS):
         # The window's ends fade out, so that the centroid moves smoothly with it.
         weight = slope * np.clip((window - np.abs(middles - centre[..., None])) / STEP_PX + 0.5, 0.0, 1.0)
@@ -119,24 +106,19 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
     return centre, np.asarray(total >= LEAST_CONTRAST)
 
 
-def _smoothed(slope: Array) -> Array:
-    return np.asarray(slope + np.roll(slope, 1, axis=-1) + np.roll(slope, -1, axis=-1))
-
-
-def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float, float] | None:
-    """Offset, slope, rms and support of a line through a side's edge; None: too little of it is seen."""
+def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] | None:
+    """Offset, slope and rms of a line through a side's edge; None: too little of it is seen."""
     kept = sharp.copy()
     for _ in range(4):
         if kept.sum() < LEAST_SHARE * len(edge):
             return None
-        slope, offset = np.polyfit(along[kept], edge[kept], 1) if kept.any() else (0.0, 0.0)
+        slope, offset = np.polyfit(along[kept], edge[kept], 1)
         left = np.abs(edge - offset - slope * along)
         limit = max(OUTLIER_PX, 2.5 * 1.4826 * float(np.median(left[sharp])))
         kept = np.asarray(sharp & (left <= limit), np.bool_)
     if kept.sum() < LEAST_SHARE * len(edge):
         return None
-    rms = float(np.sqrt(np.mean(left[kept] ** 2)))
-    return float(offset), float(slope), rms, float(kept.mean())
+    return float(offset), float(slope), float(np.sqrt(np.mean(left[kept] ** 2)))
 
 
 def _crossings(origins: Array, headings: Array) -> Array:

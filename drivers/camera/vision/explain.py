@@ -1,13 +1,14 @@
-"""Why there is nothing to measure in a picture, said so that one knows what to look at."""
+"""Why there is nothing to measure in a picture, and what to look at."""
 
 import cv2
 import numpy as np
 
 from drivers.camera.errors import PictureError
 from drivers.camera.vision.arrays import Array, Picture
-from drivers.camera.vision.plane import View, as_it_lies
-from drivers.camera.vision.tag_file import PartTag, Pose
+from drivers.camera.vision.plane import View, as_it_lies, placed
+from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import FAMILY, SQUARES, families_seen
+from drivers.planar import Pose2
 
 BLACK_LEVEL = 16
 WHITE_LEVEL = 250
@@ -18,11 +19,7 @@ LIKE_PART_OF_A_TAG = 0.8
 
 
 def check_exposure(picture: Picture) -> None:
-    """Check that a picture shows anything.
-
-    Raises:
-        PictureError: it is black, white or of one grey.
-    """
+    """Check that a picture shows anything; PictureError where it is black, white or of one grey."""
     low, high = np.percentile(picture[::8, ::8], (1.0, 99.0))
     if high < BLACK_LEVEL:
         raise PictureError("the picture is black; check the light, the lens cap and the exposure")
@@ -32,7 +29,7 @@ def check_exposure(picture: Picture) -> None:
         raise PictureError("the picture is of one grey; check that the camera sees the table, and its focus")
 
 
-def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose | None) -> str:
+def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
     """The sentence for a tag that is not seen.
 
     Args:
@@ -48,13 +45,12 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose | None
     return f"no tag is seen; tag {tag.number} must be in view, whole, in focus and lit"
 
 
-def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> bool:
+def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) -> bool:
     """Whether a quarter of the tag is seen near where it should be: each is looked for on its own."""
     drawn = cv2.aruco.generateImageMarker(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), tag.number, SQUARES * PX_PER_SQUARE
     )
-    edges = (PX_PER_SQUARE, PX_PER_SQUARE, PX_PER_SQUARE, PX_PER_SQUARE)
-    pattern = cv2.copyMakeBorder(drawn, *edges, cv2.BORDER_CONSTANT, value=255)
+    pattern = np.pad(drawn, PX_PER_SQUARE, constant_values=255)
     flat = _flattened(picture, view, tag, expected, len(pattern))
     if flat is None:
         return False
@@ -64,15 +60,13 @@ def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose) -> 
     return max(map(float, scores)) >= LIKE_PART_OF_A_TAG
 
 
-def _flattened(picture: Picture, view: View, tag: PartTag, expected: Pose, across: int) -> Picture | None:
+def _flattened(picture: Picture, view: View, tag: PartTag, expected: Pose2, across: int) -> Picture | None:
     """The plane about the place where the tag should be, as one would read it there."""
     mm_per_px = tag.side_mm / (SQUARES * PX_PER_SQUARE)
     size = across + 2 * round(SEARCH_MM / mm_per_px)
     steps = (np.arange(size) - 0.5 * (size - 1)) * mm_per_px
     prints: Array = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    c, s = np.cos(expected[2]), np.sin(expected[2])
-    places = as_it_lies(prints, view.from_below) @ np.array([[c, s], [-s, c]]) + expected[:2]
-    pixels = view.pixels_at(places, tag.height_mm)
+    pixels = view.pixels_at(placed(as_it_lies(prints, view.from_below), expected), tag.height_mm)
     if not np.isfinite(pixels).all():
         return None
     x, y = (np.ascontiguousarray(pixels[:, k].reshape(size, size), np.float32) for k in (0, 1))

@@ -1,8 +1,4 @@
-"""Where pictures come from: a device, a network camera, a folder. Every picture has a deadline.
-
-A picture is always of *now*: a stream is read all the time, and what was exposed before the question was
-asked is thrown away.
-"""
+"""Where pictures come from: a device, a network camera, a folder. Every picture has a deadline."""
 
 import os
 import threading
@@ -30,14 +26,7 @@ class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
-        """A picture taken after this call began, (h, w) grey levels.
-
-        Args:
-            until: `time.monotonic` at which it must be there.
-
-        Raises:
-            SourceError: there is none in time.
-        """
+        """A picture (h, w) taken after this call began, by a `time.monotonic`; SourceError without one."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -80,11 +69,7 @@ class Folder(Source):
         self._last = ""
 
     def picture(self, until: float) -> Picture:
-        """The next picture.
-
-        Raises:
-            SourceError: there is none, or it is none.
-        """
+        """The next picture."""
         while (name := self._next()) is None:
             if time.monotonic() >= until:
                 raise SourceError(f"folder {self._path} has no further picture")
@@ -111,11 +96,7 @@ class Still(Source):
         self._address = address
 
     def picture(self, until: float) -> Picture:
-        """Ask for a picture.
-
-        Raises:
-            SourceError: nobody answers in time, or not with a picture.
-        """
+        """Ask for a picture."""
         left = max(until - time.monotonic(), 1e-3)
         try:
             with urllib.request.urlopen(self._address, timeout=left) as answer:
@@ -124,7 +105,7 @@ class Still(Source):
             error.close()
             raise SourceError(f"camera {self._address} answers {error.code} {error.reason}") from error
         except (OSError, ValueError) as error:
-            reason = getattr(error, "reason", None) or error
+            reason = getattr(error, "reason", error)
             reason = getattr(reason, "strerror", None) or reason
             raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
         return decoded(data, self._address)
@@ -146,22 +127,19 @@ class Stream(Source):
         self._frames = 0
         self._trouble = "has not sent a picture yet"
         self._closed = threading.Event()
-        _hush()
+        # OpenCV and FFmpeg would write beside our own sentences what each attempt to connect came to.
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
         self._thread = threading.Thread(target=self._read, name="camera", daemon=True)
         self._thread.start()
 
     def picture(self, until: float) -> Picture:
-        """The second frame from now.
-
-        Raises:
-            SourceError: none came in time.
-        """
+        """The second frame from now."""
         with self._changed:
             wanted = self._frames + FRESH_FRAMES
-            while self._frames < wanted:
+            while self._frame is None or self._frames < wanted:
                 if not self._changed.wait(max(until - time.monotonic(), 0.0)):
                     raise SourceError(f"camera {self._address} {self._trouble}; check power and cable")
-            assert self._frame is not None
             return self._frame
 
     def close(self) -> None:
@@ -185,11 +163,10 @@ class Stream(Source):
             self._closed.wait(RETRY_S)
 
     def _opened(self) -> cv2.VideoCapture:
-        if self._backend == cv2.CAP_FFMPEG:
-            limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 3000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 3000]
-            capture = cv2.VideoCapture(self._address, self._backend, limits)
-        else:
-            capture = cv2.VideoCapture(self._address, self._backend)
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 3000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 3000]
+        capture = cv2.VideoCapture(
+            self._address, self._backend, limits if self._backend == cv2.CAP_FFMPEG else []
+        )
         if not capture.isOpened():
             self._trouble = "cannot be opened"
         elif self._size is not None:
@@ -201,18 +178,8 @@ class Stream(Source):
         return capture
 
 
-def _hush() -> None:
-    """Keep OpenCV and FFmpeg from writing beside our own sentences what each attempt to connect came to."""
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
-
-
 def decoded(data: bytes, name: str) -> Picture:
-    """The picture in a file's bytes.
-
-    Raises:
-        PictureError: it is none.
-    """
+    """The picture in a file's bytes; PictureError where it is none."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     if picture is None:
         raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")

@@ -1,79 +1,50 @@
 """Which tag a part carries, and where on the part: measured once for a part, kept in a file."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from drivers.camera import documents
 from drivers.camera.vision.tags import FAMILY
+from drivers.planar import Pose2
 
 KIND = "part tag"
 REMEDY = "make it again with grasp-calibrate tag"
-
-Pose = tuple[float, float, float]
+PLACE = ("x_mm", "y_mm", "theta_rad")
 
 
 @dataclass(frozen=True, slots=True)
 class PartTag:
-    """A tag on a part.
+    """A tag on a part."""
 
-    Attributes:
-        part: name of the part.
-        number: the tag's id.
-        side_mm: edge of its black border.
-        on_part: pose of the tag in the part's frame: mm, mm, rad.
-        height_mm: of its face above the table.
-        sigma_mm: standard deviation of `on_part`'s place.
-        sigma_rad: the same of its angle.
-    """
-
-    part: str
-    number: int
-    side_mm: float
-    on_part: Pose = (0.0, 0.0, 0.0)
-    height_mm: float = 0.0
-    sigma_mm: float = 0.0
-    sigma_rad: float = 0.0
+    part: str  # name of the part
+    number: int  # the tag's id
+    side_mm: float  # edge of its black border
+    on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
+    height_mm: float = 0.0  # of its face above the table
+    sigma_mm: float = 0.0  # standard deviation of `on_part`'s place
+    sigma_rad: float = 0.0  # the same of its angle
 
 
 def save(tag: PartTag, path: Path, made: str) -> None:
-    """Write the file.
-
-    Raises:
-        CameraFileError: it cannot be written.
-    """
-    x_mm, y_mm, theta_rad = tag.on_part
-    body = {
-        "made": made,
-        "part": tag.part,
-        "family": FAMILY,
-        "number": tag.number,
-        "side_mm": tag.side_mm,
-        "x_mm": x_mm,
-        "y_mm": y_mm,
-        "theta_rad": theta_rad,
-        "height_mm": tag.height_mm,
-        "sigma_mm": tag.sigma_mm,
-        "sigma_rad": tag.sigma_rad,
-    }
-    documents.save(path, KIND, body)
+    """Write the file, with the time at which it was made; CameraFileError where it cannot be written."""
+    fields = asdict(tag)
+    place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
+    documents.save(path, KIND, {"made": made, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
-    """Read and check a file.
-
-    Raises:
-        CameraFileError: it cannot be read, was changed, or is of another family.
-    """
+    """Read and check a file; CameraFileError where it cannot be, was changed, or is of another family."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 
 def _parsed(told: dict[str, Any]) -> PartTag:
     if told["family"] != FAMILY:
         raise ValueError(f"family {told['family']}; {FAMILY} is known")
-    on_part = (float(told["x_mm"]), float(told["y_mm"]), float(told["theta_rad"]))
+    x_mm, y_mm, theta_rad = (float(told[key]) for key in PLACE)
     rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
-    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), on_part, *rest)
+    place = (x_mm, y_mm, theta_rad)
+    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), place, *rest)
     if not tag.side_mm > 0.0:
         raise ValueError("side_mm must be positive")
     return tag

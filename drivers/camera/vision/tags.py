@@ -5,6 +5,7 @@ one of AprilTag takes a second a picture and counts pixels from their corners in
 """
 
 from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple
 
 import cv2
@@ -28,49 +29,32 @@ OTHER_FAMILIES: dict[str, int] = {
 
 
 class Sighting(NamedTuple):
-    """A tag in a picture.
+    """A tag in a picture."""
 
-    Attributes:
-        number: its id.
-        corners: (4, 2) pixels: upper left, upper right, lower right, lower left of the print.
-        rms_px: how straight its sides are.
-        support: least share of a side that could be seen.
-    """
-
-    number: int
-    corners: Array
-    rms_px: float
-    support: float
+    number: int  # its id
+    corners: Array  # (4, 2) pixels: upper left, upper right, lower right, lower left of the print
+    rms_px: float  # how straight its sides are
 
 
-class Finder:
-    """Finds tags of one family. Not to be shared between threads."""
-
-    def __init__(self) -> None:
-        self._detector = _detector(cv2.aruco.DICT_APRILTAG_36h11)
-
-    def find(self, picture: Picture) -> list[Sighting]:
-        """All tags whose four sides are seen, in the order of their ids."""
-        found = []
-        for number, corners in read(self._detector, picture):
-            refined = edges.refine(picture, corners, SQUARES)
-            if refined is not None:
-                found.append(Sighting(number, refined.pixels, refined.rms_px, refined.support))
-        return sorted(found, key=lambda tag: tag.number)
+def find(picture: Picture) -> list[Sighting]:
+    """All tags of the family whose four sides are seen, in the order of their ids."""
+    found = []
+    for number, corners in _read(cv2.aruco.DICT_APRILTAG_36h11, picture):
+        refined = edges.refine(picture, corners, SQUARES)
+        if refined is not None:
+            found.append(Sighting(number, *refined))
+    return sorted(found, key=lambda tag: tag.number)
 
 
 def families_seen(picture: Picture) -> list[str]:
     """Other families that tags in the picture belong to. Slow: for explaining why there is none of ours."""
-    return [name for name, code in OTHER_FAMILIES.items() if any(read(_detector(code), picture))]
+    return [name for name, code in OTHER_FAMILIES.items() if any(_read(code, picture))]
 
 
-def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[int, Array]]:
-    """Ids and coarse corners of all tags found.
-
-    OpenCV 4 gives the ids as a column, OpenCV 5 as a row, and both give None for none.
-    """
+def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
+    """Ids and coarse corners of all tags found; OpenCV 4 and 5 give different shapes, and None for none."""
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
-    corners, ids, _ = detector.detectMarkers(
+    corners, ids, _ = _detector(dictionary).detectMarkers(
         cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
     )
     if ids is None or len(corners) == 0:
@@ -81,6 +65,7 @@ def read(detector: cv2.aruco.ArucoDetector, picture: Picture) -> Iterable[tuple[
     ]
 
 
+@cache
 def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE

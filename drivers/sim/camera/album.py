@@ -1,22 +1,17 @@
-"""The pictures that one takes to calibrate the simulated camera, as drivers/camera/README.md asks for them.
+"""The pictures that calibrate the simulated camera, as drivers/camera/README.md asks for them."""
 
-They show a board held before the camera and lying on the table, a loose tag at places that the arm knows, the
-part with its tag at poses that the arm knows, and the fixed tags alone.
-"""
-
-import csv
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from drivers.planar import Pose2
 from drivers.sim.camera.cards import Card, board_cells, lying
 from drivers.sim.camera.optics import Optics
-from drivers.sim.camera.render import Flaws, Picture, render
+from drivers.sim.camera.render import Flaws, render
 from drivers.sim.camera.rig import Rig
-from drivers.sim.physics.scene import Pose2
 from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9
@@ -33,46 +28,32 @@ SPREAD: tuple[Pose2, ...] = (
 )  # poses on the table, x and y in shares of the camera's distance
 
 
-def field_mm(optics: Optics) -> float:
+def _field_mm(optics: Optics) -> float:
     """Edge of a field of the board that suits a camera."""
     return FIELD_SHARE * abs(float(optics.eye_mm[2]))
 
 
-def board(optics: Optics) -> str:
-    """The board as `grasp-calibrate camera --board` takes it."""
-    field = field_mm(optics)
-    return f"charuco:{COLUMNS}x{ROWS}:{field:g}:{MARKER_SHARE * field:g}"
-
-
-def on_table(optics: Optics) -> list[Card]:
+def _on_table(optics: Optics) -> list[Card]:
     """The board on the table: first in the middle, then all over it."""
-    field, far = field_mm(optics), abs(float(optics.eye_mm[2]))
+    field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
     return [lying(cells, field / 8, place, face_down=below, margin_mm=field / 3) for place in places]
 
 
-def held(optics: Optics, rng: np.random.Generator) -> list[Card]:
-    """The board held before the camera: tilted to all sides, in the middle and in all corners."""
-    flips = rng.choice([-1.0, 1.0], (len(TILTED), 2))
-    return [
-        _held(optics, spot, (tilt[0] * flip[0], tilt[1] * flip[1]), rng)
-        for (spot, tilt), flip in zip(TILTED, flips, strict=True)
-    ]
-
-
 def _held(
     optics: Optics, spot: tuple[float, float], tilt: tuple[float, float], rng: np.random.Generator
 ) -> Card:
+    """The board held before the camera, at a spot of the picture and tilted."""
     pixel = np.array([spot[0] * optics.width, spot[1] * optics.height])
     ray = np.array([*((pixel - optics.centre) / optics.focal), 1.0])
     middle = rng.uniform(0.70, 1.03) * abs(float(optics.eye_mm[2])) * ray
     roll = rng.uniform(-0.4, 0.4) + rng.choice([0.0, 0.5 * np.pi])
     turn = cv2.Rodrigues(np.array([*tilt, 0.0]))[0] @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
     back = optics.rotation.T
-    axes, field = back @ turn, field_mm(optics)
+    axes, field = back @ turn, _field_mm(optics)
     cells, centre = board_cells(COLUMNS, ROWS), optics.eye_mm + back @ middle
-    return Card(cells, field / 8, field / 3, centre, axes[:, 0], axes[:, 1], np.zeros(3))
+    return Card(cells, field / 8, field / 3, centre, axes[:, 0], axes[:, 1])
 
 
 def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
@@ -90,34 +71,44 @@ def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
         OutputError: a file cannot be written.
     """
     rng = np.random.default_rng([seed, 0x414C42])
-    flaws = (
-        rig.flaws
-        if rig.flaws.jpeg_quality is not None
-        else replace(rig.flaws, jpeg_quality=Flaws().jpeg_quality)
-    )
+    flaws = replace(rig.flaws, jpeg_quality=rig.flaws.jpeg_quality or Flaws().jpeg_quality)
     files.folder(folder / "views")
 
-    def take(path: Path, cards: Sequence[Card]) -> None:
-        _save(folder / path, render(rig.optics, cards, flaws, rng))
+    def take(name: str, cards: Sequence[Card]) -> None:
+        with files.writing(folder / name) as draft:
+            draft.write_bytes(cv2.imencode(".png", render(rig.optics, cards, flaws, rng))[1].tobytes())
 
-    for number, card in enumerate(held(rig.optics, rng)):
-        take(Path("views") / f"{number:02d}.png", [card])
-    for number, card in enumerate(on_table(rig.optics)):
-        take(Path(f"table-{number}.png"), [card])
-    take(Path("references.png"), rig.cards(None))
+    flips = rng.choice([-1.0, 1.0], (len(TILTED), 2))
+    held = [
+        _held(rig.optics, spot, (tilt[0] * flip[0], tilt[1] * flip[1]), rng)
+        for (spot, tilt), flip in zip(TILTED, flips, strict=True)
+    ]
+    for number, card in enumerate(held):
+        take(f"views/{number:02d}.png", [card])
+    for number, card in enumerate(_on_table(rig.optics)):
+        take(f"table-{number}.png", [card])
+    take("references.png", rig.cards(None))
     far = 0.6 * abs(float(rig.optics.eye_mm[2]))
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    loose = replace(rig, on_part=(0.0, 0.0, 0.0))
-    _known(folder / "touched.csv", places, lambda name, pose: take(name, loose.cards(pose)), rng)
-    _known(folder / "part.csv", places, lambda name, pose: take(name, rig.cards(pose)), rng)
+    for name, shown in (("touched", replace(rig, on_part=(0.0, 0.0, 0.0))), ("part", rig)):
+        # An arm knows poses well, but not exactly.
+        rows = [("picture", "x_mm", "y_mm", "theta_rad")]
+        for number, (x, y, turn) in enumerate(places):
+            take(f"{name}-{number}.png", shown.cards((x, y, turn)))
+            off = rng.normal(0.0, ARM_SIGMA_MM, 2)
+            rows.append((f"{name}-{number}.png", f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}"))
+        with files.writing(folder / f"{name}.csv") as draft:
+            draft.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
     yield from _commands(rig, folder)
 
 
 def _commands(rig: Rig, folder: Path) -> Iterator[str]:
     tables = " ".join(str(folder / f"table-{number}.png") for number in range(len(SPREAD)))
     made = folder / "camera.json"
+    field_mm = _field_mm(rig.optics)
+    board = f"charuco:{COLUMNS}x{ROWS}:{field_mm:g}:{MARKER_SHARE * field_mm:g}"
     yield (
-        f"camera --name simulated --board {board(rig.optics)} --views {folder / 'views'} --table {tables} "
+        f"camera --name simulated --board {board} --views {folder / 'views'} --table {tables} "
         f"--touched {folder / 'touched.csv'} --number {rig.number} --references {folder / 'references.png'} "
         f"{'' if rig.below else '--above '}-o {made}"
     )
@@ -125,22 +116,3 @@ def _commands(rig: Rig, folder: Path) -> Iterator[str]:
         f"tag --part part --number {rig.number} --side {rig.side_mm:g} --calibration {made} "
         f"--poses {folder / 'part.csv'} -o {folder / 'tag.json'}"
     )
-
-
-def _known(
-    path: Path, places: Iterable[Pose2], take: Callable[[Path, Pose2], None], rng: np.random.Generator
-) -> None:
-    """Pictures at poses that the arm knows as well as arms do, and the list of them."""
-    with files.writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(("picture", "x_mm", "y_mm", "theta_rad"))
-        for number, (x, y, turn) in enumerate(places):
-            name = Path(f"{path.stem}-{number}.png")
-            take(name, (x, y, turn))
-            off = rng.normal(0.0, ARM_SIGMA_MM, 2)
-            rows.writerow((str(name), round(x + off[0], 4), round(y + off[1], 4), turn))
-
-
-def _save(path: Path, picture: Picture) -> None:
-    with files.writing(path) as draft:
-        draft.write_bytes(cv2.imencode(".png", picture)[1].tobytes())

@@ -1,6 +1,6 @@
 """Printed cards as the simulated camera sees them: a grid of black and white squares, somewhere in space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -10,45 +10,26 @@ from drivers.sim.camera.optics import Array
 
 Cells = NDArray[np.uint8]
 
-FAMILIES: dict[str, int] = {
-    "36h11": cv2.aruco.DICT_APRILTAG_36h11,
-    "25h9": cv2.aruco.DICT_APRILTAG_25h9,
-    "16h5": cv2.aruco.DICT_APRILTAG_16h5,
-}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Card:
-    """A grid of squares.
+    """A grid of squares."""
 
-    Attributes:
-        cells: (rows, columns) 1 = white, as one reads it.
-        cell_mm: edge of a square.
-        margin_mm: white border around the squares.
-        centre_mm: (3,) middle of the grid in the world.
-        right: (3,) unit vector along which its rows run.
-        down: (3,) unit vector along which its columns run.
-        speed_mm: (3,) by how much it moves while the picture is taken.
-        tones: reflectance of black and of white, 0 to 1.
-    """
-
-    cells: Cells
-    cell_mm: float
-    margin_mm: float
-    centre_mm: Array
-    right: Array
-    down: Array
-    speed_mm: Array
-    tones: tuple[float, float] = (0.08, 0.88)
+    cells: Cells  # (rows, columns) 1 = white, as one reads it
+    cell_mm: float  # edge of a square
+    margin_mm: float  # white border around the squares
+    centre_mm: Array  # (3,) middle of the grid in the world
+    right: Array  # (3,) unit vector along which its rows run
+    down: Array  # (3,) unit vector along which its columns run
+    # (3,) by how much it moves while the picture is taken
+    speed_mm: Array = field(default_factory=lambda: np.zeros(3))
+    tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1
 
     @property
-    def half_mm(self) -> tuple[float, float]:
-        """Half of its extent along `right` and `down`, margin included."""
+    def half_mm(self) -> Array:
+        """Half of its extent along `right` and `down`, margin included, (2,)."""
         rows, columns = self.cells.shape
-        return (
-            0.5 * columns * self.cell_mm + self.margin_mm,
-            0.5 * rows * self.cell_mm + self.margin_mm,
-        )
+        return 0.5 * self.cell_mm * np.array([columns, rows]) + self.margin_mm
 
 
 def lying(
@@ -57,9 +38,7 @@ def lying(
     pose: tuple[float, float, float],
     *,
     face_down: bool,
-    height_mm: float = 0.0,
     margin_mm: float | None = None,
-    speed_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Card:
     """A card flat on the table.
 
@@ -68,9 +47,7 @@ def lying(
         cell_mm: edge of a square.
         pose: x, y and the angle of its rows in the world: mm, mm, rad.
         face_down: read from below.
-        height_mm: of its face above the table.
         margin_mm: white border, None for one square.
-        speed_mm: by how much it moves while the picture is taken.
     """
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
@@ -79,26 +56,20 @@ def lying(
         cells,
         cell_mm,
         cell_mm if margin_mm is None else margin_mm,
-        np.array([x, y, height_mm]),
+        np.array([x, y, 0.0]),
         np.array([c, s, 0.0]),
         down,
-        np.array([*speed_mm, 0.0]),
     )
 
 
-def tag_cells(number: int, family: str = "36h11") -> Cells:
-    """The squares of a tag, its black border included: (8, 8) for 36h11."""
-    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    across = dictionary.markerSize + 2
-    drawn = cv2.aruco.generateImageMarker(dictionary, number, across)
-    return np.asarray(drawn > 127, np.uint8)
+def tag_cells(number: int) -> Cells:
+    """The (8, 8) squares of a tag of the family 36h11, its black border included."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, 8) > 127, np.uint8)
 
 
 def board_cells(columns: int, rows: int) -> Cells:
-    """The squares of a ChArUco board whose markers (DICT_4X4) fill three quarters of a field.
-
-    Each field is 8 by 8 squares, so that the board is a grid of squares like a tag.
-    """
+    """The squares of a ChArUco board: fields of 8 by 8, markers (DICT_4X4) of three quarters of that."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
     board = cv2.aruco.CharucoBoard((columns, rows), 8.0, 6.0, dictionary)
     drawn = board.generateImage((8 * columns, 8 * rows), marginSize=0, borderBits=1)

@@ -1,13 +1,13 @@
 """The optics of the simulated camera: which ray each point of the picture comes from.
 
-Deliberately not the code that measures: rays are found by fixed-point iteration at pixel corners and
-interpolated in between, so that a mistake in one of the two does not hide in the other.
+Written out here and not OpenCV's as in the code that measures, so that no mistake hides in both.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,25 +18,15 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """A pinhole with distortion somewhere above or below the table.
+    """A pinhole with distortion somewhere above or below the table."""
 
-    Attributes:
-        width: of the picture, pixels.
-        height: of the picture, pixels.
-        focal: pixels, the same both ways.
-        centre: principal point, pixels; the centre of the first pixel is (0, 0).
-        distortion: k1, k2, p1, p2, k3 as OpenCV numbers them.
-        rotation: (3, 3) of the world as the camera sees it.
-        eye_mm: (3,) where the camera is; z < 0 below the table.
-    """
-
-    width: int
-    height: int
-    focal: float
-    centre: tuple[float, float]
-    distortion: tuple[float, float, float, float, float]
-    rotation: Array
-    eye_mm: Array
+    width: int  # of the picture, pixels
+    height: int  # of the picture, pixels
+    focal: float  # pixels, the same both ways
+    centre: tuple[float, float]  # principal point, pixels; the centre of the first pixel is (0, 0)
+    distortion: tuple[float, float, float, float, float]  # k1, k2, p1, p2, k3 as OpenCV numbers them
+    rotation: Array  # (3, 3) of the world as the camera sees it
+    eye_mm: Array  # (3,) where the camera is; z < 0 below the table
 
     @cached_property
     def corner_rays(self) -> Array:
@@ -44,13 +34,9 @@ class Optics:
         x = (np.arange(self.width + 1) - 0.5 - self.centre[0]) / self.focal
         y = (np.arange(self.height + 1) - 0.5 - self.centre[1]) / self.focal
         seen_x, seen_y = np.meshgrid(x, y)
-        ray_x, ray_y = seen_x.copy(), seen_y.copy()
-        k1, k2, p1, p2, k3 = self.distortion
+        ray_x, ray_y = seen_x, seen_y
         for _ in range(ITERATIONS):
-            r2 = ray_x**2 + ray_y**2
-            radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
-            shift_x = 2.0 * p1 * ray_x * ray_y + p2 * (r2 + 2.0 * ray_x**2)
-            shift_y = p1 * (r2 + 2.0 * ray_y**2) + 2.0 * p2 * ray_x * ray_y
+            radial, shift_x, shift_y = self._bend(ray_x, ray_y)
             ray_x, ray_y = (seen_x - shift_x) / radial, (seen_y - shift_y) / radial
         return np.stack([ray_x, ray_y, np.ones_like(ray_x)], axis=-1) @ self.rotation
 
@@ -65,12 +51,15 @@ class Optics:
         """Where points of the world are seen, (n, 3) mm -> (n, 2) pixels."""
         seen = (np.asarray(points_mm) - self.eye_mm) @ self.rotation.T
         x, y = seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2]
+        radial, shift_x, shift_y = self._bend(x, y)
+        return self.focal * np.stack([x * radial + shift_x, y * radial + shift_y], axis=1) + self.centre
+
+    def _bend(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Brown and Conrady's distortion of rays at depth one: a factor, then shifts along x and y."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x**2 + y**2
         radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
-        u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2)
-        v = y * radial + p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
-        return np.stack([self.focal * u + self.centre[0], self.focal * v + self.centre[1]], axis=1)
+        return radial, 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2), p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
 
 
 def webcam(
@@ -90,10 +79,8 @@ def webcam(
     looks_up = eye_mm[2] < 0.0
     # Seen from below with x to the right, the world's y points down in the picture; from above, up.
     facing = np.eye(3) if looks_up else np.diag([1.0, -1.0, -1.0])
-    a, b, c = np.radians([*tilt_deg, turn_deg])
-    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-    about_z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    angles = np.diag(np.radians([*tilt_deg, turn_deg]))
+    about_x, about_y, about_z = (np.asarray(cv2.Rodrigues(angle)[0], np.float64) for angle in angles)
     width, height = size
     return Optics(
         width,

@@ -20,37 +20,22 @@ Levels = NDArray[np.float32]
 
 SAMPLES = 4
 BEHIND_TONE = 0.45
-OCCLUDER_TONE = 0.25
 # In which of the moments of an exposure each sample is taken: any order without a pattern in space does.
 MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """What spoils a picture.
+    """What spoils a picture."""
 
-    Attributes:
-        blur_px: standard deviation of the lens's blur.
-        noise: standard deviation of the sensor's noise, grey levels of 255.
-        gain: grey level of a perfect white, as a share of 255.
-        gradient: by how much light falls off from the upper left to the lower right, as a share.
-        jpeg_quality: 1 to 100; None: not compressed.
-    """
-
-    blur_px: float = 0.7
-    noise: float = 2.5
-    gain: float = 0.9
-    gradient: float = 0.2
-    jpeg_quality: int | None = 90
+    blur_px: float = 0.7  # standard deviation of the lens's blur
+    noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
+    gain: float = 0.9  # grey level of a perfect white, as a share of 255
+    gradient: float = 0.2  # by how much light falls off from the upper left to the lower right, as a share
+    jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
 
-def render(
-    optics: Optics,
-    cards: Sequence[Card],
-    flaws: Flaws,
-    rng: np.random.Generator,
-    occluders: Sequence[Array] = (),
-) -> Picture:
+def render(optics: Optics, cards: Sequence[Card], flaws: Flaws, rng: np.random.Generator) -> Picture:
     """Take a picture.
 
     Args:
@@ -58,7 +43,6 @@ def render(
         cards: what lies before it; a later one covers an earlier one.
         flaws: of lens, light, sensor and compression.
         rng: of the noise.
-        occluders: convex polygons on the table's plane, (k, 2) mm in either order, dark, before all cards.
 
     Returns:
         (height, width) grey levels.
@@ -66,8 +50,6 @@ def render(
     levels = np.full((optics.height, optics.width), BEHIND_TONE, np.float32)
     for card in cards:
         _draw(levels, optics, card)
-    for polygon in occluders:
-        _cover(levels, optics, np.asarray(polygon, np.float64))
     levels *= _light(optics, flaws)
     if flaws.blur_px > 0.0:
         levels = np.asarray(cv2.GaussianBlur(levels, (0, 0), flaws.blur_px), np.float32)
@@ -102,8 +84,8 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
     box = _box(optics, _outline(card))
     if box is None:
         return
-    top, bottom, left, right = box
-    behind = levels[top:bottom, left:right]
+    rows, columns = box
+    behind = levels[rows, columns]
     total = np.zeros(behind.shape, np.float32)
     normal = np.cross(card.right, card.down)
     for moment, rays in _rays(optics, box):
@@ -128,27 +110,6 @@ def _tone(card: Card, along: Array, across: Array, behind: Levels) -> Levels:
     return np.where(on_card, np.where(white > 0, np.float32(bright), np.float32(black)), behind)
 
 
-def _cover(levels: Levels, optics: Optics, polygon: Array) -> None:
-    """Cover a convex polygon of the table's plane, in place."""
-    box = _box(optics, np.column_stack([polygon, np.zeros(len(polygon))]))
-    if box is None:
-        return
-    top, bottom, left, right = box
-    share = np.zeros((bottom - top, right - left), np.float32)
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    for _, rays in _rays(optics, box):
-        spot = optics.eye_mm - (optics.eye_mm[2] / rays[..., 2:]) * rays
-        sides = [
-            e[0] * (spot[..., 1] - p[1]) - e[1] * (spot[..., 0] - p[0])
-            for p, e in zip(polygon, edges, strict=True)
-        ]
-        share += np.all(np.array(sides) >= 0.0, axis=0) | np.all(np.array(sides) <= 0.0, axis=0)
-    share /= SAMPLES * SAMPLES
-    patch = levels[top:bottom, left:right]
-    patch *= 1.0 - share
-    patch += share * OCCLUDER_TONE
-
-
 def _outline(card: Card) -> Array:
     """Points all around a card and along its way, (n, 3)."""
     half_along, half_across = card.half_mm
@@ -157,20 +118,20 @@ def _outline(card: Card) -> Array:
     return np.concatenate([points - 0.5 * card.speed_mm, points + 0.5 * card.speed_mm])
 
 
-def _box(optics: Optics, points_mm: Array) -> tuple[int, int, int, int] | None:
+def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
     """Rows and columns of the picture that hold these points; None: outside of it."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3
     top, bottom = max(top, 0), min(bottom, optics.height)
     left, right = max(left, 0), min(right, optics.width)
-    return (top, bottom, left, right) if top < bottom and left < right else None
+    return (slice(top, bottom), slice(left, right)) if top < bottom and left < right else None
 
 
-def _rays(optics: Optics, box: tuple[int, int, int, int]) -> Iterator[tuple[float, Array]]:
+def _rays(optics: Optics, box: tuple[slice, slice]) -> Iterator[tuple[float, Array]]:
     """For each sample: its moment of the exposure, 0 to 1, and the rays of all pixels of a box, (h, w, 3)."""
-    top, bottom, left, right = box
-    grid = optics.corner_rays[top : bottom + 1, left : right + 1]
+    rows, columns = box
+    grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
     for number, (v, u) in enumerate((v, u) for v in steps for u in steps):
         upper = (1.0 - u) * grid[:-1, :-1] + u * grid[:-1, 1:]

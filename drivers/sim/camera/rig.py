@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.planar import Pose2, compose
 from drivers.sim.camera.cards import Card, lying, tag_cells
-from drivers.sim.camera.optics import Array, Optics, webcam
+from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws, Picture, jpeg, render
-from drivers.sim.physics.scene import Pose2
-from drivers.sim.physics.tabletop import Look, compose
+from drivers.sim.physics.tabletop import Look
 
 REFERENCES: tuple[tuple[int, Pose2], ...] = (
     (580, (-150.0, -115.0, 0.0)),
@@ -20,23 +20,14 @@ REFERENCES: tuple[tuple[int, Pose2], ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """The camera and all that it sees but the part.
+    """The camera and all that it sees but the part."""
 
-    Attributes:
-        optics: the camera.
-        flaws: of its pictures.
-        number: id of the part's tag.
-        side_mm: edge of the tags' black borders.
-        on_part: pose of the tag in the part's frame: mm, mm, rad.
-        references: fixed tags: id and pose.
-    """
-
-    optics: Optics
-    flaws: Flaws
-    number: int = 7
-    side_mm: float = 22.0
-    on_part: Pose2 = (0.0, 0.0, 0.0)
-    references: tuple[tuple[int, Pose2], ...] = REFERENCES
+    optics: Optics  # the camera
+    flaws: Flaws  # of its pictures
+    number: int = 7  # id of the part's tag
+    side_mm: float = 22.0  # edge of the tags' black borders
+    on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
+    references: tuple[tuple[int, Pose2], ...] = REFERENCES  # fixed tags: id and pose
 
     @property
     def below(self) -> bool:
@@ -54,19 +45,8 @@ class Rig:
         """One tag at a pose of its own."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
-    def picture(
-        self, part: Pose2 | None, rng: np.random.Generator, occluders: tuple[Array, ...] = ()
-    ) -> Picture:
-        """The picture with the part at a pose, or without it."""
-        return render(self.optics, self.cards(part), self.flaws, rng, occluders)
-
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """What a simulated cell's `CameraServer` takes pictures with: a camera to which things happen.
-
-        Args:
-            look: what is before the camera now.
-            seed: of the noise.
-        """
+        """Takes pictures of what there is to `look` at, as the bytes of a JPEG; the seed is the noise's."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # found once, before anybody waits for a picture
@@ -83,10 +63,7 @@ class Rig:
         return render(optics, cards, self.flaws, rng)
 
 
-def standard_rig(flaws: Flaws | None = None) -> Rig:
-    """The webcam 600 mm under the middle of the table, not quite level; its pictures compressed once.
-
-    The tag is glued on as hands do it: not quite in the middle of the part, nor straight.
-    """
+def standard_rig() -> Rig:
+    """The webcam 600 mm under the table; like the tag on the part, not quite straight."""
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
-    return Rig(optics, flaws or Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))
+    return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

@@ -1,13 +1,9 @@
-"""The open_abb server with an IRB 120 behind it, over simulated time; no sockets here.
-
-Behaviour from `RAPID/SERVER.mod`: settings outlive clients, stale parameters move the arm, moves are
-acknowledged when they are over, what RAPID cannot recover from ends in silence.
-"""
+"""The open_abb server (`RAPID/SERVER.mod`) with an IRB 120 behind it, over simulated time; no sockets."""
 
 import bisect
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose, Quaternion
@@ -26,32 +22,13 @@ Instruction = Callable[[tuple[float, ...], float], float | None]
 
 
 class Answer(NamedTuple):
-    """What an instruction comes to.
+    """What an instruction comes to."""
 
-    Attributes:
-        text: what is sent; None: nothing.
-        ready_s: when; infinity: never, RAPID execution has stopped.
-        closing: the server hangs up without a word.
-        broken: the connection breaks at once, the motion goes on.
-        before: what is sent first, though it answers nothing.
-    """
-
-    text: str | None
-    ready_s: float
-    closing: bool = False
-    broken: bool = False
-    before: str = ""
-
-
-class Controller(Protocol):
-    """Executes what it receives; `ArmModel` does."""
-
-    def execute(self, text: str, now_s: float) -> Answer:
-        """One received string.
-
-        Raises:
-            RapidError: the server hangs up and listens again.
-        """
+    text: str | None  # what is sent; None: nothing
+    ready_s: float  # when; infinity: never, RAPID execution has stopped
+    closing: bool = False  # the server hangs up without a word
+    broken: bool = False  # the connection breaks at once, the motion goes on
+    before: str = ""  # what is sent first, though it answers nothing
 
 
 class Leg(NamedTuple):
@@ -64,24 +41,23 @@ class Leg(NamedTuple):
     joints_deg: kinematics.Joints
     ends_deg: kinematics.Joints
 
-    def share(self, now_s: float) -> float:
-        """How much of it is over."""
-        if now_s >= self.start_s + self.seconds:
-            return 1.0
-        return max(now_s - self.start_s, 0.0) / self.seconds
-
     def at(self, now_s: float) -> Pose:
         """Where the flange is."""
-        share = self.share(now_s)
+        share = self._share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
         """How the joints stand."""
-        share = self.share(now_s)
+        share = self._share(now_s)
         if share == 1.0:
             return self.ends_deg
         *_, joints = kinematics.track(self.joints_deg, self.start, self.target, share)
         return joints or self.joints_deg
+
+    def _share(self, now_s: float) -> float:
+        if now_s >= self.start_s + self.seconds:
+            return 1.0
+        return max(now_s - self.start_s, 0.0) / self.seconds
 
 
 class HaltError(Exception):
@@ -89,11 +65,7 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """The server's state and the arm's.
-
-    Args:
-        base: the arm's base frame in the world, so that the table's middle is within reach.
-    """
+    """The server's state and the arm's, whose base frame in the world is `base`."""
 
     def __init__(self, base: Pose) -> None:
         self.halted = ""
@@ -105,7 +77,7 @@ class ArmModel:
         self._speed = (100.0, 50.0)  # mm/s, deg/s
         self._zone_mm = 0.3
         self._buffer: list[tuple[Pose, tuple[float, float]]] = []
-        self._external = (0.0,) * 6
+        self._external: tuple[float, ...] = (0.0,) * 6
         self._circle: Pose | None = None
         here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
         joints = kinematics.inverse(here) or (0.0,) * 6
@@ -113,7 +85,7 @@ class ArmModel:
 
     def pose_at(self, now_s: float) -> Pose:
         """Where the hand is, in the client's tool and work object."""
-        flange = compose(self._base, self._flange_at(now_s))
+        flange = compose(self._base, self._leg(now_s).at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
@@ -121,11 +93,7 @@ class ArmModel:
         return self._leg(now_s).joints_at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """One received string; the model answers as if it had listened only now.
-
-        Raises:
-            RapidError: the server's error handler runs: it hangs up and listens again.
-        """
+        """One received string, heard now; RapidError where the server hangs up and listens again."""
         self._message.parse(text)
         message = self._message
         counts, run = self._instructions().get(message.code, ((), None))
@@ -144,9 +112,7 @@ class ArmModel:
     def _payload(self, code: float, now_s: float) -> str:
         """What the answer to an instruction carries; empty for all that are not questions."""
         if code == 3:
-            pose = self.pose_at(now_s)
-            numbers = [rapid.to_string(value, 2) for value in pose[:3]]
-            return " ".join([*numbers, *(rapid.to_string(part, 3) for part in pose.rotation)])
+            return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:
             return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
         if code == 5:
@@ -195,11 +161,8 @@ class ArmModel:
     # -- motion -----------------------------------------------------------------------------------
 
     def _leg(self, now_s: float) -> Leg:
-        index = bisect.bisect_right([leg.start_s for leg in self._legs], now_s) - 1
+        index = bisect.bisect_right(self._legs, now_s, key=lambda leg: leg.start_s) - 1
         return self._legs[max(index, 0)]
-
-    def _flange_at(self, now_s: float) -> Pose:
-        return self._leg(now_s).at(now_s)
 
     def _flange_target(self, tip: Pose) -> Pose:
         """Flange pose in the base frame that brings the tool to `tip` in the work object."""
@@ -207,12 +170,8 @@ class ArmModel:
         return compose(invert(self._base), world)
 
     def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
-        """Add a straight motion after what is under way; returns when it ends.
-
-        Raises:
-            HaltError: the way leaves the reach, or takes a joint out of its range.
-        """
-        here, joints = self._flange_at(now_s), self.joints_at(now_s)
+        """Add a straight motion after what is under way; returns when it ends."""
+        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
             if step is None:
@@ -260,12 +219,12 @@ class ArmModel:
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
-        here, now = self._flange_at(now_s), self.joints_at(now_s)
+        here, now = self._leg(now_s).at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
         return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 
     def _move_external(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._external = (values[0], values[1], values[2], values[3], values[4], values[5])
+        self._external = values
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

@@ -1,18 +1,19 @@
 """The open_abb motion server on a TCP port: one client, no framing, silence after a motion fault."""
 
-import contextlib
+import datetime
 import math
 import select
 import socket
 import struct
-import threading
 from collections.abc import Callable
 
-from drivers.sim.devices.arm import Answer, Controller
-from drivers.sim.devices.rapid import RapidError
-from drivers.sim.wire.serving import SimulatedTime, TcpServer
+from drivers.abb.codec import Pose
+from drivers.sim.devices import rapid
+from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
+LOGGER_WAIT_S = 0.1  # loggerWaitTime as shipped
 MAX_STRING = 80  # SocketReceive \Str takes so much at once
 
 
@@ -23,13 +24,13 @@ class ArmServer(TcpServer):
         model: the arm.
         lock: held while the model is used.
         time: simulated time.
-        executed: called after each finished instruction.
+        executed: called after each finished instruction, under the lock.
     """
 
     def __init__(
         self,
-        model: Controller,
-        lock: "threading.RLock | threading.Lock",
+        model: ArmModel,
+        lock: Lock,
         time: SimulatedTime,
         executed: Callable[[], None] = lambda: None,
     ) -> None:
@@ -48,21 +49,10 @@ class ArmServer(TcpServer):
 
     def _serve(self, client: socket.socket) -> None:
         self._time.sleep(ACCEPT_S)
-        with contextlib.suppress(OSError):
-            self._serve_client(client)
-
-    def _left(self) -> None:
-        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
-        for waiting in self._waiting:
-            waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            waiting.close()
-        self._waiting.clear()
-
-    def _serve_client(self, client: socket.socket) -> None:
         if self._stale is not None:
             # The instruction that failed was the send of an acknowledgement: RAPID retries it first.
-            stale, self._stale = self._stale, None
-            client.sendall(stale.encode("latin-1"))
+            client.sendall(self._stale.encode("latin-1"))
+            self._stale = None
         while not self._stopped.is_set():
             ready = self._readable([client, self._listener])
             if client not in ready:
@@ -74,10 +64,17 @@ class ArmServer(TcpServer):
             try:
                 with self._lock:
                     answer = self._model.execute(data.decode("latin-1"), self._time.now())
-            except RapidError:
+            except rapid.RapidError:
                 return
             if answer.closing or not self._deliver(client, answer):
                 return
+
+    def _left(self) -> None:
+        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
+        for waiting in self._waiting:
+            waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            waiting.close()
+        self._waiting.clear()
 
     def _deliver(self, client: socket.socket, answer: Answer) -> bool:
         """Send the acknowledgement when the instruction is over; False ends this client."""
@@ -90,17 +87,15 @@ class ArmServer(TcpServer):
             client.sendall(answer.before.encode("latin-1"))
         while (left := answer.ready_s - self._time.now()) > 0.0 and not self._stopped.is_set():
             self._time.sleep(left)
-        self._executed()
+        with self._lock:
+            self._executed()
         if answer.text is None or self._stopped.is_set():
             return answer.text is not None
+        self._stale = answer.text
         if answer.broken or _gone(client):
-            self._stale = answer.text
             return False
-        try:
-            client.sendall(answer.text.encode("latin-1"))
-        except OSError:
-            self._stale = answer.text
-            return False
+        client.sendall(answer.text.encode("latin-1"))
+        self._stale = None
         return True
 
 
@@ -112,3 +107,33 @@ def _gone(client: socket.socket) -> bool:
         return client.recv(1, socket.MSG_PEEK) == b""
     except OSError:
         return True
+
+
+class ArmLogger(TcpServer):
+    """Sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
+
+    Args:
+        look: the hand's pose and the joints in degrees, now.
+        time: simulated time.
+    """
+
+    def __init__(self, look: Callable[[], tuple[Pose, tuple[float, ...]]], time: SimulatedTime) -> None:
+        super().__init__("logger", time.stopped)
+        self._look = look
+        self._time = time
+        # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
+        self._stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")
+
+    def _serve(self, client: socket.socket) -> None:
+        self._time.sleep(ACCEPT_S)
+        client.settimeout(0.5)
+        while not self._stopped.is_set():
+            for kind in (0, 1):
+                client.sendall(self._record(kind).encode("ascii"))
+                self._time.sleep(LOGGER_WAIT_S)
+
+    def _record(self, kind: int) -> str:
+        pose, joints = self._look()
+        angles = " ".join(rapid.to_string(angle, 2) for angle in joints)
+        numbers = rapid.pose_string(pose, 1) if kind == 0 else angles
+        return f"# {kind} {self._stamp} {rapid.to_string(self._time.now(), 2)} {numbers}"

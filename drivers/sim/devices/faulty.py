@@ -1,9 +1,12 @@
-"""Gripper and arm controller that fail as a schedule has it, in front of the models of sound ones."""
+"""Gripper and arm controller that fail as a schedule has it."""
 
 import math
+import random
 
+from drivers.abb.codec import Pose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Channel, Desk, Fault
 
 STALE = "1 1 "  # the acknowledgement of a MoveL
@@ -13,90 +16,77 @@ RELEASING = 0x0B
 LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only show
 
 
-class FaultyArm:
-    """Executes instructions, as `drivers.sim.devices.arm.Controller`.
+class FaultyArm(ArmModel):
+    """A controller that fails as the desk says; each instruction is one event of it."""
 
-    Args:
-        model: the controller.
-        desk: says what holds when; each instruction is one event.
-    """
-
-    def __init__(self, model: ArmModel, desk: Desk) -> None:
-        self._model = model
+    def __init__(self, base: Pose, desk: Desk) -> None:
+        super().__init__(base)
         self._desk = desk
 
     def execute(self, text: str, now_s: float) -> Answer:
         """One received string; nothing is executed while the program stands still."""
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
-        if kinds & {"arm_silent", "arm_unreachable"}:
-            silent = "arm_silent" in kinds
-            self._model.halted = "program stopped" if silent else "50050 position outside reach"
-        if self._model.halted:
+        if "arm_silent" in kinds:
+            self.halted = "program stopped"
+        elif "arm_unreachable" in kinds:
+            self.halted = "50050 position outside reach"
+        if self.halted:
             return Answer(None, math.inf)
         if "arm_refuses" in kinds:
             return Answer(f"{text.split(' ', 1)[0].lstrip('0') or '0'} 0 ", now_s)
-        answer = self._model.execute(text, now_s)
+        answer = super().execute(text, now_s)
         if "arm_disconnect" in kinds:
             return answer._replace(broken=True)
         return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
 
 
-class FaultyGripper:
-    """The register blocks of a model, as `drivers.sim.wire.modbus.Device`.
+class FaultyGripper(GripperModel):
+    """A gripper that fails; each request that it hears is one event of the desk.
 
     Args:
-        model: the gripper.
-        desk: says what holds when; each request the gripper hears is one event.
+        rng: as of `GripperModel`.
+        jaws: the mechanics.
+        surroundings: what the fingers may meet.
+        desk: says what holds when.
     """
 
-    def __init__(self, model: GripperModel, desk: Desk) -> None:
-        self._model = model
+    def __init__(self, rng: random.Random, jaws: Jaws, surroundings: Surroundings, desk: Desk) -> None:
+        super().__init__(rng, jaws, surroundings)
         self._desk = desk
-        self._shown = model.jaws.count_open  # the count as it was last read, which is what freezes
+        self._last_count = jaws.count_open  # the count as it was last read, which is what freezes
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes, with whatever is wrong with them."""
-        faults = self._heard(now_s)
-        block = self._model.read_input(now_s)
-        if not faults:
-            self._shown = block[COUNT_BYTE]
-            return block
-        changed = bytearray(block)
-        for fault in faults:
-            self._distort(changed, fault)
+        faults = self._next_event(now_s)
+        block = bytearray(super().read_input(now_s))
         if not any(fault.kind == "count_frozen" for fault in faults):
-            self._shown = block[COUNT_BYTE]
-        return bytes(changed)
-
-    def read_output(self) -> bytes:
-        """The 16 output bytes as last written."""
-        return self._model.read_output()
+            self._last_count = block[COUNT_BYTE]
+        for fault in faults:
+            self._distort(block, fault)
+        return bytes(block)
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
         """Write and obey."""
-        self._heard(now_s)
-        self._model.write_output(offset, data, now_s)
+        self._next_event(now_s)
+        super().write_output(offset, data, now_s)
 
-    def _heard(self, now_s: float) -> list[Fault]:
+    def _next_event(self, now_s: float) -> list[Fault]:
         """One more request: whatever befalls the gripper now, befalls it before it obeys."""
         self._desk.next(Channel.GRIPPER)
         for fault in self._desk.beginning(Channel.GRIPPER):
-            self._strike(fault, now_s)
+            code = _code(fault)
+            if fault.kind == "power_cycle":
+                self.power_cycle(now_s)
+            elif fault.kind == "grip_lost":
+                self.lose_object(now_s)
+            elif code == RELEASING:
+                self.auto_release(now_s)
+            elif code >= LEAST_MAJOR:
+                self.fail(code, now_s)
         faults = self._desk.holding(Channel.GRIPPER)
-        self._model.flag_delay_s = sum(fault.value for fault in faults if fault.kind == "flag_late")
+        self.flag_delay_s = sum(fault.value for fault in faults if fault.kind == "flag_late")
         return faults
-
-    def _strike(self, fault: Fault, now_s: float) -> None:
-        code = _code(fault)
-        if fault.kind == "power_cycle":
-            self._model.power_cycle(now_s)
-        elif fault.kind == "grip_lost":
-            self._model.lose_object(now_s)
-        elif code == RELEASING:
-            self._model.auto_release(now_s)
-        elif code >= LEAST_MAJOR:
-            self._model.fail(code, now_s)
 
     def _distort(self, block: bytearray, fault: Fault) -> None:
         value = int(fault.value)
@@ -104,7 +94,7 @@ class FaultyGripper:
         if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
             block[FLAG_BYTE] = block[FLAG_BYTE] & ~(3 << FLAG_SHIFT) | (value & 3) << FLAG_SHIFT
         elif fault.kind == "count_frozen":
-            block[COUNT_BYTE] = self._shown
+            block[COUNT_BYTE] = self._last_count
         elif fault.kind == "count_spike":
             block[COUNT_BYTE] = value & 0xFF
         elif fault.kind == "encoder_offset":

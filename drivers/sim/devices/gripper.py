@@ -1,8 +1,6 @@
 """The 2F-85 as a state machine over simulated time; no I/O, no clock of its own.
 
-Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as public sources tell: level and
-edge logic of rACT, the activation sweep, echoes at once, gOBJ behind by 1 to 5 cycles, finite speed, end
-stops, contact, release.
+Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as public sources tell.
 """
 
 import math
@@ -60,23 +58,31 @@ class GripperModel:
         surroundings: Surroundings | None = None,
     ) -> None:
         self.jaws = jaws or Jaws()
-        self.surroundings = surroundings or Surroundings()
         self.flag_delay_s = 0.0  # how much later than usual gOBJ follows
+        self._surroundings = surroundings or Surroundings()
         self._rng = rng
         self._now = 0.0
         self._heard_s = 0.0
         self._shown_s = 0.0
         self._silent_until_s = 0.0
-        self._output = bytearray(16)
-        self._request = unpack(OUTPUT_FIELDS, self._output)
-        self._status = STA_RESET
-        self._fault = 0
         self._stroke = Stroke(float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING)
         self._running = False
-        self._flag = ObjectFlag(OBJ_MOVING, 0.0, OBJ_MOVING, 0.0)
-        self._legs: list[int] = []  # counts the activation sweep still has to visit
         self._contact: int | None = None  # where the closing stroke under way will meet something
         self._gripping = False
+        self._forget()
+
+    def _forget(self) -> None:
+        """What the supply's failure leaves: nothing was ever written, the jaws stay where they are."""
+        self._output = bytearray(16)
+        self._request = unpack(OUTPUT_FIELDS, self._output)
+        self._flag = ObjectFlag(OBJ_MOVING, self._now, OBJ_MOVING, self._now)
+        self._reset(0)
+
+    def _reset(self, fault: int) -> None:
+        """Halt, inactive from now on, with a fault or 0."""
+        self._halt()
+        self._legs: list[int] = []  # counts the activation sweep still has to visit
+        self._status, self._fault = STA_RESET, fault
 
     # -- the two register blocks ------------------------------------------------------------------
 
@@ -94,7 +100,7 @@ class GripperModel:
             gFLT=self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
             gPR=request["rPR"],
             gPO=round(self._stroke.at(self._now)),
-            gCU=round(self._current(request["rFR"])),
+            gCU=round(self._current()),
         )
 
     def read_output(self) -> bytes:
@@ -107,7 +113,7 @@ class GripperModel:
         self._hear(now_s)
         self._output[offset : offset + len(data)] = data
         old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
-        self._obey(old, self._request)
+        self._obey(old)
 
     def _hear(self, now_s: float) -> None:
         # The register still tells of the silence until the next refresh, so the first answer does too.
@@ -129,10 +135,8 @@ class GripperModel:
 
     def next_change(self) -> float:
         """When the next reading will differ from the last, but for a moving count; infinity: never."""
-        coming = self._stroke.end_s if self._running else math.inf
-        for moment in (self._flag.moving_s, self._flag.outcome_s):
-            if self._shown_s < moment < coming:
-                coming = moment
+        changes = [moment for moment in (self._flag.moving_s, self._flag.outcome_s) if moment > self._shown_s]
+        coming = min([*changes, self._stroke.end_s if self._running else math.inf])
         return math.ceil(coming / CYCLE_S) * CYCLE_S if coming < math.inf else coming
 
     # -- mishaps ----------------------------------------------------------------------------------
@@ -140,9 +144,7 @@ class GripperModel:
     def fail(self, code: int, now_s: float) -> None:
         """A major fault: the jaws stop where they are and nothing moves them before a reset."""
         self.advance(now_s)
-        self._halt()
-        self._legs = []
-        self._status, self._fault = STA_RESET, code
+        self._reset(code)
 
     def auto_release(self, now_s: float) -> None:
         """The automatic release, as rATR with rARD for opening starts it."""
@@ -152,12 +154,7 @@ class GripperModel:
     def power_cycle(self, now_s: float) -> None:
         """The supply failed for a moment: all volatile state is gone, the screw drive holds the jaws."""
         self.advance(now_s)
-        self._halt()
-        self._output = bytearray(16)
-        self._request = unpack(OUTPUT_FIELDS, self._output)
-        self._legs = []
-        self._status, self._fault = STA_RESET, 0
-        self._flag = ObjectFlag(OBJ_MOVING, now_s, OBJ_MOVING, now_s)
+        self._forget()
 
     def lose_object(self, now_s: float) -> None:
         """What the jaws hold slips out: they close on, to the request."""
@@ -166,7 +163,7 @@ class GripperModel:
             return
         self._gripping, self._contact = False, None
         if self._ready() and self._request["rGTO"]:
-            self._go(self._request, meets=False)
+            self._go(meets=False)
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -176,14 +173,15 @@ class GripperModel:
     def _latched(self) -> bool:
         return self._fault != 0 and fault_text(self._fault).severity == MAJOR
 
-    def _obey(self, old: dict[str, int], new: dict[str, int]) -> None:
+    def _obey(self, old: dict[str, int]) -> None:
+        new = self._request
         if not new["rACT"]:
-            self._halt()
-            self._legs = []
-            self._status = STA_RESET
-            self._fault = FAULT_INACTIVE if new["rGTO"] else 0
+            self._reset(FAULT_INACTIVE if new["rGTO"] else 0)
         elif not old["rACT"]:
-            self._activate(pending=new["rGTO"] == 1)
+            self._reset(FAULT_DELAYED if new["rGTO"] else 0)
+            self._status = STA_ACTIVATING
+            self._legs = [self.jaws.count_closed, self.jaws.count_open]
+            self._start(float(self.jaws.count_open), SWEEP_MM_S)
         elif self._latched():
             pass
         elif new["rATR"]:
@@ -193,29 +191,16 @@ class GripperModel:
         elif not new["rGTO"]:
             self._halt()
         elif any(old[name] != new[name] for name in ("rGTO", "rPR", "rSP")):
-            self._go(new)
-
-    def _activate(self, *, pending: bool) -> None:
-        self._halt()
-        self._status = STA_ACTIVATING
-        self._fault = FAULT_DELAYED if pending else 0
-        self._legs = [self.jaws.count_open, self.jaws.count_closed, self.jaws.count_open]
-        self._next_leg()
-
-    def _next_leg(self) -> None:
-        self._start(float(self._legs.pop(0)), SWEEP_MM_S)
+            self._go()
 
     def _release(self, *, opens: bool) -> None:
-        self._halt()
-        self._legs = []
-        self._status = STA_RESET
-        self._fault = FAULT_RELEASING
+        self._reset(FAULT_RELEASING)
         self._start(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
 
-    def _go(self, request: dict[str, int], *, meets: bool = True) -> None:
+    def _go(self, *, meets: bool = True) -> None:
         shown = self._flag.at(self._now)
-        target = float(min(max(request["rPR"], self.jaws.count_open), self.jaws.count_closed))
-        self._start(target, speed_mm_s(request["rSP"]), meets=meets)
+        target = float(min(max(self._request["rPR"], self.jaws.count_open), self.jaws.count_closed))
+        self._start(target, speed_mm_s(self._request["rSP"]), meets=meets)
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
@@ -229,12 +214,12 @@ class GripperModel:
         here = self._stroke.at(self._now)
         still_closing = self._running and self._stroke.rate > 0.0
         if target > here and meets and not (still_closing or self._gripping):
-            self._contact = self.surroundings.closing()
+            self._contact = self._surroundings.closing()
         elif target < here:
             self._contact = None
             if self._gripping:
                 self._gripping = False
-                self.surroundings.released()
+                self._surroundings.released()
         stop, outcome = target, OBJ_AT_REQUEST
         if target > here and self._contact is not None and self._contact <= target:
             stop, outcome = max(float(self._contact), here), OBJ_CONTACT_CLOSING
@@ -258,30 +243,25 @@ class GripperModel:
         met = self._stroke.outcome == OBJ_CONTACT_CLOSING
         if met and not self._gripping:
             self._gripping = True
-            self.surroundings.gripped()
+            self._surroundings.gripped()
         if self._fault == FAULT_RELEASING:
             self._fault = FAULT_RELEASED
+        elif self._status == STA_ACTIVATING and met:
+            self._reset(FAULT_BLOCKED_SWEEP)
+        elif self._status == STA_ACTIVATING and self._legs:
+            self._start(float(self._legs.pop(0)), SWEEP_MM_S)
         elif self._status == STA_ACTIVATING:
-            self._sweep_on(met=met)
-
-    def _sweep_on(self, *, met: bool) -> None:
-        if met:
-            self._legs = []
-            self._status, self._fault = STA_RESET, FAULT_BLOCKED_SWEEP
-        elif self._legs:
-            self._next_leg()
-        else:
             self._status, self._fault = STA_ACTIVE, 0
             self._flag = ObjectFlag(OBJ_AT_REQUEST, self._now, OBJ_AT_REQUEST, self._now)
             if self._request["rGTO"]:
-                self._go(self._request)
+                self._go()
 
-    def _current(self, force_counts: int) -> float:
+    def _current(self) -> float:
         """Motor current in counts of 10 mA: some while moving, a rise at contact, less to hold."""
         if self._running and self._stroke.rate:
             return CURRENT_MOVING
         if not self._gripping:
             return 0.0
-        peak = CURRENT_CONTACT + CURRENT_PER_FORCE * force_counts
+        peak = CURRENT_CONTACT + CURRENT_PER_FORCE * self._request["rFR"]
         since = self._now - self._stroke.end_s
         return peak * (CURRENT_HOLD + (1.0 - CURRENT_HOLD) * math.exp(-since / CURRENT_DECAY_S))

@@ -3,29 +3,23 @@
 Over Modbus TCP the blocks start at 0, the unit is 2, and closing the connection stops the jaws ([M200] p66).
 """
 
-import contextlib
-import select
 import socket
 import threading
 from collections.abc import Callable
 
 from drivers.robotiq.frames import TCP
-from drivers.sim.wire.line import CleanLine, Outbox, UnpluggedError
-from drivers.sim.wire.modbus import Device, GripperRegisters, answer
-from drivers.sim.wire.rtu import GAP_S, RtuSlave, Slave
-from drivers.sim.wire.serving import SimulatedTime, TcpServer
+from drivers.sim.wire.line import UnpluggedError
+from drivers.sim.wire.modbus import Device, answer
+from drivers.sim.wire.rtu import Slave, exchange
+from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 HEADER = 7  # MBAP: transaction, protocol 0, length, unit
-TCP_FUNCTIONS = frozenset({4, 16})  # no others are promised ([M200] p66)
 
 
 class MbapSlave(Slave):
     """Modbus TCP framing; another protocol meets silence, too."""
 
-    def __init__(
-        self, registers: GripperRegisters, line: CleanLine | None = None, unit: int = TCP.unit
-    ) -> None:
-        super().__init__(registers, line, unit)
+    unit = TCP.unit
 
     @property
     def pending(self) -> bool:
@@ -34,7 +28,7 @@ class MbapSlave(Slave):
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer with the request's number, or None for silence."""
-        if frame[2:4] != b"\0\0" or frame[6:7] != bytes((self._unit,)):
+        if frame[2:4] != b"\0\0" or frame[6:7] != bytes((self.unit,)):
             return None
         pdu = answer(frame[HEADER:], self._registers)
         return None if pdu is None else frame[:4] + (len(pdu) + 1).to_bytes(2, "big") + frame[6:7] + pdu
@@ -43,17 +37,6 @@ class MbapSlave(Slave):
         if len(self._buffer) < HEADER:
             return 0
         return HEADER - 1 + int.from_bytes(self._buffer[4:6], "big")
-
-
-def modbus_tcp(device: Device, now: Callable[[], float], line: CleanLine | None = None) -> MbapSlave:
-    """A gripper with a Modbus TCP interface."""
-    registers = GripperRegisters(device, now, TCP.output_address, TCP.input_address, TCP_FUNCTIONS)
-    return MbapSlave(registers, line)
-
-
-def rtu_over_tcp(device: Device, now: Callable[[], float], line: CleanLine | None = None) -> RtuSlave:
-    """A gripper behind a serial device server."""
-    return RtuSlave(GripperRegisters(device, now), line)
 
 
 def stop_jaws(device: Device, now: Callable[[], float]) -> None:
@@ -75,7 +58,7 @@ class TcpPort(TcpServer):
     def __init__(
         self,
         slave: Slave,
-        lock: "threading.RLock | threading.Lock",
+        lock: Lock,
         time: SimulatedTime,
         hung_up: Callable[[], None] = lambda: None,
     ) -> None:
@@ -85,36 +68,13 @@ class TcpPort(TcpServer):
         self._time = time
         self._hung_up = hung_up
 
-    def _run(self) -> None:
-        with contextlib.suppress(UnpluggedError):
-            super()._run()
-        self._listener.close()
-
     def _left(self) -> None:
-        with self._lock:
-            self._hung_up()
+        if not self._stopped.is_set():
+            with self._lock:
+                self._hung_up()
 
     def _serve(self, client: socket.socket) -> None:
-        with contextlib.suppress(ConnectionError):
-            self._serve_client(client)
-
-    def _serve_client(self, client: socket.socket) -> None:
-        outbox = Outbox()
-        while not self._stopped.is_set():
-            if select.select([client], [], [], self._patience(outbox))[0]:
-                data = client.recv(1024)
-                if not data:
-                    return
-                with self._lock:
-                    pieces = self._slave.feed(data)
-                outbox.put(pieces, self._time.now())
-            elif self._slave.pending:
-                self._slave.silence()
-            client.sendall(outbox.due(self._time.now()))
-
-    def _patience(self, outbox: Outbox) -> float:
-        """Wall seconds until something has to be done though nothing came."""
-        wait = GAP_S if self._slave.pending else 0.05
-        if outbox.next_s is None:
-            return wait
-        return max(min(wait, self._time.wall(outbox.next_s - self._time.now())), 0.0)
+        try:
+            exchange(self._slave, client.fileno(), self._lock, self._time, self._stopped)
+        except UnpluggedError:
+            self._stopped.set()

@@ -4,6 +4,8 @@ import math
 import re
 import struct
 
+from drivers.abb.codec import Pose
+
 MAX_PARAMETERS = 10  # VAR num params{10}
 _VALUE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 
@@ -29,6 +31,12 @@ def to_string(value: float, decimals: int) -> str:
     return f"-{text}" if value < 0 and scaled else text
 
 
+def pose_string(pose: Pose, decimals: int) -> str:
+    """A robtarget's seven numbers, mm with so many decimals."""
+    shift, turn = pose[:3], pose.rotation
+    return " ".join([*(to_string(mm, decimals) for mm in shift), *(to_string(part, 3) for part in turn)])
+
+
 def match(text: str, position: int, pattern: str) -> int:
     """StrMatch: 1-based place of `pattern` from `position` on; one past the end if there is none."""
     found = text.find(pattern, position - 1)
@@ -36,25 +44,16 @@ def match(text: str, position: int, pattern: str) -> int:
 
 
 class Message:
-    """The parser's state, which outlives each message: SERVER.mod's globals.
-
-    Attributes:
-        code: instructionCode, kept when a head is malformed.
-        parameters: params{1..10}; a number that cannot be read leaves the old value in place.
-        count: nParams; -1 for a malformed message.
-    """
+    """The parser's state, which outlives each message: SERVER.mod's globals."""
 
     def __init__(self) -> None:
-        self.code = 0.0
+        self.code = 0.0  # instructionCode, kept when a head is malformed
+        # params{1..10}: a number that cannot be read leaves the old value in place.
         self.parameters = [0.0] * MAX_PARAMETERS
-        self.count = 0
+        self.count = 0  # nParams; -1 for a malformed message
 
     def parse(self, text: str) -> None:
-        """Take one received string (SERVER.mod PROC ParseMsg).
-
-        Raises:
-            RapidError: more parameters than the array has.
-        """
+        """Take one received string (PROC ParseMsg); RapidError for more parameters than the array has."""
         end = match(text, 1, "#")
         after = match(text, 1, " ") + 1
         code = to_value(text[: after - 2])

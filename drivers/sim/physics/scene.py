@@ -9,11 +9,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from drivers.planar import Pose2
 from drivers.sim.errors import SimulationError, SimulationFileError
 from runtime import table as tables
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
-
-Pose2 = tuple[float, float, float]  # mm, mm, rad
 
 REHEARSAL = "runtime.devices.rehearsal:make"
 REHEARSAL_RADIUS_MM = 10.0  # a rehearsal's part lies somewhere; its world does not look where
@@ -53,11 +52,7 @@ class Setting(NamedTuple):
     factory: Callable[[Any, int], World]
 
     def make_world(self, seed: int) -> World:
-        """The world of a seed.
-
-        Raises:
-            SimulationError: the factory fails, or what it returns cannot squeeze.
-        """
+        """The world of a seed; SimulationError where the factory fails, or what it returns cannot squeeze."""
         try:
             made: World = make_world(self.factory, self.subject, seed)
         except WorldError as error:

@@ -9,136 +9,125 @@ import contextlib
 import json
 import math
 import socket
+import socketserver
 import threading
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 from drivers.errors import LinkError, PortError
-from drivers.sim.wire.serving import TcpServer
+from drivers.ports import Truth
+from drivers.sim.wire.serving import Server
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
 MAX_LINE = 4096
 
 
-class Truth(NamedTuple):
-    """Where the part is now (NaN: the world does not know), and what happened to it.
-
-    `covered` tells that a camera would see nothing.
-    """
-
-    x_mm: float
-    y_mm: float
-    theta_rad: float
-    squeezes: int
-    crashes: int
-    status: str
-    covered: bool = False
-
-    @property
-    def known(self) -> bool:
-        """Whether there is a pose at all: a rehearsal has none."""
-        return not math.isnan(self.x_mm)
-
-    @classmethod
-    def told(cls, said: Mapping[str, object]) -> "Truth":
-        """From the scene's answer."""
-        x, y, theta = (
-            math.nan if said[name] is None else float(str(said[name]))
-            for name in ("x_mm", "y_mm", "theta_rad")
-        )
-        squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
-        return cls(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
+def truth_of(said: Mapping[str, object]) -> Truth:
+    """What the scene's answer to "truth" tells."""
+    x, y, theta = (
+        math.nan if said[name] is None else float(str(said[name])) for name in ("x_mm", "y_mm", "theta_rad")
+    )
+    squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
+    return Truth(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
 
 
-class Scene:
-    """Client of a simulated cell's scene.
+class Feeder:
+    """Feeder and ground truth of a simulated cell, which answers what it is asked."""
 
-    Raises:
-        PortError: nobody accepts the connection.
-    """
+    def __init__(self, ask: Callable[[str], Mapping[str, object]]) -> None:
+        self._ask = ask
+
+    def next_part(self) -> int:
+        """Bring the next part; returns its number; LinkError where the cell is gone, or refuses."""
+        return int(str(self._ask("next_part")["part"]))
+
+    def truth(self) -> Truth:
+        """Where the part really is; LinkError where the cell is gone, or refuses."""
+        return truth_of(self._ask("truth"))
+
+    def close(self) -> None:
+        """Hang up; the cell stays."""
+
+
+class Scene(Feeder):
+    """Client of a simulated cell's scene; PortError where nobody accepts the connection."""
 
     def __init__(self, host: str, port: int) -> None:
+        super().__init__(self._sent)
         self.endpoint = f"tcp://{host}:{port}"
         try:
             self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
         except OSError as error:
             raise PortError(
-                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?", self.endpoint
+                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?"
             ) from error
         self._file = self._socket.makefile("rb")
-
-    def next_part(self) -> int:
-        """Take the part away and bring the next; returns its number.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
-        return int(str(self._ask("next_part")["part"]))
-
-    def truth(self) -> Truth:
-        """Where the part really is.
-
-        Raises:
-            LinkError: the cell is gone, or refuses.
-        """
-        return Truth.told(self._ask("truth"))
 
     def close(self) -> None:
         """Hang up; the cell stays."""
         self._file.close()
         self._socket.close()
 
-    def _ask(self, what: str) -> Mapping[str, object]:
+    def _sent(self, what: str) -> Mapping[str, object]:
         try:
             self._socket.sendall(json.dumps({"do": what}).encode() + b"\n")
             said = json.loads(self._file.readline(MAX_LINE) or "null")
         except (OSError, ValueError) as error:
-            raise LinkError(f"scene {self.endpoint} broke: {error}", self.endpoint) from error
+            raise LinkError(f"scene {self.endpoint} broke: {error}") from error
         if not isinstance(said, dict) or "error" in said:
             reason = said.get("error") if isinstance(said, dict) else "the cell is gone"
-            raise LinkError(f"scene {self.endpoint}: {reason}", self.endpoint)
+            raise LinkError(f"scene {self.endpoint}: {reason}")
         return said
 
 
-class SceneServer(TcpServer):
+class _ThreadForEach(socketserver.ThreadingTCPServer):
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, *_: object) -> None:
+        """Let the world's failure reach the thread's end, where the cell hears of it."""
+        raise
+
+
+class SceneServer(Server):
     """Answers scene requests of any number of clients.
 
     Args:
-        answer: request -> reply.
+        answer: request -> reply; called by a thread for each client.
         stopped: tells that the cell stops.
     """
 
     def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
         super().__init__("scene", stopped)
-        self._answer = answer
+
+        class Client(socketserver.StreamRequestHandler):
+            """Answers one client's lines."""
+
+            def handle(self) -> None:
+                with contextlib.suppress(ConnectionError):
+                    while (line := self.rfile.readline(MAX_LINE)).endswith(b"\n"):
+                        said = _reply(line, answer)
+                        self.wfile.write(json.dumps(said).encode() + b"\n")
+                        if "quit" in said:
+                            stopped.set()
+
+        self._server = _ThreadForEach(("127.0.0.1", 0), Client)
+        self.url = f"tcp://127.0.0.1:{self._server.server_address[1]}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+        super().close()
+        self._server.server_close()
 
     def _run(self) -> None:
-        pending: dict[socket.socket, bytes] = {}  # of each client, what is no whole line yet
-        with contextlib.ExitStack() as clients:
-            while not self._stopped.is_set():
-                for ready in self._readable([self._listener, *pending]):
-                    if ready is self._listener:
-                        pending[clients.enter_context(ready.accept()[0])] = b""
-                    elif (left := self._heard(ready, pending.pop(ready))) is not None:
-                        pending[ready] = left
+        self._server.serve_forever(0.1)
 
-    def _heard(self, client: socket.socket, pending: bytes) -> bytes | None:
-        """Answer the lines of a client; returns what is left over, None once it is gone."""
-        with contextlib.suppress(OSError):
-            data = client.recv(MAX_LINE)
-            *lines, left = (pending + data).split(b"\n")
-            for line in lines:
-                client.sendall(json.dumps(self._reply(line)).encode() + b"\n")
-            if data and len(left) <= MAX_LINE:
-                return left
-        client.close()
-        return None
 
-    def _reply(self, line: bytes) -> Mapping[str, object]:
-        try:
-            request = strict_json.parse(line)
-            what = request["do"]
-        except (ValueError, TypeError, KeyError):
-            return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
-        return self._answer(str(what))
+def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mapping[str, object]:
+    try:
+        what = strict_json.parse(line)["do"]
+    except (ValueError, TypeError, KeyError):
+        return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
+    return answer(str(what))

@@ -4,42 +4,21 @@ import math
 import random
 from typing import NamedTuple
 
+from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
-from drivers.sim.physics.scene import Pose2, Setting
-
-
-def compose(a: Pose2, b: Pose2) -> Pose2:
-    """Pose b, given in the frame a."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return (a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], math.remainder(a[2] + b[2], math.tau))
-
-
-def relative(a: Pose2, b: Pose2) -> Pose2:
-    """Pose b as seen from a."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    x, y = b[0] - a[0], b[1] - a[1]
-    return (c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau))
-
+from drivers.sim.physics.scene import Setting
 
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
 
 class Look(NamedTuple):
-    """What a camera under the table has before it.
+    """What a camera under the table has before it."""
 
-    Attributes:
-        pose: of the part; None: there is no part, or the world knows no poses.
-        strange: whether it is another part than the one that should come.
-        second: pose of a second part; None: there is none.
-        covered: whether something lies on the lens.
-        moved_mm: how far the camera stands from its place.
-    """
-
-    pose: Pose2 | None
-    strange: bool = False
-    second: Pose2 | None = None
-    covered: bool = False
-    moved_mm: float = 0.0
+    pose: Pose2 | None  # of the part; None: there is no part, or the world knows no poses
+    strange: bool = False  # whether it is another part than the one that should come
+    second: Pose2 | None = None  # pose of a second part; None: there is none
+    covered: bool = False  # whether something lies on the lens
+    moved_mm: float = 0.0  # how far the camera stands from its place
 
 
 class TableTop:
@@ -75,10 +54,7 @@ class TableTop:
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The fingers start to close: the width at which they will stop, as the encoder sees it, or None.
-
-        The part lies where it lay until `gripped`.
-        """
+        """The fingers start to close: the width (mm, as the encoder sees it) that will stop them, or None."""
         self._desk.next(Channel.SCENE)
         for fault in self._desk.beginning(Channel.SCENE):
             if fault.kind == "part_bumped":
@@ -87,9 +63,8 @@ class TableTop:
         if self._desk.holds("part_missing"):
             final, width_mm, status = relative(hand, self.pose), 0.0, "untouched"
         touched = width_mm > 0.0 and status != "untouched"
-        for fault in self._desk.holding(Channel.SCENE):
-            if fault.kind in {"wrong_part", "two_parts"}:
-                width_mm += fault.value
+        held = self._desk.holding(Channel.SCENE)
+        width_mm += sum(fault.value for fault in held if fault.kind in {"wrong_part", "two_parts"})
         touched = touched and width_mm > 0.0
         self._coming, self._hand = (compose(hand, final), status), hand if touched else None
         if not touched:
@@ -131,14 +106,9 @@ class TableTop:
         """The ground truth, as the scene protocol sends it."""
         x, y, theta = self.pose if self.truthful else (None, None, None)
         return {
-            "x_mm": x,
-            "y_mm": y,
-            "theta_rad": theta,
-            "squeezes": self.squeezes,
-            "crashes": self.crashes,
-            "status": self.status,
-            "covered": self._desk.holds("camera_covered") is not None,
-        }
+            "x_mm": x, "y_mm": y, "theta_rad": theta, "squeezes": self.squeezes, "crashes": self.crashes,
+            "status": self.status, "covered": self._desk.holds("camera_covered") is not None,
+        }  # fmt: skip
 
     def look(self) -> Look:
         """What a camera sees."""

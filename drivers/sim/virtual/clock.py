@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from drivers.clock import LINK_TIMEOUT_S
+from drivers.clock import LINK_TIMEOUT_S, Clock
 
 AFTER_S = 1e-6  # a look at a device that changes at some moment comes just after it
 EPOCH = datetime(2000, 1, 1, tzinfo=UTC)  # when every simulated cell comes up
 
 
-class VirtualClock:
-    """A clock for a cell in one thread: as `drivers.clock.Clock`, and as a runtime wants one."""
+class VirtualClock(Clock):
+    """A clock for a cell in one thread: as the drivers want one, and as the runtime does."""
 
     def __init__(self) -> None:
         self._now = 0.0

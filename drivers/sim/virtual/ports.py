@@ -1,9 +1,10 @@
 """Ports of a cell in one thread: what is written arrives on a virtual clock."""
 
+import errno
 import math
 from collections.abc import Callable
 
-from drivers.sim.devices.arm import Answer, Controller
+from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.wire.line import Outbox, Piece, UnpluggedError
@@ -16,32 +17,54 @@ ACCEPT_S = 0.5  # SERVER.mod waits so long after it has accepted a client
 MAX_STRING = 80  # SocketReceive \\Str takes so much at once
 
 
-class GripperPort:
-    """A serial port with the gripper behind it, as `drivers.stream.Stream`.
+class VirtualPort:
+    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time.
 
     Args:
-        slave: the gripper's end.
+        endpoint: its name in messages.
         clock: the cell's.
     """
 
-    endpoint = "virtual gripper"
-
-    def __init__(self, slave: RtuSlave, clock: VirtualClock) -> None:
-        self._slave = slave
+    def __init__(self, endpoint: str, clock: VirtualClock) -> None:
+        self.endpoint = endpoint
         self._clock = clock
         self._outbox = Outbox()
-        self._sent_s = 0.0
         self._gone: OSError | None = None
 
-    def open(self) -> "GripperPort":
-        """The port, if it can be opened.
+    def receive(self, seconds: float) -> bytes:
+        """What has come by then; what happens meanwhile may send more."""
+        until = self._clock.now() + max(seconds, 0.0)
+        while not (data := self._outbox.due(self._clock.now())):
+            self._check()
+            if self._clock.now() >= until:
+                break
+            arrives_s = until if self._outbox.next_s is None else self._outbox.next_s
+            self._clock.advance(min(arrives_s, self._clock.next_s, until))
+        return data
 
-        Raises:
-            PortError: it was unplugged, or may not be opened any more.
-        """
+    def close(self) -> None:
+        """Give the port up."""
+        self._gone = self._gone or OSError("the port was closed")
+
+    def _check(self) -> None:
+        if self._gone is not None:
+            raise self._gone
+
+
+class GripperPort(VirtualPort):
+    """A serial port with the gripper behind it."""
+
+    def __init__(self, slave: RtuSlave, clock: VirtualClock) -> None:
+        super().__init__("virtual gripper", clock)
+        self._slave = slave
+        self._sent_s = 0.0
+
+    def open(self) -> "GripperPort":
+        """The port, if it can be opened; PortError where it was unplugged, or may not be opened any more."""
         if isinstance(self._gone, UnpluggedError):
-            no_way = PermissionError if self._gone.forbidden else FileNotFoundError
-            raise port_error(self.endpoint, no_way())
+            raise port_error(
+                self.endpoint, OSError(errno.EACCES if self._gone.forbidden else errno.ENOENT, "")
+            )
         self._gone = None
         return self
 
@@ -59,19 +82,6 @@ class GripperPort:
             raise
         self._outbox.put(pieces, self._sent_s + TURNAROUND_S, BYTE_S)
 
-    def receive(self, seconds: float) -> bytes:
-        """What has come by then."""
-        self._check()
-        return _receive(self._outbox, self._clock, seconds)
-
-    def close(self) -> None:
-        """Give the port up."""
-        self._gone = self._gone or OSError("the port was closed")
-
-    def _check(self) -> None:
-        if self._gone is not None:
-            raise self._gone
-
 
 class ArmPort:
     """The arm controller's network port; `connect` gives a connection to it.
@@ -85,7 +95,7 @@ class ArmPort:
 
     def __init__(
         self,
-        controller: Controller,
+        controller: ArmModel,
         clock: VirtualClock,
         stands: Callable[[], None],
         overheard: Callable[[str], None] | None = None,
@@ -129,21 +139,12 @@ class ArmPort:
             self._stale = answer.text
 
 
-class ArmConnection:
-    """One client's connection, as `drivers.stream.Stream`.
-
-    Args:
-        port: the controller's.
-        clock: the cell's.
-    """
-
-    endpoint = "virtual arm"
+class ArmConnection(VirtualPort):
+    """One client's connection to the arm."""
 
     def __init__(self, port: ArmPort, clock: VirtualClock) -> None:
+        super().__init__("virtual arm", clock)
         self._port = port
-        self._clock = clock
-        self._outbox = Outbox()
-        self._open = True
 
     def send(self, data: bytes) -> None:
         """Send in one piece."""
@@ -151,36 +152,12 @@ class ArmConnection:
         for start in range(0, len(data), MAX_STRING):
             self._port.execute(data[start : start + MAX_STRING].decode("latin-1"), self)
 
-    def receive(self, seconds: float) -> bytes:
-        """What has come by then."""
-        if data := self._outbox.due(self._clock.now()):
-            return data
-        self._check()
-        return _receive(self._outbox, self._clock, seconds)
-
-    def close(self) -> None:
-        """Hang up."""
-        self._open = False
-
     def hang_up(self) -> None:
         """The controller hangs up."""
-        self._open = False
+        self._gone = ConnectionResetError("closed by the arm")
 
     def arrives(self, text: str, moment: float) -> bool:
         """Have a text arrive; False: nobody is there to take it."""
-        if self._open and text:
+        if self._gone is None and text:
             self._outbox.put([Piece(text.encode("latin-1"))], moment + TURNAROUND_S)
-        return self._open
-
-    def _check(self) -> None:
-        if not self._open:
-            raise ConnectionResetError("closed by the arm")
-
-
-def _receive(outbox: Outbox, clock: VirtualClock, seconds: float) -> bytes:
-    """Wait for what is on its way, at most so long; what happens meanwhile may send more."""
-    until = clock.now() + max(seconds, 0.0)
-    while not (data := outbox.due(clock.now())) and clock.now() < until:
-        arrives_s = until if outbox.next_s is None else outbox.next_s
-        clock.advance(min(arrives_s, clock.next_s, until))
-    return data
+        return self._gone is None

@@ -52,11 +52,7 @@ class FaultyLine(CleanLine):
         self._checked = checked
 
     def hears(self, frame: bytes) -> bool:
-        """Whether the gripper hears it.
-
-        Raises:
-            UnpluggedError: there is no line any more.
-        """
+        """Whether the gripper hears it; UnpluggedError where there is no line any more."""
         del frame
         self._desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
@@ -67,8 +63,6 @@ class FaultyLine(CleanLine):
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
         """What comes back to the host: echo and noise first, then what is left of the reply."""
         faults = {fault.kind: fault for fault in self._desk.holding(Channel.LINE)}
-        if not faults:
-            return [] if reply is None else [Piece(reply)]
         pieces = [Piece(frame)] if "echo" in faults else []
         if "noise" in faults:
             pieces.append(Piece(self._rng.randbytes(max(int(faults["noise"].value), 1))))
@@ -121,11 +115,10 @@ class Outbox:
 
     def due(self, now_s: float) -> bytes:
         """Whatever has arrived by now."""
-        if not self._waiting or self._waiting[0][0] > now_s:
-            return b""
-        arrived = [data for moment_s, data in self._waiting if moment_s <= now_s]
-        self._waiting = [waiting for waiting in self._waiting if waiting[0] > now_s]
-        return b"".join(arrived)
+        arrived = b""
+        while self._waiting and self._waiting[0][0] <= now_s:
+            arrived += self._waiting.pop(0)[1]
+        return arrived
 
     @property
     def next_s(self) -> float | None:

@@ -1,14 +1,21 @@
-"""Modbus as a slave speaks it: the requests a gripper knows, RTU frames with CRC. Pure functions on bytes.
+"""Modbus as a slave speaks it: the requests a gripper knows. Pure functions on bytes.
 
 A gripper never sends exception frames: what it cannot serve meets silence ([M16] p55, [ME] p53).
 """
 
+import struct
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Protocol
 
-MAX_READ, MAX_WRITE, MAX_READ_WRITE = 125, 123, 121  # Modbus application protocol 1.1b3, 6.3, 6.12, 6.17
+from pymodbus.framer import FramerRTU
+
+from drivers.robotiq.frames import RTU, TCP, Wiring
+
+MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 BLOCK_WORDS = 8
+# Over Modbus TCP no others are promised ([M200] p66).
+FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 
 class Device(Protocol):
@@ -28,26 +35,17 @@ class GripperRegisters:
     """A gripper's two blocks at their wire addresses.
 
     Args:
-        model: the gripper.
+        device: the gripper.
         now: simulated seconds.
-        output_address: first register of the host's block.
-        input_address: first register of the gripper's block.
-        functions: function codes this kind of link serves.
+        wiring: the kind of link.
     """
 
-    def __init__(
-        self,
-        model: Device,
-        now: Callable[[], float],
-        output_address: int = 0x03E8,
-        input_address: int = 0x07D0,
-        functions: frozenset[int] = frozenset({3, 4, 6, 16, 23}),
-    ) -> None:
-        self._model = model
+    def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
+        self._device = device
         self._now = now
-        self._output = output_address
-        self._input = input_address
-        self._functions = functions
+        self._output = wiring.output_address
+        self._input = wiring.input_address
+        self._functions = FUNCTIONS[wiring]
 
     def serves(self, function: int, address: int, count: int) -> bool:
         """Whether `function` is spoken here and all registers lie in one of the blocks."""
@@ -58,82 +56,58 @@ class GripperRegisters:
     def read(self, address: int, count: int) -> bytes:
         """Registers of the input block, or of the output block as last written."""
         if _inside(address, count, self._input):
-            block, base = self._model.read_input(self._now()), self._input
+            block, base = self._device.read_input(self._now()), self._input
         else:
-            block, base = self._model.read_output(), self._output
+            block, base = self._device.read_output(), self._output
         return block[2 * (address - base) : 2 * (address - base + count)]
 
     def write(self, function: int, address: int, data: bytes) -> bool:
         """Write to the output block; the input block cannot be written."""
         if function not in self._functions or not _inside(address, len(data) // 2, self._output):
             return False
-        self._model.write_output(2 * (address - self._output), data, self._now())
+        self._device.write_output(2 * (address - self._output), data, self._now())
         return True
 
 
 def _inside(address: int, count: int, base: int) -> bool:
-    return base <= address and address + count <= base + BLOCK_WORDS
+    return count > 0 and base <= address and address + count <= base + BLOCK_WORDS
 
 
 def answer(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     """The reply to one request (function code first), or None for silence."""
-    serve = {3: _read, 4: _read, 6: _write_one, 16: _write_many, 23: _read_write}.get(pdu[0]) if pdu else None
-    return serve(pdu, registers) if serve else None
+    match pdu[:1]:
+        case b"\x03" | b"\x04" if len(pdu) == 5:
+            return _read(pdu[0], pdu[1:], registers)
+        case b"\x06" if len(pdu) == 5:
+            return pdu if registers.write(6, _word(pdu, 1), pdu[3:]) else None
+        case b"\x10" if _counted(pdu[3:]):
+            return pdu[:5] if registers.write(16, _word(pdu, 1), pdu[6:]) else None
+        case b"\x17" if _counted(pdu[7:]) and registers.serves(23, _word(pdu, 1), _word(pdu, 3)):
+            # The write takes effect first, the reading shows it ([M18] p54).
+            return _read(23, pdu[1:5], registers) if registers.write(23, _word(pdu, 5), pdu[10:]) else None
+    return None
+
+
+def _read(function: int, span: bytes, registers: GripperRegisters) -> bytes | None:
+    address, count = struct.unpack(">HH", span)
+    if not 1 <= count <= MAX_REGISTERS or not registers.serves(function, address, count):
+        return None
+    return bytes((function, 2 * count)) + registers.read(address, count)
+
+
+def _counted(tail: bytes) -> bool:
+    """Whether a request's end is a count of registers, a count of bytes, and as many bytes."""
+    return len(tail) > 3 and tail[2] == len(tail) - 3 == 2 * _word(tail, 0)
 
 
 def _word(pdu: bytes, at: int) -> int:
     return int.from_bytes(pdu[at : at + 2], "big")
 
 
-def _read(pdu: bytes, registers: GripperRegisters) -> bytes | None:
-    count = _word(pdu, 3)
-    if len(pdu) != 5 or not 1 <= count <= MAX_READ or not registers.serves(pdu[0], _word(pdu, 1), count):
-        return None
-    return bytes((pdu[0], 2 * count)) + registers.read(_word(pdu, 1), count)
-
-
-def _write_one(pdu: bytes, registers: GripperRegisters) -> bytes | None:
-    if len(pdu) != 5 or not registers.write(6, _word(pdu, 1), pdu[3:5]):
-        return None
-    return pdu
-
-
-def _write_many(pdu: bytes, registers: GripperRegisters) -> bytes | None:
-    count, data = _word(pdu, 3), pdu[6:]
-    if len(pdu) < 6 or not 1 <= count <= MAX_WRITE or not pdu[5] == len(data) == 2 * count:
-        return None
-    return pdu[:5] if registers.write(16, _word(pdu, 1), data) else None
-
-
-def _read_write(pdu: bytes, registers: GripperRegisters) -> bytes | None:
-    """The write takes effect first, the reading shows it ([M18] p54)."""
-    count, write_count, data = _word(pdu, 3), _word(pdu, 7), pdu[10:]
-    if len(pdu) < 10 or not 1 <= count <= MAX_READ or not 1 <= write_count <= MAX_READ_WRITE:
-        return None
-    if not pdu[9] == len(data) == 2 * write_count:
-        return None
-    # An address that cannot be read must not be found out after the write has moved something.
-    if not registers.serves(23, _word(pdu, 1), count) or not registers.write(23, _word(pdu, 5), data):
-        return None
-    return bytes((23, 2 * count)) + registers.read(_word(pdu, 1), count)
-
-
-def _remainder(byte: int) -> int:
-    for _ in range(8):
-        byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
-    return byte
-
-
-_REMAINDERS = tuple(_remainder(byte) for byte in range(256))
-
-
 @lru_cache(4096)  # a cell says the same few things over and over
 def crc16(data: bytes) -> bytes:
     """Modbus CRC of a frame, low byte first (Modbus over serial line 1.02, 6.2.2)."""
-    crc = 0xFFFF
-    for byte in data:
-        crc = crc >> 8 ^ _REMAINDERS[(crc ^ byte) & 0xFF]
-    return crc.to_bytes(2, "little")
+    return FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 
 def frame_length(head: bytes | bytearray) -> int | None:

@@ -10,9 +10,10 @@ from drivers.robotiq.frames import RTU
 from drivers.robotiq.modbus import BAUD
 from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import GripperRegisters, answer, crc16, frame_length
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 
 GAP_S = 0.010  # wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps
+IDLE_S = 0.05  # wall; between two looks at whether the server is to stop
 BYTE_S = 10 / BAUD  # 8N1
 
 
@@ -22,21 +23,17 @@ class Slave:
     Args:
         registers: what it serves.
         line: what its frames meet on the way.
-        unit: slave id.
     """
 
-    def __init__(self, registers: GripperRegisters, line: CleanLine | None, unit: int) -> None:
+    unit: int  # slave id
+
+    def __init__(self, registers: GripperRegisters, line: CleanLine | None = None) -> None:
         self._registers = registers
         self._line = line or CleanLine()
-        self._unit = unit
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Piece]:
-        """Take bytes off the wire and return what comes back.
-
-        Raises:
-            UnpluggedError: there is no line any more.
-        """
+        """Take bytes off the wire and return what comes back; UnpluggedError without a line."""
         self._buffer += data
         pieces: list[Piece] = []
         while length := self._frame_length():
@@ -69,26 +66,60 @@ class Slave:
 class RtuSlave(Slave):
     """RTU frames with CRC."""
 
-    def __init__(
-        self, registers: GripperRegisters, line: CleanLine | None = None, unit: int = RTU.unit
-    ) -> None:
-        super().__init__(registers, line, unit)
+    unit = RTU.unit
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""
-        if len(frame) < 4 or frame[0] != self._unit or crc16(frame[:-2]) != frame[-2:]:
+        if len(frame) < 4 or frame[0] != self.unit or crc16(frame[:-2]) != frame[-2:]:
             return None
         pdu = answer(frame[1:-2], self._registers)
         if pdu is None:
             return None
-        body = bytes((self._unit,)) + pdu
+        body = bytes((self.unit,)) + pdu
         return body + crc16(body)
 
     def _frame_length(self) -> int | None:
         return frame_length(self._buffer)
 
 
-class PtyPort:
+def exchange(
+    slave: Slave,
+    descriptor: int,
+    lock: Lock,
+    time: SimulatedTime,
+    stopped: threading.Event,
+    byte_s: float = 0.0,
+) -> None:
+    """Serve what comes over a descriptor until its other end is closed or the server stops.
+
+    Args:
+        slave: the device.
+        descriptor: of a terminal or a socket.
+        lock: held while bytes are served.
+        time: simulated time, which answers take.
+        stopped: ends it.
+        byte_s: how long a byte takes, simulated seconds.
+
+    Raises:
+        OSError: the connection broke, or the fault schedule has unplugged it.
+    """
+    outbox = Outbox()
+    while not stopped.is_set():
+        wait = GAP_S if slave.pending else IDLE_S
+        if outbox.next_s is not None:
+            wait = max(min(wait, time.wall(outbox.next_s - time.now())), 0.0)
+        if select.select([descriptor], [], [], wait)[0]:
+            if not (data := os.read(descriptor, 1024)):
+                return
+            with lock:
+                pieces = slave.feed(data)
+            outbox.put(pieces, time.now() + len(data) * byte_s, byte_s)
+        elif slave.pending:
+            slave.silence()
+        os.write(descriptor, outbox.due(time.now()))
+
+
+class PtyPort(Server):
     """An RTU slave behind a pseudo-terminal; `path` is what a master opens.
 
     Args:
@@ -97,64 +128,29 @@ class PtyPort:
         time: simulated time; bytes take theirs on a 115200 baud line.
     """
 
-    def __init__(
-        self, slave: RtuSlave, lock: "threading.RLock | threading.Lock", time: SimulatedTime
-    ) -> None:
+    def __init__(self, slave: RtuSlave, lock: Lock, time: SimulatedTime) -> None:
+        super().__init__("gripper", threading.Event())
         self._slave = slave
         self._lock = lock
         self._time = time
-        self._outbox = Outbox()
         # The slave end stays open here too: else the master end reports an error whenever a client leaves.
-        self._master, self._terminal = os.openpty()
-        tty.setraw(self._terminal)
-        self.path = os.ttyname(self._terminal)
-        self._stop_read, self._stop_write = os.pipe()
-        self._thread = threading.Thread(target=self._serve, name="gripper", daemon=True)
-
-    def start(self) -> None:
-        """Serve until closed."""
-        self._thread.start()
+        self._ends = os.openpty()
+        tty.setraw(self._ends[1])
+        self.path = os.ttyname(self._ends[1])
 
     def close(self) -> None:
         """Stop serving; the path is gone."""
-        os.write(self._stop_write, b"x")
-        if self._thread.is_alive():
-            self._thread.join()
-        for descriptor in (self._stop_read, self._stop_write):
-            os.close(descriptor)
+        super().close()
         self._unplug()
 
-    def _serve(self) -> None:
-        while True:
-            ready = select.select([self._master, self._stop_read], [], [], self._patience())[0]
-            if self._stop_read in ready:
-                return
-            if self._master in ready:
-                try:
-                    self._hear(os.read(self._master, 1024))
-                except UnpluggedError:
-                    self._unplug()
-                    return
-            elif self._slave.pending:
-                self._slave.silence()
-            with contextlib.suppress(OSError):
-                os.write(self._master, self._outbox.due(self._time.now()))
-
-    def _hear(self, data: bytes) -> None:
-        with self._lock:
-            pieces = self._slave.feed(data)
-        self._outbox.put(pieces, self._time.now() + len(data) * BYTE_S, BYTE_S)
-
-    def _patience(self) -> float | None:
-        """Wall seconds until something has to be done though nothing came."""
-        waits = [GAP_S] if self._slave.pending else []
-        if self._outbox.next_s is not None:
-            waits.append(max(self._time.wall(self._outbox.next_s - self._time.now()), 0.0))
-        return min(waits, default=None)
+    def _run(self) -> None:
+        with contextlib.suppress(UnpluggedError):
+            exchange(self._slave, self._ends[0], self._lock, self._time, self._stopped, BYTE_S)
+        self._unplug()
 
     def _unplug(self) -> None:
         """Take both ends away, as a pulled adapter does."""
-        for descriptor in (self._master, self._terminal):
+        for descriptor in self._ends:
             with contextlib.suppress(OSError):
                 os.close(descriptor)
-        self._master = self._terminal = -1
+        self._ends = (-1, -1)

@@ -1,9 +1,12 @@
 """Simulated time on the machine's clock, and servers on TCP ports of this machine."""
 
+import contextlib
 import select
 import socket
 import threading
 import time
+
+Lock = contextlib.AbstractContextManager[object]
 
 
 class SimulatedTime:
@@ -32,8 +35,8 @@ class SimulatedTime:
         return seconds / self._scale
 
 
-class TcpServer:
-    """A thread that serves one client after another on a TCP port; subclasses say how.
+class Server:
+    """A thread that serves until it is closed.
 
     Args:
         name: of the thread.
@@ -42,9 +45,6 @@ class TcpServer:
 
     def __init__(self, name: str, stopped: threading.Event) -> None:
         self._stopped = stopped
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._listener.getsockname()[1]
-        self.url = f"tcp://127.0.0.1:{self.port}"
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
@@ -56,6 +56,23 @@ class TcpServer:
         self._stopped.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+
+class TcpServer(Server):
+    """Serves one client after another on a TCP port; subclasses say how."""
+
+    def __init__(self, name: str, stopped: threading.Event) -> None:
+        super().__init__(name, stopped)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.url = f"tcp://127.0.0.1:{self.port}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        super().close()
         self._listener.close()
 
     def _run(self) -> None:
@@ -63,12 +80,13 @@ class TcpServer:
             if self._readable([self._listener]):
                 client, _ = self._listener.accept()
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                with client:
+                with client, contextlib.suppress(OSError):
                     self._serve(client)
                 self._left()
+        self._listener.close()
 
     def _serve(self, client: socket.socket) -> None:
-        """Serve one client until it leaves or the server stops."""
+        """Serve one client until it leaves, which may raise an OSError, or the server stops."""
         raise NotImplementedError
 
     def _left(self) -> None:

@@ -15,33 +15,22 @@ from planner.errors import OutlineError, UsageError
 from planner.part.importers.pieces import Pieces, too_much
 
 LISTED = 12
-MOST = 2000
-"""Most contours of one drawing."""
+MOST = 2000  # Most contours of one drawing
 
 
 class Contour(NamedTuple):
-    """A closed curve of a drawing.
+    """A closed curve of a drawing."""
 
-    Attributes:
-        points: (n, 2) [mm], not closed.
-        area_mm2: what it encloses.
-        holes: how many contours lie inside it.
-        outer: whether it lies inside none.
-    """
-
-    points: Array
-    area_mm2: float
-    holes: int
-    outer: bool
+    points: Array  # (n, 2) [mm], not closed
+    area_mm2: float  # what it encloses
+    holes: int  # how many contours lie inside it
+    outer: bool  # whether it lies inside none
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
     """All contours of a drawing, the outer ones first, the larger before the smaller; and notes.
 
-    Args:
-        pieces: its shapes.
-        join_mm: ends of strokes this close are one point.
-        where: the file, for errors.
+    Ends of strokes within `join_mm` of each other are one point.
 
     Raises:
         OutlineError: there is none; says where the drawing is open.
@@ -77,9 +66,8 @@ def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contou
     contour = found[(number or 1) - 1]
     notes = []
     if contour.holes:
-        notes.append(
-            f"{contour.holes} inner {'contour' if contour.holes == 1 else 'contours'} (holes) ignored"
-        )
+        what = "contour" if contour.holes == 1 else "contours"
+        notes.append(f"{contour.holes} inner {what} (holes) ignored")
     if len(found) > 1:
         notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
     return contour, notes
@@ -117,7 +105,7 @@ def _joined(strokes: list[Array], join_mm: float) -> tuple[list[Array], list[Arr
 
 
 def _clusters(points: Array, radius: float) -> Array:
-    """A number for each point; points that neighbours of `radius` connect have the same one. (n,)."""
+    """A number for each point (n,); points that neighbours of `radius` connect have the same one."""
     cells, member = np.unique(np.rint(points / (0.1 * radius)), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(10.0, output_type="ndarray")  # crowds on one point are one cell
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
@@ -156,7 +144,6 @@ def _nested(rings: list[Array]) -> list[Contour]:
 
 
 def _no_contour(pieces: Pieces, loose: list[Array], where: str) -> OutlineError:
-    """Why a drawing has no contour: it is empty, or open; then where its widest gap is."""
     if not loose:
         return OutlineError("holds no closed contour; draw the part's outline as one", where=where)
     ends = np.array([line[k] for line in pieces.strokes for k in (0, -1)])

@@ -42,18 +42,10 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The shapes of a DXF file.
+    """The shapes of a DXF file; raises what `file.read_outline` does.
 
-    Args:
-        data: the file's bytes.
-        where: its name, for errors.
-        unit_mm: what one unit of the drawing is; None to believe the file.
-        tolerance_mm: largest distance of a chord from its curve.
-
-    Raises:
-        UsageError: it does not tell its unit.
-        InputFileError: it is no DXF file, or too damaged to repair.
-        OutlineError: it is too large to be a part's drawing.
+    `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
+    of a chord from its curve; `where` names the file in errors.
     """
     document = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
@@ -89,7 +81,6 @@ def _document(data: bytes, where: str) -> Drawing:
 
 
 def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float, list[str]]:
-    """Millimetres a unit, and what to say about it."""
     stated = int(document.header.get("$INSUNITS", 0))
     known = UNITS_MM.get(stated)
     name = str(units.unit_name(stated)).lower() if known else ""
@@ -131,16 +122,13 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
 
 def _visible(document: Drawing, space: Modelspace) -> Iterator[DXFEntity]:
     """The entities of the model space on layers that are switched on."""
-    hidden = {
-        layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()
-    }  # fmt: skip
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
     for entity in disassemble.recursive_decompose(space):
         if str(entity.dxf.get("layer", "0")).lower() not in hidden:
             yield entity
 
 
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:
-    """An entity as a polyline (n, 2) [mm], seen from above."""
     try:
         if isinstance(entity, Spline) and len(entity.control_points):
             points = _spline(entity, tolerance_mm / scale)
@@ -159,10 +147,7 @@ def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) ->
 
 
 def _spline(entity: Spline, tolerance: float) -> Array:
-    """A B-spline as a polyline (n, 2), over its own domain: from knot p to the last but p, p its degree.
-
-    Closed splines of some programs have knots beyond it, which are no part of the curve.
-    """
+    """A B-spline as a polyline (n, 2), over its own domain: from knot p to the last but p, p its degree."""
     degree, knots = entity.dxf.degree, np.array(entity.knots)
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))

@@ -11,7 +11,7 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
+from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, time_limit
 
 READERS = {".dxf": dxf.read, ".svg": svg.read, ".csv": table.read}
 SUFFIXES = (*READERS, ".stl")
@@ -21,59 +21,44 @@ MOST_VERTICES = 2000
 
 
 class Options(NamedTuple):
-    """How to read a file.
+    """How to read a file."""
 
-    Attributes:
-        units: one of `UNITS_MM`, or None to believe the file.
-        contour: number of the contour, from 1, or None where there is only one.
-        tolerance_mm: largest distance of the outline from the curves drawn.
-        height_mm: of the cut through a solid, or None for half-way up.
-    """
-
-    units: str | None = None
-    contour: int | None = None
-    tolerance_mm: float = TOLERANCE_MM
-    height_mm: float | None = None
+    units: str | None = None  # one of `UNITS_MM`, or None to believe the file
+    contour: int | None = None  # number of the contour, from 1, or None where there is only one
+    tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
+    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
 
 
 class Imported(NamedTuple):
-    """An outline from a file.
+    """An outline from a file."""
 
-    Attributes:
-        outline_mm: (N, 2) counter-clockwise, centroid at the origin, read-only.
-        symmetry: its rotational order.
-        size_mm: (2,) extent of its bounding box, as drawn.
-        notes: what a reader should know, one sentence each.
-        height_mm: of the solid; None where the file holds an outline alone.
-    """
-
-    outline_mm: Array
-    symmetry: int
-    size_mm: Array
-    notes: tuple[str, ...]
-    height_mm: float | None = None
+    outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
+    symmetry: int  # its rotational order
+    size_mm: Array  # (2,) extent of its bounding box, as drawn
+    notes: tuple[str, ...]  # what a reader should know, one sentence each
+    height_mm: float | None = None  # of the solid; None where the file holds an outline alone
 
 
 def read_outline(path: Path, options: Options) -> Imported:
-    """Reads an outline.
-
-    Args:
-        path: ends in one of `SUFFIXES`.
-        options: how.
+    """Reads an outline from a file that ends in one of `SUFFIXES`.
 
     Raises:
-        UsageError: the file does not tell its unit or which contour is meant, and the options neither; or its
-            suffix is not known.
+        UsageError: neither file nor options tell the unit or which contour is meant; the height lies beside
+            the solid; the suffix is not known, or trimesh not installed.
         InputFileError: it is missing, too large, or not what its suffix says.
-        OutlineError: it holds no closed contour, or one that crosses itself.
+        OutlineError: it holds no closed contour, one that crosses itself, or too much.
         ValueRangeError: a line of a CSV file is not two numbers.
     """
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
-    data = _bytes(path)
+    data, suffix = _bytes(path), path.suffix.lower()
+    unit_mm = UNITS_MM[options.units] if options.units else None
     with time_limit(where):
-        pieces = _pieces(data, path.suffix.lower(), where, options)
+        if suffix == ".stl":
+            pieces = mesh.read(data, where, unit_mm, options.height_mm)
+        else:  # half the tolerance is for leaving vertices out
+            pieces = READERS[suffix](data, where, unit_mm, 0.5 * options.tolerance_mm)
         found, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(found, options.contour, where)
         imported = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
@@ -96,14 +81,6 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def _pieces(data: bytes, suffix: str, where: str, options: Options) -> Pieces:
-    unit_mm = UNITS_MM[options.units] if options.units else None
-    half = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
-    if suffix == ".stl":
-        return mesh.read(data, where, unit_mm, options.height_mm)
-    return READERS[suffix](data, where, unit_mm, half)
-
-
 def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]) -> Imported:
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
@@ -123,11 +100,7 @@ def _checked(points: Array, where: str, tolerance_mm: float, notes: tuple[str, .
 
 
 def _apart(points: Array, where: str) -> Array:
-    """The points without those that repeat the one before.
-
-    Raises:
-        OutlineError: a point comes twice elsewhere, so that the contour touches itself.
-    """
+    """The points without those that repeat the one before; refuses a contour that touches itself."""
     gaps = np.hypot(*(points - np.roll(points, 1, axis=0)).T)
     fresh = points[gaps > 10 * outline.REPEAT_MM]
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)

@@ -13,19 +13,7 @@ FARTHEST_MM = 1e6
 
 
 def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
-    """The cuts of a solid with a horizontal plane; arguments as `dxf.read`.
-
-    Args:
-        data: the file's bytes, binary or text.
-        where: its name, for errors.
-        unit_mm: what one unit is; STL files never say.
-        height_mm: of the plane above the solid's lowest point; None for half its height.
-
-    Raises:
-        UsageError: the unit is not stated, the height lies beside the solid, or trimesh is not installed.
-        InputFileError: it is no STL file.
-        OutlineError: it is too large.
-    """
+    """The cuts of a solid with a plane `height_mm` above its lowest point, or half-way up; as `dxf.read`."""
     if unit_mm is None:
         raise need_units(where, "is an STL file, which never says its units")
     try:

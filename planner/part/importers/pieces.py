@@ -15,58 +15,37 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 
 MAX_BYTES = 32 << 20
-MAX_SHAPES = 20_000
-"""Most shapes a drawing may hold, blocks and copies written out."""
-MAX_POINTS = 500_000
-"""Most points of all shapes together, curves flattened."""
-SECONDS = 30.0
-"""Longest time that one file is read for."""
+MAX_SHAPES = 20_000  # Most shapes a drawing may hold, blocks and copies written out
+MAX_POINTS = 500_000  # Most points of all shapes together, curves flattened
+SECONDS = 30.0  # Longest time that one file is read for
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
-LARGEST_MM = 1e8
-"""Where the coordinates of a drawing end; beyond, a double no longer holds a micrometre well."""
+LARGEST_MM = 1e8  # Where the coordinates of a drawing end; beyond, a double no longer holds a micrometre well
 
 
 class Pieces(NamedTuple):
-    """The shapes of one file.
+    """The shapes of one file."""
 
-    Attributes:
-        rings: closed curves, each (n, 2) without its first point repeated [mm].
-        strokes: open ones, each (n, 2) [mm].
-        notes: what a reader should know, one sentence each.
-        height_mm: of a solid, from its lowest to its highest point.
-    """
-
-    rings: list[Array]
-    strokes: list[Array]
-    notes: list[str]
-    height_mm: float | None = None
+    rings: list[Array]  # closed curves, each (n, 2) without its first point repeated [mm]
+    strokes: list[Array]  # open ones, each (n, 2) [mm]
+    notes: list[str]  # what a reader should know, one sentence each
+    height_mm: float | None = None  # of a solid, from its lowest to its highest point
 
 
 def need_units(where: str, said: str) -> UsageError:
-    """The error of a file that does not tell its scale.
-
-    Args:
-        where: the file.
-        said: why it does not, as a clause about the file.
-    """
+    """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
     return UsageError(f"{where}: {said}; say what one unit is with --units mm, cm, in or m")
 
 
 def too_much(where: str, what: str) -> OutlineError:
-    """The error of a file that would take for ever."""
+    """The error of a file that would take too long."""
     return OutlineError(f"{what}; export the part's outline alone", where=where)
 
 
 def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
-    """Points of a curve, so many that no chord is further from it than a tolerance.
+    """Points (n, 2) of a curve, both ends included; no chord is further from it than a tolerance.
 
-    Args:
-        curve: takes (n,) parameters in [0, 1], returns (n, 2) points.
-        tolerance: largest distance, in the curve's own unit.
-
-    Returns:
-        (n, 2) points, both ends included.
+    `curve` takes (n,) parameters in [0, 1] and returns (n, 2) points in its own unit.
     """
     n = 8  # enough that a curve does not cross its chord in all the middles at once
     while True:
@@ -81,7 +60,7 @@ def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Ar
     """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
 
     Raises:
-        OutlineError: a coordinate is not finite or absurdly large, or there are too many points.
+        OutlineError: a coordinate is not finite or too large, or there are too many points.
     """
     rings, strokes = [], []
     total = 0
@@ -102,11 +81,7 @@ def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Ar
 
 @contextmanager
 def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
-    """Ends the reading of a file that takes too long; only in the main thread, where signals arrive.
-
-    Raises:
-        InputFileError: the time is over.
-    """
+    """Ends the reading of a file that takes too long; only in the main thread, where signals arrive."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

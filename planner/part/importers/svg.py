@@ -1,7 +1,6 @@
 """SVG drawings, by svgelements: paths and basic shapes, transforms and copies (`use`) worked out.
 
-The file is parsed by defusedxml, which refuses entities: the bombs of XML. The picture's y axis points down;
-the part's points up.
+The file is parsed by defusedxml, which refuses entities. The picture's y axis points down, the part's up.
 """
 
 from __future__ import annotations
@@ -36,19 +35,7 @@ ASPECT = 1e-3
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The shapes of an SVG file.
-
-    Args:
-        data: the file's bytes.
-        where: its name, for errors.
-        unit_mm: what one user unit of the drawing is; None to believe its width and viewBox.
-        tolerance_mm: largest distance of a chord from its curve.
-
-    Raises:
-        UsageError: it does not tell its scale.
-        InputFileError: it is no SVG file, or holds entities.
-        OutlineError: it is too large to be a part's drawing.
-    """
+    """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox."""
     root = _root(data, where)
     if _size(root, where) > MAX_SHAPES:
         raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its copies written out")
@@ -107,11 +94,7 @@ def _size(root: Tree.Element, where: str) -> int:
 
 
 def _stated_scale(root: Tree.Element, where: str) -> float | None:
-    """Millimetres a user unit by the root's physical size and viewBox, None where one is missing.
-
-    Raises:
-        OutlineError: width and height disagree about it, so that the drawing is stretched.
-    """
+    """Millimetres a user unit by the root's physical size and viewBox, None where one is missing."""
     try:
         box = [float(part) for part in re.split(r"[\s,]+", root.get("viewBox", "").strip())]
     except ValueError:
@@ -148,7 +131,6 @@ def _curves(svg: bytes, scale: float, tolerance_mm: float, where: str) -> list[A
 
 
 def _polyline(part: svgelements.Subpath, tolerance: float) -> Array:
-    """One connected stretch of a path, in user units."""
     points: list[Array] = []
     for segment in part:
         if isinstance(segment, svgelements.Move) or segment.start is None or segment.end is None:

@@ -15,28 +15,22 @@ HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORE
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The one ring of a CSV file; arguments as `dxf.read`.
+    """The one ring of a CSV file; as `dxf.read`.
 
     Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
     that begin with # are skipped.
-
-    Raises:
-        UsageError: neither header nor caller tells the unit.
-        InputFileError: it is not text.
-        ValueRangeError: a line is not two numbers.
-        OutlineError: it is far too long.
     """
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputFileError("not UTF-8 text; save it as CSV", where=where) from error
-    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
-    rows = [(k, _cells(line)) for k, line in lines if line and not line.startswith("#")]
+    numbered = ((k, line.strip()) for k, line in enumerate(text.splitlines(), 1))
+    lines = [(k, line) for k, line in numbered if line and not line.startswith("#")]
+    rows = [(k, _cells(line)) for k, line in lines]
     if len(rows) > MAX_ROWS:
         raise OutlineError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
     stated = None
-    first = next((line for _, line in lines if line and not line.startswith("#")), "")
-    if header := HEADER.match(re.split(r"[,;\t]", first)[0].strip()):
+    if lines and (header := HEADER.match(re.split(r"[,;\t]", lines[0][1])[0].strip())):
         stated = UNITS_MM[header[1].lower()] if header[1] else None
         rows = rows[1:]
     scale = unit_mm if unit_mm is not None else stated
@@ -64,5 +58,5 @@ def _vertex(cells: list[str], line: int, where: str) -> tuple[float, float]:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         problem = f"line {line} is not two numbers, x and y; write one vertex a line"
-        raise ValueRangeError(problem, where=where, value=cells)
+        raise ValueRangeError(problem, where=where)
     return x, y

@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from runtime.monitoring.live.answers import Page
+from runtime.monitoring.live.server import Pages
 from runtime.monitoring.status import Status
 from runtime.table import Table, job_of
 
@@ -19,14 +19,8 @@ JSON = "application/json"
 METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]]:
-    """What a server of one run tells.
-
-    Args:
-        table: the table that runs.
-        name: of its file.
-        status: of the run.
-    """
+def pages(table: Table, name: str, status: Status) -> Pages:
+    """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
     told = page(table, name).encode()  # once, before anything moves
 
     def state() -> bytes:
@@ -40,12 +34,7 @@ def pages(table: Table, name: str, status: Status) -> dict[str, tuple[str, Page]
 
 
 def page(table: Table, name: str) -> str:
-    """The page's text.
-
-    Args:
-        table: drawn as it is loaded.
-        name: of its file.
-    """
+    """The page's text, for a table and the name of its file."""
     part, outline = _part(table)
     # Within a script element only "<" could end it.
     data = json.dumps(tree(table, outline), separators=(",", ":")).replace("<", "\\u003c")
@@ -56,12 +45,7 @@ def page(table: Table, name: str) -> str:
 
 
 def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
-    """A table for the page: lengths in um, angles in urad, shares in ppm, as in the table.
-
-    Args:
-        table: any.
-        outline: of its part (n, 2) [mm], empty where it is not known.
-    """
+    """A table for the page, in its own units, and the outline (n, 2) [mm] of its part, empty if not known."""
     return {
         "outline": outline,
         "opening": table.gripper.opening_um,

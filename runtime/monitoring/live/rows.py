@@ -9,21 +9,13 @@ from runtime.traversal.geometry import placement
 
 
 class Row(NamedTuple):
-    """One line.
+    """One line."""
 
-    Attributes:
-        depth: squeezes before it.
-        text: what it says.
-        target: >= 0 a node, < 0 the leaf ~target, None for a line that stands for several.
-        taken: whether it is on the way of the part.
-        now: whether the cell is there.
-    """
-
-    depth: int
+    depth: int  # squeezes before it
     text: str
-    target: int | None
-    taken: bool = False
-    now: bool = False
+    target: int | None  # >= 0 a node, < 0 the leaf ~target, None for a line that stands for several
+    taken: bool = False  # whether it is on the way of the part
+    now: bool = False  # whether the cell is there
 
 
 class Way(NamedTuple):
@@ -34,11 +26,7 @@ class Way(NamedTuple):
 
 
 class Outline:
-    """A table as lines.
-
-    Args:
-        table: any.
-    """
+    """A table as lines."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
@@ -47,11 +35,7 @@ class Outline:
         }
 
     def way(self, state: dict[str, Any]) -> Way:
-        """The way of the part under way, or of the last one until the next begins.
-
-        Args:
-            state: a status, as `Status.as_object` tells it.
-        """
+        """The way of the part that a status (`Status.as_object`) tells of."""
         node, steps = state["node"], state["steps"]
         if node is None and steps:
             last = steps[-1]
@@ -65,12 +49,7 @@ class Outline:
         return Way(frozenset(seen | {0}), now)
 
     def rows(self, path: Way, room: int) -> list[Row]:
-        """The lines of the tree: all, or the way with what is beside it, or the way alone.
-
-        Args:
-            path: what is always shown, as far as there is room.
-            room: most lines, at least 1.
-        """
+        """The lines of the tree: all, or the way with what is beside it, or the way alone; at most `room`."""
         table = self._table
         whole = len(table.nodes) + len(table.leaves) <= room
         opened = frozenset(range(len(table.nodes))) if whole else path.targets

@@ -1,18 +1,26 @@
-"""The TCP server of the live page, and where it listens: `PORT`, `HOST:PORT` or `[::1]:PORT`.
+"""The TCP server of the live page: where it listens, and what it answers.
 
-Without a host it listens for this machine alone.
+It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machine alone. It answers GET and
+HEAD of a few pages, and one sentence to all else.
 """
 
 import ipaddress
+import re
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
+from urllib.parse import urlsplit
 
 from runtime.errors import ArgumentsError
-from runtime.monitoring.http_server import MOST_CLIENTS, Server
+from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
 
 LOOPBACK = "127.0.0.1"
 MAX_PORT = 65535
+Pages = Mapping[str, tuple[str, Callable[[], bytes]]]
+REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
+HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
+TEXT = "text/plain; charset=utf-8"
 
 
 class Address(NamedTuple):
@@ -26,22 +34,22 @@ class Address(NamedTuple):
 
 
 def parse(text: str) -> Address:
-    """Read an address.
-
-    Args:
-        text: as `--http` takes it.
+    """Read an address as `--http` takes it.
 
     Raises:
         ArgumentsError: it is none.
     """
-    host, _, port = text.rpartition(":")
-    if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) <= MAX_PORT) or _is_odd(
-        host, text
-    ):
+    netloc = text if ":" in text else f"{LOOPBACK}:{text}"
+    try:
+        told = urlsplit(f"//{netloc}")
+        host, port = told.hostname, told.port
+    except ValueError:
+        host = port = None
+    if not host or port is None or told.netloc != netloc or not set("@ ").isdisjoint(netloc):
         raise ArgumentsError(
             f"--http {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
-    return Address(host.strip("[]") or LOOPBACK, int(port))
+    return Address(host, port)
 
 
 def is_loopback(host: str) -> bool:
@@ -53,34 +61,20 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer(Server):
-    """Answers requests on a TCP port in a thread of its own; leaving the context ends it.
-
-    Args:
-        address: where to listen.
-        answer: the whole response to a request's head.
-
-    Attributes:
-        address: where it listens, port 0 replaced by the one that was free.
+    """Answers requests on a TCP port; its `address` has the port that was free in place of 0.
 
     Raises:
         ArgumentsError: nothing can listen there.
     """
 
-    def __init__(self, address: Address, answer: Callable[[bytes], bytes]) -> None:
+    def __init__(self, address: Address, pages: Pages) -> None:
         listener = _listening(address)
         self.address = Address(address.host, int(listener.getsockname()[1]))
-        super().__init__(listener, answer)
-
-
-def _is_odd(host: str, text: str) -> bool:
-    """Whether the text before the port is no host: a bare colon, an IPv6 address without its brackets."""
-    if host.startswith("[") and host.endswith("]"):
-        return ":" not in host
-    return ":" in host or not set("[]/ ").isdisjoint(host) or text.startswith(":")
+        self.local = is_loopback(address.host)
+        super().__init__(listener, partial(answer, pages, local=self.local))
 
 
 def _listening(address: Address) -> socket.socket:
-    """A socket that listens at an address."""
     try:
         family, kind, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -110,3 +104,37 @@ def _told(error: OSError, address: Address) -> str:
     if address.port and "in use" in reason:
         return f"{reason}; name another port, or 0 for a free one"
     return f"{reason}; {_WORD}"
+
+
+def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
+    """The whole response to a request's head.
+
+    Args:
+        pages: by path, each with its media type.
+        asked: the head.
+        local: whether only questions to this machine's own name are answered: a page elsewhere that has its
+            name point here (DNS rebinding) then learns nothing.
+    """
+    line, _, fields = asked.partition(b"\n")
+    understood = REQUEST.match(line)
+    if understood is None:
+        return response(400, TEXT, b"this is no HTTP/1.0 or HTTP/1.1 request\n")
+    method, path = understood[1].decode(), understood[2].decode().partition("?")[0]
+    if method not in ("GET", "HEAD"):
+        return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
+    if local and not _asks_here(fields):
+        told = response(403, TEXT, b"ask for localhost or 127.0.0.1\n")
+    elif path not in pages:
+        told = response(404, TEXT, f"there are {', '.join(pages)}\n".encode())
+    else:
+        kind, page = pages[path]
+        told = response(200, kind, page())
+    return told if method == "GET" else told[: told.index(b"\r\n\r\n") + 4]
+
+
+def _asks_here(fields: bytes) -> bool:
+    named = HOST.findall(fields)
+    if len(named) != 1:
+        return not named  # HTTP/1.0 need not name a host; no browser leaves it out
+    host = re.sub(r":\d*$", "", named[0].decode("latin-1").strip())
+    return is_loopback(host.strip("[]"))

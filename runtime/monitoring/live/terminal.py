@@ -9,7 +9,6 @@ import sys
 import threading
 from collections import deque
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, TextIO
 
 from rich.console import Console as Terminal
@@ -24,23 +23,17 @@ from runtime.table import Table
 from runtime.traversal.results import PartResult, Step
 
 REFRESH_S = 0.125
-END_S = 1.0
-"""How long the end waits for a terminal that takes nothing."""
+END_S = 1.0  # how long the end waits for a terminal that takes nothing
 MOST_NOTES = 200
 PARTS = 5
-AROUND = 5 + PARTS
-"""Lines that are not the tree's."""
+AROUND = 5 + PARTS  # lines that are not the tree's
 
 
 class View:
-    """A console that draws parts and squeezes as a picture; shown within its context.
+    """A console that draws parts and squeezes as a picture on a terminal; shown within its context.
 
-    Args:
-        table: drawn as its lines.
-        name: of its file.
-        status: what is drawn.
-        console: told the summary; and squeezes and parts as well if it does not write where the picture is.
-        stream: the terminal.
+    The console behind it is told the summary; and squeezes and parts as well if it does not write where the
+    picture is.
     """
 
     def __init__(self, table: Table, name: str, status: Status, console: Console, stream: TextIO) -> None:
@@ -84,9 +77,7 @@ class View:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _show(self) -> None:
@@ -108,13 +99,9 @@ class View:
 
 
 def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Terminal) -> Group:
-    """What is shown of one moment.
+    """What is shown of a status (`Status.as_object`) and a table, by the name of its file.
 
-    Args:
-        outline: of the table.
-        name: of its file.
-        state: a status, as `Status.as_object` tells it.
-        terminal: its size decides how much of the tree is shown, its character set how.
+    The terminal's size decides how much of the tree is shown, its character set how.
     """
     utf8 = terminal.encoding.lower().startswith("utf")
     room = max(terminal.size.height - AROUND - 1, 3)

@@ -85,19 +85,19 @@ CHANGELOG
 ```
 """
 """Beside every page; the README itself cannot say it, since it is read elsewhere too."""
+# Links to folders, which a site cannot show.
 FOLDERS = {
     "](tools/decisions)": "](tools/docs/decisions.md)",
     "](tools/systemd)": "](tools/systemd/squeezetree@.service)",
 }
-"""Links to folders, which a site cannot show."""
 
 
+# Which page a command is on: the first that names its beginning.
 PLACES = {
     "tools/docs/commands-planner": ("plan-",),
     "tools/docs/commands-camera": ("grasp-audit",),
     "tools/docs/commands-cell": ("",),
 }
-"""Which page a command is on: the first that names its beginning."""
 COMMAND = """
 
 .. sphinx_argparse_cli::
@@ -129,6 +129,7 @@ def complete(_: Sphinx, page: str, source: list[str]) -> None:
         source[0] += CONTENTS
 
 
+# What a reader without sight or without a mouse needs, and the theme leaves out.
 ACCESS = {
     'role="heading">': 'role="heading" aria-level="2">',
     '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="Pages">',
@@ -138,7 +139,6 @@ ACCESS = {
     '<div class="formula">': '<div tabindex="0" class="formula">',
     "<p><img ": '<p tabindex="0"><img ',
 }
-"""What a reader without sight or without a mouse needs, and the theme leaves out."""
 
 
 def finish(app: Sphinx, failed: Exception | None) -> None:

@@ -11,10 +11,8 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
-EM = 16.0
-"""Size that formulas are set at; on the page they have the size of the text around them."""
-LARGER = 1.1
-"""How much larger than its text a formula is; STIX is a small face."""
+EM = 16.0  # size that formulas are set at; on the page they have the size of the text around them
+LARGER = 1.1  # how much larger than its text a formula is; STIX is a small face
 
 
 def drawn(latex: str, inline: bool) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-LOADED = {"src", "srcset", "poster", "data"}
-"""Attributes whose target a browser fetches by itself."""
+LOADED = {"src", "srcset", "poster", "data"}  # attributes whose target a browser fetches by itself
+OUTSIDE = ("http://", "https://", "//")
 
 
 class Found(NamedTuple):
@@ -53,10 +53,12 @@ def check(site: Path) -> Found:
         faults += [
             f"{name}: the anchor {anchor} is there {n} times" for anchor, n in page.ids.items() if n > 1
         ]
-        faults += [f"{name}: loads {target} from elsewhere" for target in page.loads if _is_outside(target)]
-        outside |= {target for target in page.links if _is_page(target)}
+        faults += [
+            f"{name}: loads {target} from elsewhere" for target in page.loads if target.startswith(OUTSIDE)
+        ]
+        outside |= {target for target in page.links if re.match("https?://[^/]", target)}
         for target in (*page.links, *page.loads):
-            if not _is_outside(target):
+            if not target.startswith(OUTSIDE):
                 faults += [f"{name}: {fault}" for fault in _faults(path, target, pages)]
     for style in sorted(site.rglob("*.css")):
         for target in re.findall(
@@ -64,16 +66,6 @@ def check(site: Path) -> Found:
         ):
             faults.append(f"{style.relative_to(site)}: loads {target} from elsewhere")
     return Found(faults, sorted(outside))
-
-
-def _is_outside(target: str) -> bool:
-    parts = urlsplit(target)
-    return bool(parts.netloc) or parts.scheme in ("http", "https")
-
-
-def _is_page(target: str) -> bool:
-    parts = urlsplit(target)
-    return bool(parts.netloc) and parts.scheme in ("http", "https")
 
 
 def _faults(path: Path, target: str, pages: dict[Path, Page]) -> list[str]:

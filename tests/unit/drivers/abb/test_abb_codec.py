@@ -90,8 +90,8 @@ def test_every_prefix_of_a_reply_is_unfinished_until_its_last_field_begins():
     for end in range(len(text) + 1):
         reply = codec.parse_reply(text[:end], 3)
         assert (reply is not None) == (end > last)
-    seen = codec.parse_pose(codec.parse_reply(text, 3))
-    assert seen == Pose(10.0, -20.5, 30.0, (0.0, 1.0, 0.0, 0.0))
+    seen = codec.parse_numbers(codec.parse_reply(text, 3))
+    assert seen == (10.0, -20.5, 30.0, 0.0, 1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("text", ["2 1 ", "1 2 ", "1 1 x", "31 1 ", "hello", "1 1  ", "-1 1 "])
@@ -107,9 +107,9 @@ def test_surplus_fields_are_refused():
 
 def test_garbled_pose_numbers_are_refused():
     with pytest.raises(ProtocolError, match="garbled"):
-        codec.parse_pose(codec.Reply(3, True, ("1", "2", "x", "0", "1", "0", "0")))
+        codec.parse_numbers(codec.Reply(3, True, ("1", "2", "x", "0", "1", "0", "0")))
     with pytest.raises(ProtocolError, match="finite"):
-        codec.parse_pose(codec.Reply(3, True, ("1", "2", "nan", "0", "1", "0", "0")))
+        codec.parse_numbers(codec.Reply(3, True, ("1", "2", "nan", "0", "1", "0", "0")))
 
 
 def test_stale_acknowledgements_are_dropped_and_nothing_else():

@@ -15,7 +15,7 @@ import pytest
 from can_node import CanNode
 
 from drivers import connect
-from drivers.clock import Pace, WallClock
+from drivers.clock import Clock, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq import canopen as driver
 from drivers.robotiq.canopen import CanLink, CanMap, parse
@@ -99,9 +99,7 @@ def test_an_absent_node_is_a_timeout(link):
     made._report = lambda kind, fields: told.append(fields["incident"])
     with pytest.raises(LinkTimeout, match="node 11"):
         made.read()
-    assert (made.counters.transactions, made.counters.timeouts, made.counters.retries) == (3, 3, 2)
-    assert told[0] == "no answer"
-    assert told[1] == "read repeated"
+    assert told == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
 
 
 def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(device, link):
@@ -135,7 +133,6 @@ def test_an_answer_to_something_else_is_none(device, link, reply):
     made._sdo.request_response = lambda request: reply
     with pytest.raises(LinkTimeout):
         made.read()
-    assert made.counters.stray_bytes == 24
 
 
 def test_the_request_of_a_byte_is_the_standards():
@@ -218,7 +215,7 @@ def test_without_the_extra_the_port_says_what_to_install(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(PortError, match=r"squeezetree\[can\]"):
-        driver.gripper("can:can0", Pace(WallClock()), lambda kind, fields: None, read_only=False)
+        driver.gripper("can:can0", Pace(Clock()), lambda kind, fields: None, read_only=False)
 
 
 def test_opening_a_port_where_nobody_answers_leaves_no_bus_behind():

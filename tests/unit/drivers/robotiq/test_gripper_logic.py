@@ -1,85 +1,12 @@
-"""The gripper driver on a virtual clock: stale flags, lost answers, power cuts, deadlines."""
+"""The gripper driver on a virtual clock: activation, stale flags, stops, deadlines."""
 
 import random
 
 import pytest
+from direct_gripper import TRANSACTION_S, DirectLink, active, connect
 
-from drivers.clock import Pace
-from drivers.errors import GripperFault, LinkError, LinkTimeout
-from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import LinkCounters
+from drivers.errors import GripperFault, LinkError
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
-from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws
-
-TRANSACTION_S = 0.006
-
-
-class VirtualClock:
-    def __init__(self):
-        self.time = 100.0
-
-    def now(self):
-        return self.time
-
-    def sleep(self, seconds):
-        self.time += seconds
-
-    def idle(self, seconds, until):
-        self.time += max(min(seconds, until - self.time), 0.0)
-
-
-class DirectLink:
-    """A model without wires; each transaction takes 6 ms. `on_write` may interfere."""
-
-    endpoint = "virtual"
-
-    def __init__(self, seed=1, contact=None):
-        self.clock = VirtualClock()
-        self.counters = LinkCounters()
-        self.contact = contact
-        self.asked = 0
-        self.writes = []
-        self.frozen = None
-        self.on_write = None
-        self.model = GripperModel(random.Random(seed), Jaws(), self)
-
-    def closing(self):
-        self.asked += 1
-        return self.contact
-
-    def gripped(self):
-        pass
-
-    def released(self):
-        pass
-
-    def read(self):
-        self.clock.time += TRANSACTION_S
-        return self.frozen or self.model.read_input(self.clock.time)[:6]
-
-    def write(self, block):
-        self.clock.time += TRANSACTION_S
-        self.writes.append(block)
-        if self.on_write is not None and self.on_write(block):
-            return
-        self.model.write_output(0, block, self.clock.time)
-
-    def close(self):
-        self.clock.time += TRANSACTION_S
-
-
-def connect(link):
-    return Gripper(link, Pace(link.clock))
-
-
-def active(**options):
-    contact = options.pop("contact", None)
-    link = DirectLink(**options)
-    gripper = connect(link)
-    gripper.activate()
-    link.contact, link.writes, link.asked = contact, [], 0
-    return link, gripper
 
 
 def test_connecting_writes_nothing():
@@ -113,19 +40,30 @@ def test_an_activation_under_way_is_waited_for():
     assert first.state().activated
 
 
-def test_a_latched_fault_is_reported_and_cleared_only_on_demand():
+def test_a_latched_fault_stays_until_the_next_activation():
     link = DirectLink(contact=150)
     gripper = connect(link)
-    with pytest.raises(GripperFault, match="0x0D") as raised:
+    with pytest.raises(GripperFault, match="0x0D"):
         gripper.activate()
-    assert raised.value.code == 0x0D
     link.writes.clear()
-    with pytest.raises(GripperFault, match="asked to activate"):
-        gripper.activate()
-    assert link.writes == []
     link.contact = None
-    gripper.activate(after_fault=True)
+    for call in (gripper.state, gripper.stop):
+        call()
+        assert gripper.state().fault == 0x0D
+    with pytest.raises(GripperFault, match="0x0D"):
+        gripper.move(255, 255, 0)
+    assert all(unpack(OUTPUT_FIELDS, block)["rACT"] == 1 for block in link.writes)
+    gripper.activate()
     assert gripper.state().activated
+
+
+def test_an_active_gripper_that_latches_a_fault_is_reset_by_an_activation():
+    link, gripper = active()
+    link.model.fail(0x0E, link.clock.now())
+    gripper.activate()
+    assert [unpack(OUTPUT_FIELDS, block)["rACT"] for block in link.writes] == [0, 1]
+    seen = gripper.state()
+    assert (seen.activated, seen.fault) == (True, 0)
 
 
 def test_a_gripper_that_never_finishes_activation_runs_into_the_deadline():
@@ -191,110 +129,6 @@ def test_waiting_for_nothing_is_refused():
         gripper.wait()
 
 
-def test_a_write_that_arrived_without_its_answer_is_written_again_and_changes_nothing():
-    link, gripper = active(contact=174)
-    lost = [True, True]
-
-    def lose_answer(block):
-        link.model.write_output(0, block, link.clock.time)
-        link.clock.sleep(0.4)  # the fingers are on their way, or have met the part
-        if lost:
-            lost.pop()
-            raise LinkTimeout("lost", "virtual")
-        return True
-
-    link.on_write = lose_answer
-    gripper.move(255, 255, 0)
-    assert len(link.writes) == 3
-    assert len(set(link.writes)) == 1
-    assert gripper.wait().position_counts == 174
-    assert link.asked == 1
-
-
-def test_a_write_that_only_raises_the_force_is_repeated_when_it_is_lost():
-    """The position is the same, so the echoes tell of the write before."""
-    link, gripper = active(contact=174)
-    gripper.move(255, 0, 0)
-    gripper.wait()
-
-    def lose_request(block):
-        link.on_write = None
-        raise LinkTimeout("lost", "virtual")
-
-    link.on_write = lose_request
-    gripper.move(255, 0, 200)
-    assert unpack(OUTPUT_FIELDS, link.model.read_output()[:6])["rFR"] == 200
-    assert gripper.wait().position_counts == 174
-
-
-def test_a_write_that_is_never_acknowledged_is_no_command():
-    link, gripper = active()
-
-    def lose_answer(block):
-        link.model.write_output(0, block, link.clock.time)
-        raise LinkTimeout("lost", "virtual")
-
-    link.on_write = lose_answer
-    with pytest.raises(LinkTimeout):
-        gripper.move(100, 255, 0)
-    assert len(link.writes) == 3
-
-
-def test_a_write_that_did_not_arrive_is_repeated_once_after_a_look():
-    link, gripper = active()
-
-    def lose_request(block):
-        link.on_write = None
-        raise LinkTimeout("lost", "virtual")
-
-    link.on_write = lose_request
-    gripper.move(100, 255, 0)
-    assert len(link.writes) == 2
-    assert gripper.wait().position_counts == 100
-
-
-def power_cycle(link):
-    link.model = GripperModel(random.Random(9), Jaws(), link)
-
-
-def test_a_write_lost_to_a_power_cut_is_not_repeated():
-    """Repeating it would set rACT in a reset gripper: the activation sweep."""
-    link, gripper = active()
-
-    def cut(block):
-        power_cycle(link)
-        raise LinkTimeout("lost", "virtual")
-
-    link.on_write = cut
-    with pytest.raises(GripperFault, match="not active"):
-        gripper.move(100, 255, 0)
-    assert len(link.writes) == 1
-    assert not gripper.state().activating
-
-
-def test_a_stop_lost_to_a_power_cut_does_not_start_the_sweep():
-    link, gripper = active(contact=174)
-    gripper.move(255, 0, 0)
-
-    def cut(block):
-        power_cycle(link)
-        raise LinkTimeout("lost", "virtual")
-
-    link.on_write = cut
-    with pytest.raises(GripperFault, match="not active"):
-        gripper.stop()
-    link.on_write = None
-    assert not gripper.state().activating
-
-
-def test_a_power_cut_during_a_move_is_a_fault():
-    link, gripper = active(contact=174)
-    gripper.move(255, 0, 0)
-    power_cycle(link)
-    with pytest.raises(GripperFault):
-        gripper.wait()
-
-
 def test_stop_keeps_the_request_and_the_part():
     link, gripper = active(contact=174)
     gripper.move(255, 255, 50)
@@ -304,14 +138,6 @@ def test_stop_keeps_the_request_and_the_part():
     assert (image["rACT"], image["rGTO"], image["rPR"]) == (1, 0, 255)
     assert gripper.state().position_counts == 174
     assert gripper.state().activated
-
-
-def test_stop_after_a_power_cut_does_not_start_the_sweep():
-    link, gripper = active()
-    power_cycle(link)
-    link.writes.clear()
-    gripper.stop()
-    assert link.writes == []
 
 
 def test_reconnecting_to_a_holding_gripper_and_stopping_it_does_not_open_it():
@@ -407,7 +233,7 @@ def test_link_errors_pass():
     link, gripper = active()
 
     def broken():
-        raise LinkError("gone", "virtual")
+        raise LinkError("gone")
 
     link.read = broken
     for call in (gripper.state, gripper.activate, gripper.stop):

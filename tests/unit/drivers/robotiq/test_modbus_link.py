@@ -69,7 +69,7 @@ def test_a_whole_answer_is_believed():
     made, line, told = link([(0.004, answer())])
     assert made.read() == STATUS
     assert line.sent[0][1] == bytes.fromhex("090307D00003040E")
-    assert (made.counters.transactions, made.counters.timeouts, told) == (1, 0, [])
+    assert (len(line.sent), told) == (1, [])
 
 
 def test_an_answer_may_come_in_pieces():
@@ -93,7 +93,6 @@ def test_an_answer_may_come_in_pieces():
 def test_what_stands_before_the_answer_is_skipped(before):
     made, _, _ = link([(0.001, before + answer())])
     assert made.read() == STATUS
-    assert made.counters.stray_bytes == len(before)
 
 
 def test_random_noise_is_never_taken_for_an_answer():
@@ -109,7 +108,6 @@ def test_a_silence_is_reported_and_a_read_is_tried_three_times():
     with pytest.raises(LinkTimeout, match="did not answer within"):
         made.read()
     assert len(line.sent) == 3
-    assert (made.counters.timeouts, made.counters.retries) == (3, 2)
     assert [fields["incident"] for _, fields in told] == [
         *("no answer", "read repeated", "no answer", "read repeated", "no answer")
     ]
@@ -149,9 +147,10 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
     old, new = [(0.004, answer(3, bytes(6)))], [(0.004, answer())]
     line = Starved(*stops * [old], new)
     line.stops = stops
-    made = rtu_link(line, Pace(line.clock))
+    told = []
+    made = rtu_link(line, Pace(line.clock), lambda kind, fields: told.append(fields["incident"]))
     assert made.read() == STATUS
-    assert (len(line.sent), made.counters.timeouts) == (stops + 1, 0)
+    assert (len(line.sent), told) == (stops + 1, stops * ["read repeated"])
 
 
 def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
@@ -197,7 +196,6 @@ def test_stray_bytes_are_thrown_away_before_a_request():
     made, line, _ = link([(0.004, answer())])
     line.coming = [(0.0, answer(3, bytes.fromhex("F900 0000 0300")))]
     assert made.read() == STATUS
-    assert made.counters.stray_bytes == len(answer())
 
 
 def test_a_broken_connection_stays_broken():
@@ -287,7 +285,7 @@ def test_the_exception_frame_of_the_library_reads_as_one():
     sent = FramerRTU(DecodePDU(True)).buildFrame(refused)
     found = RtuFraming().find(sent, read_request(RTU, 3))
     assert found is not None
-    assert found.pdu.isError()
+    assert found.isError()
 
 
 @pytest.mark.parametrize(
@@ -302,7 +300,6 @@ def test_the_exception_frame_of_the_library_reads_as_one():
 def test_an_answer_to_something_else_is_passed_over(other):
     made, _, _ = link([(0.001, other + answer())])
     assert made.read() == STATUS
-    assert made.counters.stray_bytes == len(other)
 
 
 def test_an_acknowledgement_of_another_write_is_none():

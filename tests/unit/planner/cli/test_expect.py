@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drifting import Drift, parts, squeezed
+from histories import watch
 
 from planner.cli import expect
 from planner.evaluation import cases, expectation
@@ -13,7 +14,6 @@ from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from runtime.spc.expectation import load as load_expectation
 from runtime.spc.history import History
-from runtime.spc.monitor import watch
 from runtime.table import load
 
 pytestmark = pytest.mark.slow
@@ -64,7 +64,7 @@ def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))
     after = list(parts(TABLE, squeezed(TABLE, JOB, WITHIN, 22, drift), 22, drift))
-    found = list(watch(History(TABLE, (*before, *after)), load_expectation(written)))
+    found = watch(History(TABLE, (*before, *after)), load_expectation(written))
     assert all(alarm.place >= BEFORE for alarm in found)
     assert "readings" in {alarm.chart for alarm in found}
 

@@ -38,7 +38,7 @@ def test_shares_are_those_of_the_evaluation(table, job, evaluation):
     advice = advise(table, evaluation, job)
     assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
     assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
-    assert advice.gains == []
+    assert not advice.gains
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):

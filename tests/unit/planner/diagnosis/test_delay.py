@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
-from planner.diagnosis.delay import LATE, delays
+from planner.diagnosis.ambiguity import LATE, delays
 from planner.job import model as job_file
 from planner.lower import lower
 from planner.search.expand import Growth, TreeNode, grow, squeeze_at

@@ -94,7 +94,7 @@ def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
     table = load(TREES / "rectangle.msgpack").table
     longest = max(standard_cases(job), key=lambda case: len(case.name))
     (line,) = sweep(table, job, [longest], worlds, 50, 1)
-    assert len(sweep_row(line)) == len(SWEEP_HEAD)
+    assert len(sweep_row(line.case.name, line.evaluation)) == len(SWEEP_HEAD)
 
 
 @pytest.mark.parametrize(

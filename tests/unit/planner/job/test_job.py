@@ -38,15 +38,15 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert np.ptp(part.outline_mm, axis=0).tolist() == [30.0, 21.0]
     assert part.symmetry == 2
     assert rectangle.pressure.kind == "boundary"
-    assert rectangle.friction == job.Friction(0.4, 0.6, 0.3)
+    assert rectangle.friction == schema.Friction(0.4, 0.6, 0.3)
     gripper = rectangle.gripper
     assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (27.5, 9.5, 85.0)
     assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)
-    assert rectangle.uncertainty == job.Uncertainty(12.75, 180.0)
-    assert rectangle.uncertainty.orientation == "unknown"
+    assert rectangle.uncertainty == schema.Uncertainty(12.75, 180.0)
+    assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == job.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
+    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0)
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 
@@ -104,7 +104,7 @@ def test_bounded_orientation_and_stated_ellipsoid_round_trip():
         '"boundary"', '"stated"\nrho_mm = 10\nellipsoid = [[1, 0, 0], [0, 1, 0.1], [0, 0.1, 0.5]]', 1
     )
     stated = job.parse(text)
-    assert stated.uncertainty.orientation == "bounded"
+    assert stated.uncertainty.orientation_halfwidth_deg < 180.0
     assert stated.pressure.ellipsoid[1, 2] == 0.1
     assert job.from_canonical(stated.canonical()) == stated
 
@@ -114,12 +114,10 @@ def test_a_marked_rectangle_may_state_no_symmetry():
 
 
 def test_broken_toml_gives_line_and_column():
-    with pytest.raises(errors.TomlError, match="line 2, column 8") as caught:
+    with pytest.raises(errors.TomlError, match=r"my.toml: .* line 2, column 8"):
         job.parse("seed = 1\nname = = 2\n", "my.toml")
-    assert (caught.value.line, caught.value.column) == (2, 8)
-    with pytest.raises(errors.TomlError, match="line 3") as caught:
+    with pytest.raises(errors.TomlError, match="line 3, column"):
         job.parse("[part]\n\noutline_mm = [[0, 0]")
-    assert caught.value.line == 3
     for text in ("[part]\n[part]", "x = " + "[" * 100_000, "seed = " + "9" * 10_000, "\x00"):
         with pytest.raises(errors.TomlError, match="not valid TOML"):
             job.parse(text)

@@ -41,7 +41,6 @@ def test_an_unknown_name_is_refused_with_the_nearest_valid_one(old, new, section
     assert advice in message
     assert "\n" not in message
     assert caught.value.section == section
-    assert caught.value.names[0] in message
 
 
 REQUIRED = [
@@ -56,15 +55,14 @@ REQUIRED = [
 def test_a_missing_key_is_named(section, key):
     text = re.sub(rf"(?m)^{key} = .*\n", "", TEXT)
     assert text != TEXT
-    with pytest.raises(errors.KeyNameError, match=rf"\[{section}\].*missing key {key}") as caught:
+    with pytest.raises(errors.KeyNameError, match=rf"my.toml: \[{section}\].*missing key {key};"):
         job.parse(text, "my.toml")
-    assert caught.value.names == (key,)
 
 
 def test_all_missing_sections_are_named_at_once():
-    with pytest.raises(errors.KeyNameError) as caught:
+    missing = "friction, gripper, uncertainty, actions, goal"
+    with pytest.raises(errors.KeyNameError, match=f"missing sections {missing}; add them"):
         job.parse("[part]\n")
-    assert caught.value.names == ("friction", "gripper", "uncertainty", "actions", "goal")
 
 
 WRONG = [
@@ -145,6 +143,5 @@ def test_only_the_narrowest_width_must_fit_between_the_jaws():
     bar = edited("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]")
     assert outline.min_width(job.parse(bar).part.outline_mm) == pytest.approx(84.9)
     for height in ("85", "90"):
-        with pytest.raises(errors.FitError, match="part larger than the opening") as caught:
+        with pytest.raises(errors.FitError, match=r"part larger than the opening.* the jaws open 85 mm"):
             job.parse(bar.replace("84.9", height))
-        assert caught.value.value == 85.0

@@ -9,7 +9,8 @@ import pytest
 from planner.errors import InputFileError, KeyNameError, TomlError, ValueRangeError
 from planner.job import model as job
 from planner.job import surface_file
-from planner.mechanics import limit_surface, quartic
+from planner.mechanics import quartic
+from planner.mechanics.surface import of_job as surface_of
 
 RHO = 10.0
 A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
@@ -30,7 +31,7 @@ def surfaces(tmp_path_factory):
     folder = tmp_path_factory.mktemp("surfaces")
     write(folder / "ellipsoid.toml", {"rho_mm": RHO, "ellipsoid": A})
     squared = quartic.of_ellipsoid(A, RHO)
-    found = quartic.sample(squared, 50, np.random.default_rng(0), 1).certificates[0]
+    found = quartic.sample(squared, 50, np.random.default_rng(0), 1)[0]
     found = quartic.from_certificate(found, RHO)
     values = {"quartic": found.coefficients, "certificate": found.certificate}
     write(folder / "quartic.toml", {"rho_mm": RHO, **values})
@@ -60,7 +61,7 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
 
 def test_an_identified_ellipsoid_works_like_a_stated_one(surfaces):
     taken = job_with('surface_file = "ellipsoid.toml"', str(surfaces / "job.toml"))
-    surface = limit_surface.of_job(taken)
+    surface = surface_of(taken)
     assert np.array_equal(surface.A, taken.pressure.ellipsoid)
     assert surface.rho_mm == RHO
 

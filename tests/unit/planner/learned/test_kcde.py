@@ -13,7 +13,7 @@ from scipy import stats
 
 from planner.learned.energy import energy_distance
 from planner.learned.kcde import Kcde
-from planner.learned.neighbours import grid_of, keep_least, nearest_within, within
+from planner.learned.neighbours import grid_of, keep_nearest, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
 
 pytestmark = pytest.mark.slow
@@ -60,15 +60,15 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         assert np.allclose(np.sort(squares[:found]), np.sort(square[near] - square.min()))
 
 
-@given(st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60), st.integers(1, 70))
+@given(st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60), st.integers(1, 60))
 @settings(deadline=None)
-def test_the_least_come_to_the_front(values, most):
+def test_the_nearest_come_to_the_front(values, most):
+    most = min(most, len(values))
     place, squares = np.arange(len(values)), np.array(values)
-    kept = keep_least(place, squares, len(values), most)
-    assert kept == min(most, len(values))
-    assert sorted(squares[:kept]) == sorted(values)[:kept]
-    assert np.array_equal(np.array(values)[place], squares)
-    assert sorted(place) == list(range(len(values)))
+    keep_nearest(place, squares, len(values), most)
+    nearest = np.sort(np.argsort(values, kind="stable")[:most])
+    assert place[:most].tolist() == nearest.tolist()
+    assert squares[:most].tolist() == np.array(values)[nearest].tolist()
 
 
 @pytest.mark.parametrize(("order", "h1"), [(1, 0.5), (2, 1.5), (6, 0.2)])
@@ -98,25 +98,26 @@ def test_two_samples_of_kernel_and_twin_cannot_be_told_apart():
     rolled = made_up(10_000, 3)
     model = fitted(rolled)
     rng = np.random.default_rng(4)
-    poses = random_poses(rng, 1500, 6.0)
+    n = 1000
+    poses = random_poses(rng, n, 6.0)
     ours = model.sample(poses, rng).poses
     weight = kcde_twin.weights(poses, rolled.initial, RHO, 2, 0.5)
-    picked = (rng.random((1500, 1)) > np.cumsum(weight, axis=1)).sum(axis=1)
-    twins = rolled.final[picked] + 0.5 * rng.standard_normal((1500, 3)) / [1.0, 1.0, RHO]
+    picked = (rng.random((n, 1)) > np.cumsum(weight, axis=1)).sum(axis=1)
+    twins = rolled.final[picked] + 0.5 * rng.standard_normal((n, 3)) / [1.0, 1.0, RHO]
     pooled = np.concatenate([ours, twins])
     shuffled = [rng.permutation(pooled) for _ in range(40)]
-    others = [energy_distance(mix[:1500], mix[1500:], RHO, 2) for mix in shuffled]
+    others = [energy_distance(mix[:n], mix[n:], RHO, 2) for mix in shuffled]
     assert energy_distance(ours, twins, RHO, 2) <= max(others)
 
 
 def test_a_rare_outcome_is_kept_at_its_rate():
     initial = np.zeros((1001, 3))
-    initial[1000, 0] = 1.5
+    initial[1000, 0] = 1.25  # 2.5 bandwidths away
     final = np.zeros((1001, 3))
     final[1000, 1] = 20.0
     rolled = Rolled(initial, final, np.full(1001, 21.0))
-    rate = math.exp(-0.5 * 3.0**2) / (1000 + math.exp(-0.5 * 3.0**2))
-    n = 400_000
+    rate = math.exp(-0.5 * 2.5**2) / (1000 + math.exp(-0.5 * 2.5**2))
+    n = 100_000
     poses = np.zeros((n, 3))
     whole = fitted(rolled).sample(poses, np.random.default_rng(5))
     rare = int((whole.source == 1000).sum())

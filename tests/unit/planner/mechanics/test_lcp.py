@@ -9,10 +9,10 @@ from contact_problems import (
     random_contacts,
     wrenches,
 )
-from lcp_twin import all_bases, motions
+from lcp_twin import all_bases, motions, solve
 from scipy.optimize import linprog
 
-from planner.mechanics.lcp import RAY, SOLVED, residual, solve
+from planner.mechanics.lcp import RAY, SOLVED, residual
 
 pytestmark = pytest.mark.slow
 

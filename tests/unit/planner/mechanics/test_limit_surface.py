@@ -10,6 +10,7 @@ from surfaces import mean_twist_error
 from planner.job import model as job
 from planner.mechanics import limit_surface
 from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.surface import of_job as surface_of
 from planner.part import outline
 from planner.part.pressure import Pressure, support
 
@@ -124,7 +125,7 @@ def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid():
     fit, which are not published; 5 % is a third of one standard deviation of the samples at n_df = 100.
     An ellipsoid leaves about 7 deg of error in the direction of the twist for this load.
     """
-    surface = limit_surface.of_job(job.load(RECTANGLE_JOB))
+    surface = surface_of(job.load(RECTANGLE_JOB))
     assert surface.rho_mm == pytest.approx(10.5711873, abs=1e-7)
     assert np.diag(surface.A) == pytest.approx([1.04824883, 1.06257935, 0.57763835], rel=0.05)
     F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
@@ -192,7 +193,7 @@ def test_twist_is_along_the_gradient_of_h():
 def test_samples_have_the_mean_and_the_variance_of_the_footnote():
     A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 0.6]])
     dof, n = 100, 40_000
-    draws = limit_surface.sample(LimitSurface(A, 10.0), dof, np.random.default_rng(5), n)
+    draws = limit_surface.wishart(A, dof, np.random.default_rng(5), n)
     variance = (A**2 + np.outer(np.diag(A), np.diag(A))) / dof
     assert np.abs((draws.mean(axis=0) - A) / np.sqrt(variance / n)).max() < 5.0
     assert np.allclose(draws.var(axis=0), variance, rtol=0.05)
@@ -202,14 +203,14 @@ def test_samples_have_the_mean_and_the_variance_of_the_footnote():
 
 def test_samples_depend_on_the_generator_alone():
     surface = LimitSurface(np.eye(3), 10.0)
-    first, second = (limit_surface.sample(surface, 3, np.random.default_rng(9), 5) for _ in range(2))
+    first, second = (limit_surface.wishart(surface.A, 3, np.random.default_rng(9), 5) for _ in range(2))
     assert np.array_equal(first, second)
-    assert limit_surface.sample(surface, 100, np.random.default_rng(9), 0).shape == (0, 3, 3)
+    assert limit_surface.wishart(surface.A, 100, np.random.default_rng(9), 0).shape == (0, 3, 3)
 
 
 def test_a_stated_ellipsoid_is_taken_as_it_is():
     text = RECTANGLE_JOB.read_text(encoding="utf-8")
     stated = 'kind = "stated"\nrho_mm = 10.5\nellipsoid = [[1.0, 0.1, 0], [0.1, 1.2, 0], [0, 0, 0.6]]'
-    surface = limit_surface.of_job(job.parse(text.replace('kind = "boundary"', stated)))
+    surface = surface_of(job.parse(text.replace('kind = "boundary"', stated)))
     assert np.array_equal(surface.A, [[1.0, 0.1, 0.0], [0.1, 1.2, 0.0], [0.0, 0.0, 0.6]])
     assert surface.rho_mm == 10.5

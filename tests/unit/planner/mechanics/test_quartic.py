@@ -11,6 +11,7 @@ from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.quartic import QuarticSurface
 from planner.part import outline, quartic_form
 from planner.part.pressure import Pressure, support
+from planner.part.quartic_form import coefficients_of
 
 RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 RHO = outline.radius_of_gyration(RECTANGLE)
@@ -76,7 +77,7 @@ def test_the_certificate_is_the_hessian_and_positive_definite(fitted):
     assert np.allclose(np.einsum("ki,ij,kj->k", y, fitted.certificate, y), curvature, rtol=1e-9)
     assert np.linalg.eigvalsh(fitted.certificate)[0] > 0
     assert quartic_form.certifies(fitted.certificate, fitted.coefficients)
-    assert np.allclose(quartic_form.coefficients_of(fitted.certificate), fitted.coefficients, rtol=1e-12)
+    assert np.allclose(coefficients_of(fitted.certificate), fitted.coefficients, rtol=1e-12)
     assert not fitted.coefficients.flags.writeable
 
 
@@ -96,7 +97,7 @@ def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
 def test_a_fit_recovers_a_quartic_from_its_own_pairs():
     rng = np.random.default_rng(5)
     truth = quartic.of_ellipsoid(random_ellipsoid(rng), 10.0)
-    truth = quartic.from_certificate(quartic.sample(truth, 20, rng, 1).certificates[0], 10.0)
+    truth = quartic.from_certificate(quartic.sample(truth, 20, rng, 1)[0], 10.0)
     F = rng.normal(size=(60, 3))
     F /= truth.value(F)[:, None] ** 0.25
     V = truth.gradient(F) * rng.uniform(0.1, 10.0, size=(60, 1))
@@ -114,7 +115,7 @@ def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
         across = gradient - TWISTS * (gradient * TWISTS).sum(axis=1, keepdims=True)
         return float(((quartic_form.monomials(F) @ coefficients - 1) ** 2).sum() + (across**2).sum())
 
-    others = quartic.sample(fitted, 100, np.random.default_rng(6), 20).coefficients
+    others = coefficients_of(quartic.sample(fitted, 100, np.random.default_rng(6), 20))
     least = cost(fitted.coefficients)
     for other in others:
         assert cost(0.99 * fitted.coefficients + 0.01 * other) > least - 1e-6 * len(F)
@@ -184,7 +185,7 @@ def test_other_coordinates_describe_the_same_surface(fitted):
 
 
 def test_what_is_not_convex_is_not_certified(fitted):
-    bent = quartic_form.coefficients_of(np.diag([0.0, 1, 0, 0, 0, 0, 0, 0, 0]))  # fx^2 fy^2 is not convex
+    bent = coefficients_of(np.diag([0.0, 1, 0, 0, 0, 0, 0, 0, 0]))  # fx^2 fy^2 is not convex
     assert least_curvature(bent, TWISTS) < 0
     for Q in (fitted.certificate, quartic_form.gram(bent)):
         assert not quartic_form.certifies(Q, bent)
@@ -203,11 +204,14 @@ def test_the_certificate_is_drawn_with_the_variance_of_the_footnote(fitted):
 def test_samples_are_convex_and_have_the_nominal_mean(fitted):
     n = 20_000
     draws = quartic.sample(fitted, 100, np.random.default_rng(11), n)
-    assert draws.drawn_in <= 1e-3 * n
-    deviation = draws.coefficients.mean(axis=0) - fitted.coefficients
-    assert np.abs(deviation / draws.coefficients.std(axis=0) * math.sqrt(n)).max() < 5.0
-    assert (np.linalg.eigvalsh(draws.certificates)[:, 0] > 0).all()
-    for Q, coefficients in zip(draws.certificates[:100], draws.coefficients, strict=False):
+    inverse = np.linalg.inv(np.linalg.cholesky(fitted.certificate))
+    moved = np.linalg.eigvalsh(inverse @ draws @ inverse.T)[:, 0] < 1.001 * limit_surface.MIN_EIGENVALUE
+    assert np.count_nonzero(moved) <= 1e-3 * n  # the rest were certified as they were drawn
+    drawn = coefficients_of(draws)
+    deviation = drawn.mean(axis=0) - fitted.coefficients
+    assert np.abs(deviation / drawn.std(axis=0) * math.sqrt(n)).max() < 5.0
+    assert (np.linalg.eigvalsh(draws)[:, 0] > 0).all()
+    for Q, coefficients in zip(draws[:100], drawn, strict=False):
         assert quartic_form.certifies(0.5 * (Q + Q.T), coefficients)
         assert least_curvature(coefficients, TWISTS) > 0
 
@@ -215,9 +219,9 @@ def test_samples_are_convex_and_have_the_nominal_mean(fitted):
 def test_plain_averaging_of_the_draws_would_lose_convexity(fitted):
     """Why `sample` projects in the metric of the certificate."""
     raw = limit_surface.wishart(fitted.certificate, 9, np.random.default_rng(12), 200)
-    averaged = quartic_form.coefficients_of(raw)
+    averaged = coefficients_of(raw)
     assert min(least_curvature(c, TWISTS) for c in averaged) < 0
-    projected = quartic.sample(fitted, 9, np.random.default_rng(12), 200).coefficients
+    projected = coefficients_of(quartic.sample(fitted, 9, np.random.default_rng(12), 200))
     assert min(least_curvature(c, TWISTS) for c in projected) > 0
 
 
@@ -230,15 +234,15 @@ def test_samples_have_the_variance_that_the_footnote_gives_after_projection(fitt
     rows = quartic_form.COEFFICIENT_ROWS @ np.kron(factor, factor) @ basis @ basis.T
     swap = np.eye(81).reshape(9, 9, 81).transpose(1, 0, 2).reshape(81, 81)
     variance = np.diag(rows @ (np.eye(81) + swap) @ rows.T) / dof  # of a white Wishart matrix
-    draws = quartic.sample(fitted, dof, np.random.default_rng(13), 40_000)
+    drawn = coefficients_of(quartic.sample(fitted, dof, np.random.default_rng(13), 40_000))
     seen = variance > 1e-12
-    assert np.allclose(draws.coefficients.var(axis=0)[seen], variance[seen], rtol=0.08)
+    assert np.allclose(drawn.var(axis=0)[seen], variance[seen], rtol=0.08)
 
 
 def test_samples_depend_on_the_generator_alone(fitted):
     first, second = (quartic.sample(fitted, 50, np.random.default_rng(9), 5) for _ in range(2))
-    assert np.array_equal(first.coefficients, second.coefficients)
-    assert quartic.sample(fitted, 50, np.random.default_rng(9), 0).coefficients.shape == (0, 15)
+    assert np.array_equal(first, second)
+    assert quartic.sample(fitted, 50, np.random.default_rng(9), 0).shape == (0, 9, 9)
 
 
 def test_surfaces_are_frozen(fitted):

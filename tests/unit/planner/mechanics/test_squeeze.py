@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contact_solutions import workspace
 from problems import (
     JAWS,
     LONG_JAWS,
@@ -135,7 +136,7 @@ def pushed_by(outline, surface, jaws, pose, push):
     A, V = np.zeros((3, 3)), np.zeros(3)
     step.rotate_surface(surface.A, pose[2], A)
     step.directions(C, I, count, surface.rho_mm, push, 0.0)
-    assert step.solve(A, 0.5, 0.5, C, I, count, step.workspace(), V) == step.SOLVED
+    assert step.solve(A, 0.5, 0.5, C, I, count, workspace(), V) == step.SOLVED
     return pose + V / [1, 1, surface.rho_mm]
 
 
@@ -240,3 +241,22 @@ def test_poses_and_parameters_are_not_modified():
 def test_the_nominal_surface_is_the_parts_own():
     part = simulator(rectangle())
     assert np.array_equal(part.nominal(2, 0.5).surfaces[1], boundary_surface(rectangle()).A)
+
+
+@pytest.mark.parametrize("name", ["rectangle", "butterfly", "ellipse", "hexagon"])
+def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
+    part = simulator(OUTLINES[name]())
+    small = replace(
+        part,
+        outline=0.1 * part.outline,
+        jaws=part.jaws * [0.1, 0.1, 0.1, 1.0],
+        surface=replace(part.surface, rho_mm=0.1 * part.surface.rho_mm),
+        step_mm=0.1 * part.step_mm,
+    )
+    poses = random_poses(np.random.default_rng(3), 500, 12.0)
+    parameters = part.sample(500, np.random.default_rng(4))
+    large = part.roll_out(poses, parameters)
+    tiny = small.roll_out(poses * [0.1, 0.1, 1.0], parameters)
+    alike = np.abs(10.0 * tiny.width_mm - large.width_mm) < 0.05
+    assert alike.mean() > 0.9
+    assert np.mean(tiny.status[alike] == large.status[alike]) > 0.985

@@ -13,6 +13,7 @@ from planner.job import model as job_file
 from planner.mechanics import limit_surface, quartic, surface
 from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
+from planner.part.quartic_form import coefficients_of
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
@@ -51,9 +52,9 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_j
 
 def test_tables_of_many_are_the_tables_of_each(quartic_job):
     form = surface.of_job(quartic_job)
-    draws = quartic.sample(form, 100, np.random.default_rng(2), 5)
-    tables = surface.hessian_tables(draws.coefficients)
-    for row, table in zip(draws.coefficients, tables, strict=True):
+    draws = coefficients_of(quartic.sample(form, 100, np.random.default_rng(2), 5))
+    tables = surface.hessian_tables(draws)
+    for row, table in zip(draws, tables, strict=True):
         one = dataclasses.replace(form, coefficients=row)
         np.testing.assert_allclose(table, one.hessian_table(), atol=1e-12)
 

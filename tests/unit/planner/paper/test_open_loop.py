@@ -15,7 +15,7 @@ RNG_SEED = 11
 class Wall:
     """A wall at the hand, pushed against from its far side: x beyond it comes to lie on it."""
 
-    def move(self, poses, rng):
+    def __call__(self, poses, rng):
         moved = poses.copy()
         moved[:, 0] = np.minimum(moved[:, 0], 0.0)
         return moved
@@ -111,7 +111,7 @@ def test_of_equals_the_shortest_and_then_the_first_wins():
 def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
     # The first push spreads what lay together; only the second gathers it all.
     class Jump:
-        def move(self, poses, rng):
+        def __call__(self, poses, rng):
             together = np.ptp(poses[:, 0]) < 3.0
             moved = poses.copy()
             moved[:, 0] = np.linspace(0.0, 8.0, len(poses)) if together else 4.0
@@ -160,9 +160,9 @@ def test_enough_ends_the_search_early_and_budget_bounds_it():
     class Counted(Wall):
         moves = 0
 
-        def move(self, poses, rng):
+        def __call__(self, poses, rng):
             self.moves += 1
-            return super().move(poses, rng)
+            return super().__call__(poses, rng)
 
     placements = [left(9.0), left(5.0), right(4.0)]
     whole, early, short = Counted(), Counted(), Counted()

@@ -27,7 +27,7 @@ HELD_MM, FREE_MM = 30.0, 10.0
 class Reach:
     """What lies within 3 mm of the hand is drawn to it, the rest stays; a little scatter."""
 
-    def move(self, poses, rng):
+    def __call__(self, poses, rng):
         moved = poses + 0.02 * rng.standard_normal(poses.shape) * [1.0, 1.0, 0.0]
         moved[np.abs(poses[:, 0]) < 3.0, 0] = 0.0
         return moved
@@ -57,7 +57,7 @@ class Held:
 
 def planner(method, **options):
     placements = np.array([[x, 0.0, 0.0] for x in (0.0, 3.0, 6.0, 9.0)])
-    models = Models(Reach(), Widths(), Nowhere(), Held())
+    models = Models(Reach(), Widths(), Nowhere(), Held(), Held())
     return PaperPlanner(placements, models, ENCODER, lambda _poses, _placement: -1.0, method, **options)
 
 
@@ -143,7 +143,7 @@ def test_where_every_action_collides_the_leaf_is_left_unresolved():
         def collides(self, poses):
             return np.ones(len(poses), bool)
 
-    models = Models(Reach(), Widths(), Everywhere(), Held())
+    models = Models(Reach(), Widths(), Everywhere(), Held(), Held())
     stuck = PaperPlanner(np.zeros((1, 3)), models, ENCODER, lambda _poses, _placement: -1.0)
     root = stuck.plan(belief(), [1])
     assert not root.children

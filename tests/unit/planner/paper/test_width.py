@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from problems import OUTLINES, random_convex, random_star, rectangle, right_triangle
+from problems import OUTLINES, diameter, random_convex, random_star, rectangle, right_triangle
 
 from planner.paper.width import width_function
-from planner.part.outline import convex_hull, diameter, min_width, width
+from planner.part.outline import convex_hull, min_width, width
 
 DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
 

@@ -13,11 +13,10 @@ from run_logs import chained, header, part
 
 from planner.cli import report
 from planner.evaluation.cases import assumption_cases
-from planner.evaluation.statistics import wilson_interval
 from planner.job import model as job_file
-from planner.report import details, dossier, run_log
+from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load
+from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load, wilson_interval
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -81,6 +80,18 @@ def test_the_summary_is_the_tables_own(text):
     assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
 
 
+def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, text, capsys):
+    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "100"]
+    assert report.main([*words, "--bound", "1000"]) == 0
+    capsys.readouterr()
+    page = (tmp_path / "page.html").read_text()
+    assert Page(page).open == []
+    least = re.search(r"any plan as good: (\d\.\d\d) or more", page)[1]
+    assert 2.0 < float(least) < TABLE.predicted.mean_squeezes_ppm / PPM
+    assert f"takes {least} squeezes a part or more" in page
+    assert "as good" not in text
+
+
 def test_parts_are_neither_lost_nor_made(data):
     assert data["nodes"][0]["visits"] == TRIALS
     arrivals = {0: TRIALS}
@@ -103,7 +114,7 @@ def test_counts_and_branches_are_those_of_the_look_up(data):
 
 def test_runs_put_a_map_together_again():
     outcome = (1, 1, -1, 0, 0, 0, 1)
-    assert details.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
+    assert dossier.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
 
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():

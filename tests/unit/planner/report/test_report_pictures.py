@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from planner.arrays import Array
-from planner.report import animation, canvas, trajectory
+from planner.report import canvas, trajectory
 from planner.report.trajectory import Squeezed
 
 pytestmark = pytest.mark.slow
@@ -121,25 +121,25 @@ def test_failure_leaves_the_old_picture(tmp_path: Path) -> None:
     path.write_bytes(b"old")
     broken = Squeezed(np.zeros((0, 4)), "grasped")
     with pytest.raises((IndexError, ValueError)):
-        animation.gif(OUTLINE, JAWS, broken, path)
+        trajectory.gif(OUTLINE, JAWS, broken, path)
     assert {entry.name: entry.read_bytes() for entry in tmp_path.iterdir()} == {"a.gif": b"old"}
 
 
 @pytest.mark.parametrize("trace", [GRASP, MISS], ids=["grasp", "miss"])
 def test_timeline_begins_open_and_ends_final(trace: Squeezed) -> None:
-    frames = animation.timeline(trace.states)
+    frames = trajectory.timeline(trace.states)
     assert frames[0] == pytest.approx(trace.states[0])
     assert frames[-1] == pytest.approx(trace.states[-1])
     assert np.all(np.diff(frames[:, 3]) <= 0)
 
 
 def test_gif_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animation, "CONTACT_FRAMES", 6)
+    monkeypatch.setattr(trajectory, "CONTACT_FRAMES", 6)
     path = tmp_path / "squeeze.gif"
-    animation.gif(OUTLINE, JAWS, GRASP, path)
+    trajectory.gif(OUTLINE, JAWS, GRASP, path)
     with Image.open(path) as image:
         assert image.format == "GIF"
-        assert image.n_frames == len(animation.timeline(GRASP.states))  # Pillow merges the held frames
+        assert image.n_frames == len(trajectory.timeline(GRASP.states))  # Pillow merges the held frames
         first = np.asarray(image.convert("L"), dtype=float)
         image.seek(image.n_frames - 1)
         last = np.asarray(image.convert("L"), dtype=float)
@@ -151,7 +151,7 @@ def test_gif_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_page_carries_its_data_and_needs_no_network(tmp_path: Path) -> None:
     path = tmp_path / "squeezes.html"
-    animation.html(OUTLINE, JAWS, [GRASP, MISS], "<rectangle> & poses", path)
+    trajectory.html(OUTLINE, JAWS, [GRASP, MISS], "<rectangle> & poses", path)
     page = path.read_text(encoding="utf-8")
     assert "&lt;rectangle&gt; &amp; poses" in page
     assert "@" not in page

@@ -9,9 +9,9 @@ import pytest
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file
 from planner.job.model import Job
-from planner.report.replay import REJECT, replay
+from planner.report.replay import replay
 from planner.world import ContactWorld
-from runtime.table import Table, load
+from runtime.table import REJECT, Table, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TRIALS = 1500

@@ -159,11 +159,11 @@ def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
 
 
 def test_an_arm_far_from_its_work_is_told() -> None:
-    made, area = fake_cell([]), (-60.0, -60.0, 60.0, 60.0)
-    assert verdicts(doctor.check_arm(made.arm, area)) == [Verdict.GOOD]
+    made, table = fake_cell([]), small_table()
+    assert verdicts(doctor.check_arm(made.arm, table)) == [Verdict.GOOD]
     assert verdicts(doctor.check_arm(made.arm, None)) == [Verdict.GOOD]
     made.arm.at = (600.0, 0.0, 100.0, 0.0)
-    assert verdicts(doctor.check_arm(made.arm, area)) == [Verdict.GOOD, Verdict.WARNING]
+    assert verdicts(doctor.check_arm(made.arm, table)) == [Verdict.GOOD, Verdict.WARNING]
 
 
 def test_a_table_that_does_not_fit_is_told() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.devices import cell_process
+from runtime.devices import cell_process, child
 from runtime.devices.cell_process import CellProcess
 from runtime.errors import CellStartError
 
@@ -55,6 +55,6 @@ def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 def test_one_that_stays_silent_and_does_not_listen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cell_process, "START_S", 0.05)
-    monkeypatch.setattr(cell_process, "END_S", 0.05)
+    monkeypatch.setattr(child, "END_S", 0.05)
     told = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))
     assert "told no endpoints within 0.05 s" in told

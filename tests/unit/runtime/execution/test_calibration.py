@@ -10,7 +10,7 @@ import pytest
 from sample_tables import GRIPPER
 
 from runtime.commands import calibrate as calibrate_command
-from runtime.commands.calibrate import parser, report, run
+from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import ArgumentsError, CalibrationError, GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
@@ -179,13 +179,13 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     made = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in made.gauges] == list(BLOCKS)
     assert made.gauges == tuple(gauges())
-    assert (made.tips, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
+    assert (made.tips_mm, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
     assert set(gripper.forces) == {0}
     assert {speed for position, speed in gripper.asked if position == 255} == {0}
     assert gripper.closed
     out = capsys.readouterr().out
     assert "linear map" in out
-    assert len(list(report(made))) == 2 + len(BLOCKS)
+    assert len(list(report(figures(made)))) == 2 + len(BLOCKS)
 
 
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(

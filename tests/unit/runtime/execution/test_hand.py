@@ -4,8 +4,8 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 from fake_cell import Log, State, fake_cell
-from sample_tables import LIMITS, small_table, with_node
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
+from sample_tables import small_table, with_node
+from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, EMPTY, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.events import Phase
@@ -148,7 +148,7 @@ def test_phases_go_by_in_their_order() -> None:
 def test_unready_grippers_are_not_waited_for_for_ever() -> None:
     made = fake_cell([])
     made.gripper.now = State(moving=True)
-    hand = Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling())
+    hand = Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling())
     with pytest.raises(GripperStateError, match="without having been asked"):
         hand.await_stillness()
     assert made.cell.clock.now() >= 8.0
@@ -156,7 +156,7 @@ def test_unready_grippers_are_not_waited_for_for_ever() -> None:
 
 def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
     made = fake_cell([])
-    hand = Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling())
+    hand = Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling())
     assert not hasattr(Handling(), "__dict__")
     with pytest.raises(FrozenInstanceError):
         Handling().regulated = True

@@ -91,36 +91,34 @@ def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
 
 def test_a_cell_without_room_for_the_arc_is_refused() -> None:
     made = fake_cell([])
-    low = replace(LIMITS, retreat_height_um=23_000)
+    low = replace(small_table(), limits=replace(LIMITS, retreat_height_um=23_000))
     with pytest.raises(TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"):
-        Hand(made.gripper, made.arm, made.cell.clock, low, CALIBRATION, Handling(arc=ARC))
+        Hand(made.gripper, made.arm, made.cell.clock, low, Handling(arc=ARC))
     with pytest.raises(TableError, match="teach the tool frame with the jaws fully open"):
-        Hand(
-            made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling(arc=TipArc(taught_mm=40.0))
-        )
+        Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling(arc=TipArc(taught_mm=40.0)))
 
 
 def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
     """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
     made = fake_cell([])
-    room = replace(LIMITS, retreat_height_um=200_000)
+    room = replace(small_table(), limits=replace(LIMITS, retreat_height_um=200_000))
     for link_mm, refused in ((30.0, True), (40.0, True), (40.01, False)):
         flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
         if not refused:
-            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+            Hand(made.gripper, made.arm, made.cell.clock, room, flat)
             continue
         with pytest.raises(TableError, match="check link and offset"):
-            Hand(made.gripper, made.arm, made.cell.clock, room, CALIBRATION, flat)
+            Hand(made.gripper, made.arm, made.cell.clock, room, flat)
 
 
 @pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
 def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm: float, refused: bool) -> None:
     made, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
     if not refused:
-        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+        Hand(made.gripper, made.arm, made.cell.clock, small_table(), taught)
         return
     with pytest.raises(TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"):
-        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, taught)
+        Hand(made.gripper, made.arm, made.cell.clock, small_table(), taught)
 
 
 def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
@@ -128,18 +126,19 @@ def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
     made, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
     for retreat_um, refused in ((30_000, True), (30_001, False)):
         limits = replace(LIMITS, squeeze_height_um=10_000, retreat_height_um=retreat_um)
+        table = replace(small_table(), limits=limits)
         if not refused:
-            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+            Hand(made.gripper, made.arm, made.cell.clock, table, arc)
             continue
         with pytest.raises(TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"):
-            Hand(made.gripper, made.arm, made.cell.clock, limits, CALIBRATION, arc)
+            Hand(made.gripper, made.arm, made.cell.clock, table, arc)
 
 
 @pytest.mark.parametrize(("z_mm", "moves"), [(59.94, 1), (59.95, 0), (60.0, 0), (75.0, 0)])
 def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> None:
     made = fake_cell([])
     made.arm.at = (1.0, 2.0, z_mm, 0.5)
-    Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling()).retreat()
+    Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling()).retreat()
     targets = [call.arguments[:4] for call in made.log.named("move_linear")]
     assert targets == [(1.0, 2.0, 60.0, 0.5)] * moves
 
@@ -163,6 +162,6 @@ def test_how_far_the_jaws_open_is_what_the_calibration_says() -> None:
     wide = Calibration((91_000, *CALIBRATION.widths_um[1:]))
     made = fake_cell([])
     with pytest.raises(TableError, match="was taught at 85 mm and the jaws open to 91 mm"):
-        Hand(made.gripper, made.arm, made.cell.clock, LIMITS, wide, Handling(arc=ARC))
-    hand = Hand(made.gripper, made.arm, made.cell.clock, LIMITS, CALIBRATION, Handling())
+        Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling(wide, ARC))
+    hand = Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling())
     assert hand.width_mm(AT_21[0]) == CALIBRATION.width_um(AT_21[0]) / 1000

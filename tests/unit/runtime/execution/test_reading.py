@@ -8,8 +8,8 @@ from sample_tables import GRIPPER
 
 from runtime.errors import GripperStateError
 from runtime.execution.reading import (
+    CURRENT_MA,
     UNDETECTED_UM,
-    CurrentBand,
     check_closed,
     check_fresh,
     check_opened,
@@ -19,7 +19,7 @@ from runtime.execution.reading import (
 from runtime.table import Calibration
 
 CALIBRATION = Calibration.linear(GRIPPER)
-BAND = CurrentBand()
+BAND = CURRENT_MA
 
 
 def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255) -> Settled:
@@ -81,11 +81,11 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
         (BAND, 3, 2550, False),
         (BAND, 2, -1, False),  # a motor cannot draw less than nothing
         (BAND, 3, -1, False),
-        (CurrentBand(50, 800), 2, 40, False),
-        (CurrentBand(50, 800), 2, 50, True),
-        (CurrentBand(50, 800), 2, 800, True),
-        (CurrentBand(50, 800), 2, 810, False),
-        (CurrentBand(50, 800), 3, 0, True),  # nothing between the fingers draws nothing
+        ((50, 800), 2, 40, False),
+        ((50, 800), 2, 50, True),
+        ((50, 800), 2, 800, True),
+        ((50, 800), 2, 810, False),
+        ((50, 800), 3, 0, True),  # nothing between the fingers draws nothing
     ],
 )
 def test_currents_outside_the_band_are_not_believed(band, flag, current, believed) -> None:

@@ -2,20 +2,19 @@
 
 import json
 import os
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from fake_cell import FakeScene, Log, State, fake_cell
+from fake_cell import FakeCell, FakeScene, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.cli import main
 from runtime.errors import GripperStateError
 from runtime.execution import session
 from runtime.execution.delivery import Delivery
-from runtime.execution.events import Tally
+from runtime.execution.events import Console, Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects, say
 from runtime.table import Calibration, dump
@@ -26,11 +25,9 @@ JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
 
 
-def tally_of(results: Iterable[session.Result]) -> Tally:
-    tally = Tally()
-    for result, seen in results:
-        tally.add(result, seen)
-    return tally
+def run(made: FakeCell, truth: object, console: Console, count: int = 1, **options: object) -> Tally:
+    scene, table = FakeScene(truth), small_table()
+    return session.run_journalled(table, made.cell, scene, console, count=count, activate=False, **options)
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
@@ -67,6 +64,16 @@ def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
     assert len(made.log.named("activate")) == 1
 
 
+def test_permission_clears_a_fault() -> None:
+    made = fake_cell([AT_21])
+    made.gripper.now = State(fault=0x0E)
+    with pytest.raises(GripperStateError, match=r"fault 0x0E.*start again with --activate"):
+        session.prepare_gripper(made.gripper, Lines(small_table()), activate=False)
+    assert made.log.named("activate") == []
+    session.prepare_gripper(made.gripper, Lines(small_table()), activate=True)
+    assert len(made.log.named("activate")) == 1
+
+
 def test_permission_does_not_touch_an_active_gripper() -> None:
     made = fake_cell([AT_21])
     session.prepare_gripper(made.gripper, Lines(small_table()), activate=True)
@@ -83,21 +90,22 @@ def test_ctrl_c_between_parts_is_recorded() -> None:
 def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    console.summary(tally_of(session.run_parts(table, made.cell, FakeScene(TRUTH), console, 1)), JOURNAL)
+    console.summary(run(made, TRUTH, console), JOURNAL)
     squeeze, part, summary = capsys.readouterr().out.splitlines()
     assert squeeze == (
         "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
     )
     # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
     assert (
-        part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000; true error 0.50 mm"
+        part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000, "
+        "error 0.32 mm (95 %: 0.94); true error 0.50 mm"
     )
     assert summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
 
 
 def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21, AT_36]), small_table()
-    list(session.run_parts(table, made.cell, FakeScene(TRUTH), Objects(table, JOURNAL), 2))
+    run(made, TRUTH, Objects(table, JOURNAL), 2)
     leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert leaf["outcome"] == "leaf"
     assert (leaf["leaf"], leaf["path"], leaf["widths_mm"]) == (0, [0], [20.969])
@@ -110,8 +118,7 @@ def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.Captur
 
 def test_crashes_of_all_parts_add_up(capsys: pytest.CaptureFixture[str]) -> None:
     made, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
-    scene = FakeScene(SimpleNamespace(**{**vars(TRUTH), "crashes": 2}))
-    tally = tally_of(session.run_parts(table, made.cell, scene, Lines(table), 3))
+    tally = run(made, SimpleNamespace(**{**vars(TRUTH), "crashes": 2}), Lines(table), 3)
     Lines(table).summary(tally, JOURNAL)
     assert "6 crashes" in capsys.readouterr().out
 
@@ -121,14 +128,12 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
 ) -> None:
     table = small_table()
     for console in (Lines(table), Objects(table, JOURNAL)):
-        made = fake_cell([AT_21, AT_21])
         auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: {"verdict": "pass"})
-        plan = RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0)))
-        list(
-            session.run_parts(table, replace(made.cell, auditor=auditor), FakeScene(TRUTH), console, 1, plan)
-        )
+        made = fake_cell([AT_21, AT_21])
+        made = made._replace(cell=replace(made.cell, auditor=auditor))
+        run(made, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
     *_, line, told = capsys.readouterr().out.splitlines()
-    assert line.endswith("success 0.9990 of 6000; audit: pass; delivery: done")
+    assert line.endswith("success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done")
     seen = json.loads(told)
     assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
 
@@ -145,10 +150,10 @@ def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[
     nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0)
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    tally = tally_of(session.run_parts(table, made.cell, FakeScene(nowhere), console, 1))
+    tally = run(made, nowhere, console)
     console.summary(tally, JOURNAL)
     told = capsys.readouterr().out
-    assert "error" not in told
+    assert "true error" not in told
     assert "within" not in told
     assert tally.within is None
 

@@ -9,7 +9,7 @@ from written_journals import CALIBRATION, write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
-from runtime.execution.recovery import broken_run
+from runtime.execution.crash import broken_run
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Finding, Last, Replay
 from runtime.table import Calibration
@@ -107,18 +107,15 @@ def cut_after(journal: Path, kind: str, number: int) -> Path:
     return journal
 
 
-def test_where_a_run_broke_off_is_told_by_its_last_records(journal: Path, tmp_path: Path) -> None:
+def test_where_a_run_broke_off_is_told_by_its_last_records(journal: Path) -> None:
     assert broken_run(journal) is None
-    assert broken_run(tmp_path / "none.jsonl") is None
     cut = broken_run(cut_after(journal, "squeeze", 2))
     assert cut is not None
-    assert cut.part is not None
-    assert (cut.parts, cut.part.part, cut.part.last, cut.part.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
-    assert (cut.part.traversal.node, [step.node for step in cut.part.steps]) == (1, [0])
+    assert (cut.parts, cut.part, cut.last, cut.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
+    assert (cut.traversal.node, [step.node for step in cut.steps]) == (1, [0])
     cut = broken_run(cut_after(journal, "placed", 2))
     assert cut is not None
-    assert cut.part is not None
-    assert (cut.part.last, cut.part.held_at, cut.part.steps) == (Last.PLACED, (0, None), ())
+    assert (cut.last, cut.held_at, cut.steps) == (Last.PLACED, (0, None), [])
     cut = broken_run(cut_after(journal, "outcome", 1))
     assert cut is not None
     assert (cut.parts, cut.part) == (1, None)
@@ -130,8 +127,7 @@ def test_a_part_that_was_being_carried_is_known_to_be(journal: Path) -> None:
         writing.record("delivery", {"part": 1, "begun": True})
     cut = broken_run(journal)
     assert cut is not None
-    assert cut.part is not None
-    assert cut.part.delivering
+    assert cut.delivering
 
 
 def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import socket
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ def fed() -> Status:
     status = Status("small.msgpack", "ab" * 32, 958_000)
     status.phase(1, Phase.SQUEEZE, 0)
     status.step(STEP)
-    status.part(PartResult.of(1, Outcome.LEAF, [STEP], None).audited("pass"))
+    status.part(replace(PartResult.of(1, Outcome.LEAF, [STEP], None), audit="pass"))
     status.part(PartResult.of(2, Outcome.REJECT, [], "nothing"))
     status.phase(3, Phase.PLACE, None)
     return status

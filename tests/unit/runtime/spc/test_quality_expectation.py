@@ -5,14 +5,13 @@ from math import exp
 
 import numpy as np
 import pytest
-from histories import LESS, drawn, expectation_document, history, table
+from histories import LESS, drawn, expectation_document, history, table, watch
 
 from runtime.errors import ArgumentsError
 from runtime.spc import expectation
-from runtime.spc.expectation import CLIP, COUNTS, ShiryaevRoberts, bin_of, load
+from runtime.spc.expectation import CLIP, ShiryaevRoberts, bin_of, load
 from runtime.spc.history import History, Part, Squeezed
-from runtime.spc.monitor import watch
-from runtime.table import Calibration
+from runtime.table import COUNTS, Calibration
 
 TABLE = table()
 DIGEST = "0" * 64
@@ -67,7 +66,7 @@ def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expect
 
 def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     rng = np.random.default_rng(5)
-    found = list(watch(history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected))
+    found = watch(history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected)
     assert all(alarm.place >= 300 for alarm in found)
     assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in found)
 
@@ -126,6 +125,6 @@ def test_file_that_is_none(tmp_path):
 
 def test_expectation_of_another_table_is_refused(expected):
     parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
-    assert list(watch(History(TABLE, parts, DIGEST), expected)) == []
+    assert watch(History(TABLE, parts, DIGEST), expected) == []
     with pytest.raises(ArgumentsError, match="another table"):
-        list(watch(History(TABLE, parts, "1" * 64), expected))
+        watch(History(TABLE, parts, "1" * 64), expected)

@@ -16,11 +16,10 @@ from histories import LESS, TREE, drawn, expectation_document, history, table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import ArgumentsError, JournalError
-from runtime.spc import export
 from runtime.spc import history as reading
-from runtime.spc.page import page
-from runtime.spc.series import GROUP, all_series, failures, thinned
-from runtime.spc.summary import moments, summarise
+from runtime.spc.command import COLUMNS, rows
+from runtime.spc.page import MOST_POINTS, page, thinned
+from runtime.spc.summary import GROUP, failures, moments, summarise
 from runtime.table import dumps, load
 
 TABLE = table()
@@ -118,7 +117,7 @@ def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
             journal.record("outcome", {"part": part.number, "outcome": "leaf", "leaf": part.leaf})
     found = reading.read([tmp_path / "a.jsonl"])
     assert {(part.verdict, part.residual) for part in found.parts} == {("pass", None)}
-    assert "Nothing was measured" in page("t", summarise(found), all_series(found))
+    assert "Nothing was measured" in page("t", summarise(found))
 
 
 def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
@@ -196,7 +195,7 @@ def test_moments_are_the_samples():
 def test_success_that_is_not_the_predicted_one_is_told():
     told = summarise(history(TABLE, parts_of(300, fail_rate=0.2)))
     assert not told.agrees
-    assert "not as predicted" in page("t", told, ())
+    assert "not as predicted" in page("t", told)
 
 
 def test_p_chart_groups_parts_and_draws_a_limit_that_chance_keeps():
@@ -210,7 +209,7 @@ def test_thinned_line_keeps_its_extremes():
     values = [0.0] * 5000
     values[1234] = -7.0
     kept = thinned(values)
-    assert len(kept) <= 1200
+    assert len(kept) <= MOST_POINTS
     assert (1234, -7.0) in kept
     assert thinned([1.0, 2.0]) == [(0, 1.0), (1, 2.0)]
 
@@ -236,7 +235,7 @@ class Balanced(HTMLParser):
 def test_page_is_whole_and_needs_no_network():
     rng = np.random.default_rng(4)
     found = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=1000.0))
-    text = page("a < b", summarise(found), all_series(found))
+    text = page("a < b", summarise(found))
     parser = Balanced()
     parser.feed(text)
     assert parser.open == []
@@ -270,9 +269,9 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
     assert told["alarms"] == []
     assert (tmp_path / "r.html").read_text().startswith("<!DOCTYPE html>")
     with (tmp_path / "p.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [int(row["part"]) for row in rows] == list(range(60))
-    assert tuple(rows[0]) == export.COLUMNS
+        found = list(csv.DictReader(file))
+    assert [int(row["part"]) for row in found] == list(range(60))
+    assert tuple(found[0]) == COLUMNS
 
 
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
@@ -286,7 +285,7 @@ def test_parquet_holds_the_same_as_csv(journal, tmp_path):
     parquet = importlib.import_module("pyarrow.parquet")
     assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 0
     found = parquet.read_table(tmp_path / "p.parquet").to_pylist()
-    assert found == list(export.rows(reading.read([journal]).parts, {}))
+    assert found == list(rows(reading.read([journal]).parts, {}))
 
 
 @pytest.mark.parametrize(
@@ -308,9 +307,8 @@ def test_mistakes_are_told_in_one_line(journal, tmp_path, monkeypatch, capsys, w
 
 def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    found = reading.read([journal])
-    with pytest.raises(ArgumentsError, match=r"install squeezetree\[parquet\]"):
-        export.write(export.rows(found.parts, {}), tmp_path / "p.parquet")
+    assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 2
+    assert "install squeezetree[parquet]" in capsys.readouterr().err
 
 
 def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):

@@ -15,8 +15,9 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.fit import read_poses
 from drivers.camera.errors import CameraFileError
 from drivers.camera.vision import tag_file
-from drivers.camera.vision.plane import compose
+from drivers.planar import compose
 from drivers.sim.camera.render import Flaws, render
+from drivers.sim.physics.tabletop import Look
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def studio(tmp_path_factory):
     for number, part in enumerate(
         [(-60.0, -20.0, 0.4), (60.0, -30.0, 2.0), (0.0, 40.0, -1.0), (-50.0, 40.0, 3.0)]
     ):
-        cv2.imwrite(str(folder / f"part-{number}.png"), shown.picture(part, rng))
+        cv2.imwrite(str(folder / f"part-{number}.png"), shown.seen(Look(part), rng))
         lines.append(f"part-{number}.png,{part[0]},{part[1]},{part[2]}")
         x, y, _ = compose(part, shown.on_part)
         lines.append(f"# {x},{y}")
@@ -42,7 +43,7 @@ def studio(tmp_path_factory):
     spots = [line[2:] for line in lines if line.startswith("#")]
     touched = ["picture,x_mm,y_mm", *(f"part-{k}.png,{spot}" for k, spot in enumerate(spots))]
     (folder / "touched.csv").write_text("\n".join(touched) + "\n")
-    cv2.imwrite(str(folder / "empty.png"), shown.picture(None, rng))
+    cv2.imwrite(str(folder / "empty.png"), shown.seen(Look(None), rng))
     return folder
 
 

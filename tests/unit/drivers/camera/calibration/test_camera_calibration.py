@@ -14,7 +14,7 @@ from drivers.camera.calibration.fit import load_picture
 from drivers.camera.errors import CalibrationRefusedError, CameraFileError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import Board, parse
-from drivers.camera.vision.plane import compose, inverse
+from drivers.planar import compose, relative
 from drivers.sim.camera.cards import board_cells, lying
 
 
@@ -24,8 +24,8 @@ def views(noise_px=0.05, seed=1):
 
 
 def made_view(found):
-    view = table_fit.stand(found.lens, found.poses[0], from_below=True)
-    return view.moved(inverse(ON_TABLE))
+    view = table_fit.stand(found.lens, found.pose, from_below=True)
+    return view.moved(relative(ON_TABLE, (0.0, 0.0, 0.0)))
 
 
 # -- the fit --------------------------------------------------------------------------------------
@@ -34,7 +34,7 @@ def made_view(found):
 def test_exact_corners_give_back_the_camera():
     found = lens_fit.fit(views(noise_px=0.0), SIZE)
     assert found.rms_px < 0.005
-    assert np.abs(found.lens.parameters[:4] - VIEW.lens.parameters[:4]).max() < 0.05
+    assert np.abs(found.lens.matrix - VIEW.lens.matrix).max() < 0.05
     where, pixels = places()
     assert np.hypot(*(made_view(found).on_plane(pixels) - where).T).max() < 0.01
 
@@ -48,7 +48,7 @@ def test_trust_is_as_large_as_the_errors_are():
         found = lens_fit.fit(views(seed=seed), SIZE)
         view = made_view(found)
         off = np.hypot(*(view.on_plane(pixels) - where).T)
-        trust = table_fit.trust(found, view, True, 0.0, inverse(ON_TABLE))
+        trust = table_fit.trust(found, view, 0.0, relative(ON_TABLE, (0.0, 0.0, 0.0)))
         ratios.append(np.mean([(e / trust.at(*p)) ** 2 for e, p in zip(off, where, strict=True)]))
     assert 0.4 < np.mean(ratios) < 2.0
 
@@ -75,7 +75,7 @@ def test_camera_above_finds_itself_above():
     )
     stands = table_fit.stand(view.lens, np.concatenate([turn, shift]).ravel(), from_below=False)
     assert not stands.from_below
-    assert np.abs(stands.moved(inverse(ON_TABLE)).eye - optics.eye_mm).max() < 0.01
+    assert np.abs(stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye - optics.eye_mm).max() < 0.01
 
 
 def test_alignment_finds_the_arms_frame_and_how_well_it_fits():

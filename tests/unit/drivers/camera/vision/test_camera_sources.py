@@ -1,8 +1,10 @@
 """Pictures come from folders and networks, each within its deadline, and always of now."""
 
+import contextlib
 import socket
 import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import cv2
 import numpy as np
@@ -39,8 +41,35 @@ def counter():
 
 @pytest.fixture
 def server(counter):
-    with CameraServer(counter, period_s=0.02) as running:
+    with CameraServer(counter) as running:
         yield running
+
+
+class Streaming(BaseHTTPRequestHandler):
+    """A network camera that sends one JPEG after the other."""
+
+    def do_GET(self):
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=next")
+        self.end_headers()
+        with contextlib.suppress(ConnectionError):
+            while not self.server.stopped.wait(0.02):
+                data = self.server.take()
+                head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
+                self.wfile.write(head.encode("ascii") + data + b"\r\n")
+
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture
+def stream_url(counter):
+    with ThreadingHTTPServer(("127.0.0.1", 0), Streaming) as server:
+        server.take, server.stopped = counter, threading.Event()
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/stream.mjpg"
+        server.stopped.set()
+        server.shutdown()
 
 
 def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
@@ -103,8 +132,8 @@ def test_address_without_a_picture_is_told(server):
         open_source(server.url.replace("picture", "else")).picture(soon())
 
 
-def test_stream_shows_what_was_taken_after_the_question(server, counter):
-    source = open_source(server.stream_url)
+def test_stream_shows_what_was_taken_after_the_question(stream_url, counter):
+    source = open_source(stream_url)
     assert isinstance(source, Stream)
     try:
         source.picture(soon())

@@ -15,11 +15,12 @@ from drivers.camera.calibration import command as calibrate_command
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import decoded
+from drivers.planar import compose
 from drivers.sim import cli
 from drivers.sim.camera import album
 from drivers.sim.errors import SimulationError
 from drivers.sim.faults import Channel, Desk, Fault, Listed
-from drivers.sim.physics.tabletop import BESIDE, Look, TableTop, compose
+from drivers.sim.physics.tabletop import BESIDE, Look, TableTop
 
 pytestmark = pytest.mark.slow
 
@@ -125,7 +126,7 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     made, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in made.references] == [580, 581, 582]
-    answer = Auditor(Once(RIG.picture(POSE, np.random.default_rng(4))), made, Subject(GOAL, tag)).audit(
+    answer = Auditor(Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, Subject(GOAL, tag)).audit(
         1, POSE, 0.0
     )
     assert answer.verdict == PASS

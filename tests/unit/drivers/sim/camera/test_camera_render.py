@@ -1,20 +1,23 @@
 """The simulated camera is honest: edges fall where they are, and each flaw does what it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from cameras import SIZE, camera, rig
+from cameras import SIZE, camera, rig, stain
 
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import BEHIND_TONE, Flaws, compressed, render
+from drivers.sim.physics.tabletop import Look
 
 CLEAN = Flaws(blur_px=0.0, noise=0.0, gain=0.9, gradient=0.0, jpeg_quality=None)
 STRAIGHT = webcam((0.0, 0.0, -300.0), size=SIZE)
 WHITE = np.ones((2, 2), np.uint8)
 
 
-def taken(cards, flaws=CLEAN, optics=STRAIGHT, seed=0, occluders=()):
-    return render(optics, cards, flaws, np.random.default_rng(seed), occluders)
+def taken(cards, flaws=CLEAN, optics=STRAIGHT, seed=0):
+    return render(optics, cards, flaws, np.random.default_rng(seed))
 
 
 def test_corner_rays_come_back_to_their_pixels():
@@ -64,8 +67,10 @@ def test_blur_spreads_an_edge_without_moving_light():
 
 def test_motion_smears_along_its_way_only():
     def smeared(axis, speed):
-        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0, speed_mm=speed)
-        steps = np.abs(np.diff(taken([card]).astype(float), axis=axis))
+        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
+        steps = np.abs(
+            np.diff(taken([replace(card, speed_mm=np.array([*speed, 0.0]))]).astype(float), axis=axis)
+        )
         return steps.max()
 
     still = smeared(1, (0.0, 0.0))
@@ -73,16 +78,16 @@ def test_motion_smears_along_its_way_only():
     assert smeared(1, (0.0, 3.0)) > 0.9 * still
 
 
-def test_occluder_hides_what_lies_on_the_table():
+def test_card_hides_what_was_laid_down_before_it():
     card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
-    half = np.array([(0.0, -40.0), (40.0, -40.0), (40.0, 40.0), (0.0, 40.0)])
-    open_, covered = taken([card]).astype(float), taken([card], occluders=(half,)).astype(float)
+    half = stain((20.0, 0.0, 0.0), (40.0, 80.0))
+    open_, covered = taken([card]).astype(float), taken([card, half]).astype(float)
     left, right = (STRAIGHT.project(np.array([[x, 0.0, 0.0]]))[0].round().astype(int) for x in (-8.0, 8.0))
     assert covered[left[1], left[0]] == open_[left[1], left[0]]
     assert covered[right[1], right[0]] < 0.5 * open_[right[1], right[0]]
 
 
 def test_compression_loses_little_at_high_quality_and_more_at_low():
-    picture = rig(camera()).picture((0.0, 0.0, 0.3), np.random.default_rng(1))
+    picture = rig(camera()).seen(Look((0.0, 0.0, 0.3)), np.random.default_rng(1))
     lost = [np.abs(compressed(picture, q).astype(float) - picture).mean() for q in (95, 60, 20)]
     assert lost[0] < lost[1] < lost[2]

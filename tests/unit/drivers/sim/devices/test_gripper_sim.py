@@ -4,8 +4,7 @@ import random
 
 import pytest
 
-from drivers.robotiq.registers import OUTPUT_FIELDS, pack, speed_mm_s
-from drivers.robotiq.state import decode
+from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack, speed_mm_s
 from drivers.sim.devices.gripper import CYCLE_S, GripperModel
 from drivers.sim.devices.jaws import Jaws
 

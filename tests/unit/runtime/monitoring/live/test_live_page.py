@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Callable
+from functools import partial
 
 import pytest
 from grown_tables import grown_table
@@ -10,16 +12,15 @@ from sample_tables import every_field_table, small_table, with_job
 
 from runtime.errors import ArgumentsError
 from runtime.monitoring.live import page, server
-from runtime.monitoring.live.answers import Answers
-from runtime.monitoring.live.server import Address
+from runtime.monitoring.live.server import Address, answer
 from runtime.monitoring.status import Status
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
-LOCAL = Answers(PAGES, local=True)
-OPEN = Answers(PAGES, local=False)
+LOCAL = partial(answer, PAGES, local=True)
+OPEN = partial(answer, PAGES, local=False)
 
 
-def told(answers: Answers, asked: str) -> tuple[int, str, bytes]:
+def told(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, bytes]:
     """Code, head and body of an answer."""
     head, _, body = answers(asked.encode("latin-1")).partition(b"\r\n\r\n")
     return int(head.split()[1]), head.decode(), body

@@ -7,7 +7,7 @@ import struct
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from sample_tables import small_table
@@ -16,7 +16,6 @@ from runtime.errors import ArgumentsError
 from runtime.monitoring import http_server
 from runtime.monitoring.http_server import MOST_CLIENTS
 from runtime.monitoring.live import page
-from runtime.monitoring.live.answers import Answers
 from runtime.monitoring.live.server import Address, PageServer
 from runtime.monitoring.status import Status
 
@@ -28,7 +27,7 @@ WAIT_S = 20
 @pytest.fixture
 def serving() -> Iterator[PageServer]:
     found = page.pages(small_table(), "small.msgpack", Status("small.msgpack", "ab" * 32, 958_000))
-    with PageServer(FREE, Answers({**found, "/large": ("text/plain", lambda: LARGE)}, local=True)) as running:
+    with PageServer(FREE, {**found, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
 
 
@@ -39,6 +38,14 @@ def connected(running: PageServer) -> socket.socket:
 def fetched(running: PageServer, path: str) -> bytes:
     with urllib.request.urlopen(f"http://{running.address}{path}", timeout=WAIT_S) as answer:
         return bytes(answer.read())
+
+
+def wait_until(condition: Callable[[], object]) -> bool:
+    for _ in range(400):
+        if condition():
+            return True
+        threading.Event().wait(0.05)
+    return False
 
 
 def test_a_client_of_the_library_reads_every_page(serving: PageServer) -> None:
@@ -82,11 +89,7 @@ def test_who_says_or_takes_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch,
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps for who does not read
         assert silent.recv(1) == b""
-        for _ in range(200):
-            if not serving._clients:
-                break
-            threading.Event().wait(0.05)
-        assert not serving._clients
+        assert wait_until(lambda: not serving._clients)
     assert fetched(serving, "/status.json")
 
 
@@ -100,23 +103,24 @@ def test_one_client_too_many_ends_the_oldest(serving: PageServer) -> None:
 
 
 def test_its_end_ends_all_connections_and_frees_the_port() -> None:
-    running = PageServer(FREE, Answers({}, local=True))
+    running = PageServer(FREE, {})
     with connected(running) as client:
+        assert wait_until(lambda: running._clients)
         running.close()
         assert client.recv(1) == b""
-    with PageServer(running.address, Answers({}, local=True)) as again:
+    with PageServer(running.address, {}) as again:
         assert again.address == running.address
     assert not [thread for thread in threading.enumerate() if thread.name == "http"]
 
 
 def test_it_listens_on_ipv6_as_well() -> None:
-    with PageServer(Address("::1", 0), Answers({"/": ("text/plain", lambda: b"six")}, local=True)) as running:
+    with PageServer(Address("::1", 0), {"/": ("text/plain", lambda: b"six")}) as running:
         assert fetched(running, "/") == b"six"
 
 
 def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
     with pytest.raises(ArgumentsError, match="in use; name another port, or 0 for a free one") as refused:
-        PageServer(serving.address, Answers({}, local=True))
+        PageServer(serving.address, {})
     assert str(serving.address) in str(refused.value)
     assert refused.value.exit_code == 2
 
@@ -127,10 +131,10 @@ def test_a_port_for_root_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
     with pytest.raises(ArgumentsError, match="ports below 1024 are for root; take one above"):
-        PageServer(Address("127.0.0.1", 80), Answers({}, local=True))
+        PageServer(Address("127.0.0.1", 80), {})
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "x" * 300, "no..name"])
 def test_an_address_of_another_machine_or_of_none_is_one_line(host: str) -> None:
     with pytest.raises(ArgumentsError, match="name an address of this machine, or the port alone"):
-        PageServer(Address(host, 0), Answers({}, local=True))
+        PageServer(Address(host, 0), {})

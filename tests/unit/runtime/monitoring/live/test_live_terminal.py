@@ -5,6 +5,7 @@ import io
 import os
 import pty
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,7 @@ def fed() -> Status:
     second = Step(2, 1, table.nodes[1].squeeze, 174, 20_969, ~1, None)
     for step in (first, second):
         status.step(step)
-    status.part(PartResult.of(1, Outcome.LEAF, [first, second], None).audited("pass"))
+    status.part(replace(PartResult.of(1, Outcome.LEAF, [first, second], None), audit="pass"))
     status.phase(2, Phase.SQUEEZE, 0)
     status.step(first)
     status.phase(2, Phase.PLACE, 1)

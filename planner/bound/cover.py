@@ -1,0 +1,181 @@
+"""At most how many poses one prediction can locate: an upper bound of the mode, by branch and bound.
+
+`planner.belief.metric` climbs to a good pose, which proves nothing about the best one. Here a box that holds
+every prediction in question is covered with cells. No prediction q of a cell about g with radius e, the
+greatest distance of g to a pose of the cell, locates more poses than lie within goal + e of g: d(p, q) < goal
+and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat what is found already are dropped, the
+others cut in two until e is a hundredth of the goal.
+
+Lengths are in units of the goal, so that it is 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.metric import largest_mode
+from planner.kernel import kernel
+
+LEAST_SHARE = 0.75
+"""Where no prediction locates this share of a group, only that is found out. It is above a half."""
+INFLATION = 0.01
+"""Radius of a cell that is not cut any more: by so much the goal is too wide at most."""
+MOST_CELLS = 20000
+"""Cells looked at; the bound holds wherever the search ends, and more make it tighter."""
+
+
+def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> IntArray:
+    """For each group of poses, at most how many of them are within the goal of any one pose.
+
+    Args:
+        poses: (n, 3) the groups one after the other [mm, mm, rad].
+        start: (k + 1,) where each begins, then n; none is empty.
+        weights: (4,) of the metric (`Metric.weights`).
+        order: rotational order of the part.
+
+    Returns:
+        (k,) counts, never too small; nearly `LEAST_SHARE` of the group where that is more than any locates.
+    """
+    found = np.zeros(len(start) - 1, np.int64)
+    _most_located(np.ascontiguousarray(poses), start, weights, order, found)
+    return found
+
+
+@kernel
+def _most_located(poses: Array, start: IntArray, weights: Array, order: int, found: IntArray) -> None:
+    """`most_located`, with `found` (k,) in place."""
+    largest = 1
+    for k in range(found.shape[0]):
+        largest = max(largest, start[k + 1] - start[k])
+    local, column, stack, pose = np.empty((largest, 3)), np.empty(largest), np.empty((64, 7)), np.empty(3)
+    for k in range(found.shape[0]):
+        group = poses[start[k] : start[k + 1]]
+        n = group.shape[0]
+        best = round(largest_mode(group, weights, order, pose) * n)
+        least = int(np.ceil(LEAST_SHARE * n))
+        if best == n:
+            found[k] = n
+        elif _localise(group, weights, 2.0 * np.pi / order, least, local[:n], column[:n]):
+            found[k] = _search(local[:n], column[:n], weights, order, max(best, least - 1), least, stack)
+        else:
+            found[k] = max(best, least - 1)
+
+
+@kernel
+def _localise(poses: Array, weights: Array, period: float, least: int, local: Array, column: Array) -> bool:
+    """Poses in units of the goal, their angles about the middle of the window, two goals wide, that has most.
+
+    Args:
+        poses: (n, 3).
+        weights: (4,) of the metric.
+        period: of the angle [rad].
+        least: poses that a prediction must locate to matter, more than half of them.
+        local: receives the poses (n, 3).
+        column: (n,) work space.
+
+    Returns:
+        Whether the window has that many poses. If so, every prediction that matters shares poses with it, and
+        its angle lies within two goals of the middle.
+    """
+    n = poses.shape[0]
+    turn = weights[3] * period
+    for i in range(n):
+        local[i, 0], local[i, 1] = weights[1] * poses[i, 0], weights[2] * poses[i, 1]
+        angle = weights[3] * poses[i, 2]
+        column[i] = angle - turn * np.floor(angle / turn)
+    column.sort()
+    middle, most, stop = 0.0, 0, 0
+    for i in range(n):
+        while stop < i + n and column[stop % n] + turn * (stop // n) <= column[i] + 2.0:
+            stop += 1
+        if stop - i > most:
+            most, middle = stop - i, column[i] + 1.0
+    for i in range(n):
+        angle = weights[3] * poses[i, 2] - middle
+        local[i, 2] = angle - turn * np.round(angle / turn)
+    return most >= least
+
+
+@kernel
+def _search(
+    local: Array, column: Array, weights: Array, order: int, best: int, least: int, stack: Array
+) -> int:
+    """Branch and bound over the predictions that may locate more than `best` poses.
+
+    Args:
+        local: (n, 3) poses as `_localise` leaves them.
+        column: (n,) work space.
+        weights: (4,) of the metric.
+        order: rotational order of the part.
+        best: what to beat, the poses that some prediction locates or least - 1.
+        least: poses that a prediction must locate to matter.
+        stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it.
+
+    Returns:
+        At least the most that any prediction locates, or `best`.
+    """
+    n = local.shape[0]
+    turn = weights[3] * 2.0 * np.pi / order
+    for axis in range(2):
+        for i in range(n):
+            column[i] = local[i, axis]
+        column.sort()
+        # A prediction has `least` poses less than one goal to either side.
+        low, high = column[least - 1] - 1.0, column[n - least] + 1.0
+        if low > high:
+            return best
+        stack[0, axis] = 0.5 * (low + high)
+        stack[0, 3 + axis] = 0.5 * (high - low) if weights[1 + axis] > 0.0 else 0.0
+    stack[0, 2], stack[0, 5], stack[0, 6] = 0.0, min(2.0, 0.5 * turn), n
+    size, cells = 1, 0
+    while size > 0:
+        size -= 1
+        if stack[size, 6] <= best:
+            continue
+        x, y, angle, a, b, c = stack[size, :6]
+        radius = np.hypot(a, b) + c if weights[0] > 0.0 else max(a, b, c)
+        if radius <= INFLATION or cells >= MOST_CELLS:
+            best = max(best, int(stack[size, 6]))
+            continue
+        if a >= b and a >= c:
+            a *= 0.5
+            dx, dy, dz = a, 0.0, 0.0
+        elif b >= c:
+            b *= 0.5
+            dx, dy, dz = 0.0, b, 0.0
+        else:
+            c *= 0.5
+            dx, dy, dz = 0.0, 0.0, c
+        radius = np.hypot(a, b) + c if weights[0] > 0.0 else max(a, b, c)
+        cells += 2
+        first = size
+        for side in (-1.0, 1.0):
+            middle = x + side * dx, y + side * dy, angle + side * dz
+            inner, outer = _count(local, middle, weights[0] > 0.0, turn, 1.0 + radius)
+            best = max(best, inner)
+            stack[size, 0], stack[size, 1], stack[size, 2] = middle
+            stack[size, 3], stack[size, 4], stack[size, 5], stack[size, 6] = a, b, c, outer
+            size += 1
+        if stack[first, 6] > stack[first + 1, 6]:  # the more promising is looked at first
+            for j in range(7):
+                stack[first, j], stack[first + 1, j] = stack[first + 1, j], stack[first, j]
+    return best
+
+
+@kernel
+def _count(
+    local: Array, middle: tuple[float, float, float], added: bool, turn: float, reach: float
+) -> tuple[int, int]:
+    """How many poses lie within 1 of `middle`, and how many within `reach`."""
+    inner, outer = 0, 0
+    for i in range(local.shape[0]):
+        dx, dy = local[i, 0] - middle[0], local[i, 1] - middle[1]
+        dz = abs(local[i, 2] - middle[2])
+        dz = min(dz, abs(turn - dz))
+        distance = np.sqrt(dx * dx + dy * dy) + dz if added else max(abs(dx), abs(dy), dz)
+        if distance < reach:
+            outer += 1
+            if distance < 1.0:
+                inner += 1
+    return inner, outer

@@ -1,0 +1,136 @@
+"""From histories to a bound: a Lagrangian relaxation, and what a sample proves about it.
+
+A plan of the class below costs, on a sample, at least the least cost L of any plan where every part that is
+claimed and not located costs a price more. The price is a multiplier of the class's constraint; the best plan
+without the constraint is found history by history. A plan is fixed before the sample is drawn, so Chernoff's
+inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
+
+    P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
+
+says how far the sample may flatter that one plan; the prices may be chosen afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.bound.histories import Level
+
+PRICES = np.geomspace(1.0, 2000.0, 100)
+"""Squeezes that a part is worth which is claimed and not located."""
+BISECTIONS = 60
+EVENTS = 4
+"""Inequalities that must hold at once: for either class one of its constraint, one of its mean."""
+
+
+class Term(NamedTuple):
+    """The bound for one class of plans.
+
+    Attributes:
+        squeezes: any plan of the class takes as many on average, or more.
+        estimate: the same without the allowance for the sample.
+        price: of a part that is claimed and not located [squeezes].
+    """
+
+    squeezes: float
+    estimate: float
+    price: float
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return self._asdict()
+
+
+def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
+    """The bound for plans that are right with a probability at each leaf.
+
+    Args:
+        levels: the histories.
+        confidence: share of the parts of each leaf with a claim that it locates.
+        success: share of all parts that end in such leaves, at least.
+        certainty: probability with which all terms hold.
+    """
+    depth, n = len(levels) - 1, int(levels[0].size.sum())
+    error = (1.0 - certainty) / EVENTS
+    excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
+    costs = np.array([least_cost(levels, price, confidence) for price in PRICES])
+    unclaimed = depth * (1.0 - success)
+    return _best(costs, costs - PRICES * excess, depth, n, error, unclaimed)
+
+
+def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
+    """The bound for plans that locate a share of all parts.
+
+    Args:
+        levels: the histories.
+        success: that share, at least.
+        certainty: probability with which all terms hold.
+    """
+    depth, n = len(levels) - 1, int(levels[0].size.sum())
+    error = (1.0 - certainty) / EVENTS
+    costs = np.array([least_cost(levels, price, 1.0) for price in PRICES])
+    failing = upper_tail(1.0 - success, n, error)
+    return _best(costs - PRICES * (1.0 - success), costs - PRICES * failing, depth, n, error, 0.0)
+
+
+def least_cost(levels: list[Level], price: float, confidence: float) -> float:
+    """Least mean cost of any plan on the sample: squeezes, and a price for what claims miss.
+
+    A claim of n parts of which m are located costs price (confidence n - m). After the last level every part
+    costs one squeeze more, and is taken for located.
+
+    Args:
+        levels: the histories.
+        price: of a part that is claimed and not located [squeezes].
+        confidence: share of the claimed parts from which claims cost nothing.
+    """
+    last = levels[-1]
+    cost = np.minimum(last.size, price * (confidence * last.size - last.located))
+    for level, longer in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        of_option = np.bincount(longer.option, cost) / longer.times
+        onward = level.size + np.minimum.reduceat(of_option, level.first)
+        cost = np.minimum(onward, price * (confidence * level.size - level.located))
+    return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
+
+
+def _best(estimates: Array, sampled: Array, depth: int, n: int, error: float, unclaimed: float) -> Term:
+    """The greatest bound over all prices: a mean of n numbers between 1 and depth + 1, less `unclaimed`."""
+    k = int(np.argmax(sampled))
+    share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
+    bound = 1.0 + depth * least_mean(share, n, error) - unclaimed
+    return Term(max(bound, 1.0), max(float(estimates.max()) - unclaimed, 1.0), float(PRICES[k]))
+
+
+def divergence(x: float, mean: float) -> float:
+    """Kullback-Leibler divergence of a coin of probability x from one of `mean`, both in [0, 1]."""
+    parts = [(x, mean), (1.0 - x, 1.0 - mean)]
+    if any(a > 0.0 and b <= 0.0 for a, b in parts):
+        return math.inf
+    return sum(a * math.log(a / b) for a, b in parts if a > 0.0)
+
+
+def upper_tail(mean: float, n: int, error: float) -> float:
+    """What a sample mean of n numbers in [0, 1] with at most this mean exceeds with probability <= error."""
+    return _crossing(lambda x: n * divergence(x, mean), mean, 1.0, error)
+
+
+def least_mean(sample: float, n: int, error: float) -> float:
+    """The least mean of n numbers in [0, 1] that reach this sample mean with probability > error."""
+    return _crossing(lambda x: n * divergence(sample, x), sample, 0.0, error)
+
+
+def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
+    """Where exp(-exponent), 1 at the start, falls to `error` on the way to the end, or the end."""
+    near, far = start, end
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (near + far)
+        if exponent(middle) <= -math.log(error):
+            near = middle
+        else:
+            far = middle
+    return far

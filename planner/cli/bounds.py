@@ -1,0 +1,42 @@
+"""--bound: the certificate that plan-compile and plan-report show."""
+
+from __future__ import annotations
+
+import argparse
+
+from planner.bound.certificate import MOST_PARTS, PARTS, Certificate, certify
+from planner.job.model import Job
+from planner.work.progress import Report, silent
+from runtime.shell import command
+from runtime.table import Table
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options that ask for a certificate; `bound_of` reads them."""
+    parser.add_argument(
+        "--bound", nargs="?", const=PARTS, type=_parts, metavar="PARTS",
+        help="prove how many squeezes any plan as good takes at least, on a sample of so many parts "
+        f"(default: {PARTS}); takes seconds to minutes, and more parts prove more",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bound-dense",
+        action="store_true",
+        help="the same for plans that may also squeeze every 15 degrees, off centre too",
+    )
+
+
+def bound_of(
+    arguments: argparse.Namespace, job: Job, table: Table, workers: int | None = None, report: Report = silent
+) -> Certificate | None:
+    """The certificate that the options ask for, if they do; the other arguments as of `certify`."""
+    if not (arguments.bound or arguments.bound_dense):
+        return None
+    return certify(job, table, arguments.bound or PARTS, arguments.bound_dense, workers, report)
+
+
+def _parts(text: str) -> int:
+    """The size of a certificate's sample, for argparse."""
+    parts = command.positive_int(text)
+    if parts > MOST_PARTS:
+        raise argparse.ArgumentTypeError(f"{parts} is more than {MOST_PARTS}, which proves enough")
+    return parts

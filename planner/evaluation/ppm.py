@@ -1,0 +1,348 @@
+"""Rare wrong answers of a table, in parts per million: millions of trials, kept as sums, with upper bounds.
+
+Trials are run in chunks whose sums do not depend on who ran them, so a study is resumed from the sums of the
+chunks before. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
+copies of equal weight: the mechanics of the squeezes to come are drawn afresh for each, so sums of weights
+stay unbiased while a rare leaf is judged by many more outcomes. Factors are powers of two: sums are exact.
+
+The weight of one part's wrong copies lies between 0 and 1 whatever the splitting, and parts are independent:
+all that the bounds ask for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import betaln, xlog1py, xlogy
+
+from planner.arrays import Array, IntArray
+from planner.belief.observation import encoder_of
+from planner.belief.particles import initial
+from planner.errors import InputFileError
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.judge import judge
+from planner.evaluation.trials import DISMISSED, Program, step
+from planner.job.model import Job
+from planner.work.scheduler import Scheduler
+from planner.world import World, Worlds
+from runtime.shell import strict_json
+from runtime.shell.files import writing
+from runtime.table import PPM, Table
+
+CHUNK = 10_000
+SEED_PPM = 0x50504D
+ERROR = 0.05
+"""Chance that a bound is ever wrong, however often a study is looked at and gone on with."""
+PRIOR = 0.5, 1e4
+"""Of the beta mixture: bounds are tightest for rates about 50 ppm, which integrators ask for."""
+SPLIT_BELOW = 0.004
+"""Share of the parts below which a node counts as rare: its copies make up what is missing."""
+MOST_COPIES = 64
+BATCH = 20
+"""Chunks between two yields of `continued`."""
+MOST_ROWS = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sums:
+    """What a number of parts came to. Weights of split copies add up to one a part."""
+
+    parts: int  # how many.
+    visits: Array  # (L,) weight that ended in each leaf.
+    wrong: Array  # (L,) weight that ended there, the leaf resolved, but not within the goal.
+    squares: Array  # (L + 1,) sum over parts of the square of that weight; the last for all leaves together.
+    rejected: float  # weight whose width fitted no branch.
+    squeezes: float  # weighted number.
+
+    @classmethod
+    def none(cls, leaves: int) -> Self:
+        """Of no parts, for a table of so many leaves."""
+        return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0)
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(*(getattr(self, name) + getattr(other, name) for name in NAMES))
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {name: np.asarray(getattr(self, name)).tolist() for name in NAMES}
+
+    @classmethod
+    def of_document(cls, document: dict[str, Any], leaves: int) -> Self:
+        """From `document`.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is not one, or of another number of leaves.
+        """
+        empty, row = cls.none(leaves), {name: np.array(document[name], np.float64) for name in NAMES}
+        if any(row[name].shape != np.shape(getattr(empty, name)) for name in NAMES):
+            raise ValueError("sums of another table")
+        arrays = row["visits"], row["wrong"], row["squares"]
+        return cls(int(row["parts"]), *arrays, float(row["rejected"]), float(row["squeezes"]))
+
+
+NAMES = tuple(field.name for field in fields(Sums))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """What all chunks have in common; called with the number of one, in whatever process."""
+
+    program: Program  # the table.
+    job: Job  # what parts and gripper are like in truth.
+    worlds: Worlds  # where parts are squeezed, a world a chunk.
+    seed: int  # of all randomness.
+    # (N,) copies of a part at each node, all its ancestors' splitting included; powers of two.
+    copies: IntArray
+    disturbance: Disturbance  # errors of the cell.
+
+    def identity(self, world: str) -> str:
+        """What makes a study this one: a digest of all that its sums depend on.
+
+        Args:
+            world: the world and its changes, in words.
+        """
+        parts = [self.program.table, self.job.digest(), world, self.seed, CHUNK, self.copies.tolist()]
+        return hashlib.sha256(repr([*parts, self.disturbance]).encode()).hexdigest()
+
+    def __call__(self, chunk: int) -> Sums:
+        """The sums of a chunk of `CHUNK` parts."""
+        rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
+        return self._sums(initial(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
+
+    def _sums(self, poses: Array, world: World, rng: np.random.Generator) -> Sums:
+        program, encoder = self.program, encoder_of(self.job)
+        parts, leaves = len(poses), len(program.table.leaves)
+        part, node = np.arange(parts), np.zeros(parts, np.int64)
+        ends: list[tuple[IntArray, IntArray, Array, Array]] = []
+        rejected = squeezes = 0.0
+        while len(node):
+            weight = 1.0 / self.copies[node]
+            placement = self.disturbance.placed(program.placement[node], rng)
+            offset_mm = self.disturbance.encoder_offset_mm
+            made = step(program, node, poses, placement, world, encoder, rng, offset_mm)
+            squeezes += float(weight.sum())
+            rejected += float(weight[made.target == DISMISSED].sum())
+            ended = (made.target < 0) & (made.target != DISMISSED)
+            ends.append((part[ended], ~made.target[ended], weight[ended], made.released[ended]))
+            on = made.target >= 0
+            times = self.copies[made.target[on]] // self.copies[node[on]]
+            part, node = np.repeat(part[on], times), np.repeat(made.target[on], times)
+            poses = np.repeat(made.released[on], times, axis=0)
+        part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
+        resolved = np.array([known.resolved for known in program.table.leaves])
+        wrong = resolved[leaf] & ~judge(program.table, leaf, poses).within
+        return Sums(
+            parts=parts,
+            visits=_sum(leaf, weight, leaves),
+            wrong=_sum(leaf[wrong], weight[wrong], leaves),
+            squares=_squares(part[wrong], leaf[wrong], weight[wrong], leaves),
+            rejected=rejected,
+            squeezes=squeezes,
+        )
+
+
+def _sum(group: IntArray, weight: Array, groups: int) -> Array:
+    """(groups,) the weight in each."""
+    return np.asarray(np.bincount(group, weight, groups), np.float64)  # of integers where there is none
+
+
+def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
+    """Sums of squares of each part's weight, for each leaf and (last) for all of them."""
+    key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
+    once = _sum(inverse, weight, len(key))
+    whole = _sum(part, weight, 0)
+    return np.append(_sum(key % leaves, once**2, leaves), (whole**2).sum())
+
+
+def copies_of(table: Table) -> IntArray:
+    """How many copies of a part are followed at each node, by the shares that the table predicts.
+
+    Args:
+        table: N nodes, children after their parents.
+
+    Returns:
+        (N,) powers of two, 1 at the root, never fewer than at the parent.
+    """
+    share, copies = np.ones(len(table.nodes)), np.ones(len(table.nodes), np.int64)
+    for index, node in enumerate(table.nodes):
+        for branch in node.branches:
+            if branch.target >= 0:
+                share[branch.target] = share[index] * (branch.probability_ppm + 1) / PPM
+                wanted = min(SPLIT_BELOW / share[branch.target], MOST_COPIES)
+                copies[branch.target] = max(copies[index], 1 << max(0, int(math.log2(wanted))))
+    return copies
+
+
+class Bound(NamedTuple):
+    """A rate with its bounds, which hold together with probability 1 - `ERROR` [ppm]."""
+
+    low: float
+    rate: float
+    high: float
+
+    @classmethod
+    def of(cls, total: float, parts: int) -> Self:
+        """The confidence sequence for the mean of independent weights in [0, 1]: valid at every look.
+
+        For a mean m and any p, (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1, so its
+        mixture over `PRIOR` exceeds 1 / ERROR at any time with probability ERROR at most (Ville 1939; Howard
+        et al. 2021, section 3.2, beta-binomial mixture).
+
+        Args:
+            total: sum S of the weights.
+            parts: their number n, at least 1.
+        """
+        a, b = PRIOR
+        mixture = betaln(a + total, b + parts - total) - betaln(a, b) + math.log(ERROR)
+
+        def excess(mean: float) -> float:
+            return float(mixture - xlogy(total, mean) - xlog1py(parts - total, -mean))
+
+        rate = total / parts
+        low = brentq(excess, rate * 1e-9, rate, xtol=1e-15) if total > 0.0 else 0.0
+        high = brentq(excess, rate, 1.0 - 1e-9, xtol=1e-15) if total < parts else 1.0
+        return cls(PPM * low, PPM * rate, PPM * high)
+
+
+def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Iterator[Sums]:
+    """Goes on with a study.
+
+    Args:
+        study: what is studied.
+        sums: of the chunks before, in whole chunks.
+        parts: how many in the end; rounded up to whole chunks.
+        scheduler: who runs them; the sums do not depend on it.
+
+    Yields:
+        The sums after every `BATCH` chunks and at the end.
+    """
+    chunks = range(sums.parts // CHUNK, -(-parts // CHUNK))
+    for start in range(0, len(chunks), BATCH):
+        for more in scheduler.map(study, chunks[start : start + BATCH]):
+            sums += more
+        yield sums
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What a study says of a table; rates and bounds in parts per million of all parts."""
+
+    sums: Sums  # what it rests on.
+    wrong: Bound  # rate of confident wrong answers.
+    leaves: list[Bound]  # the same of each leaf, whose other parts are right.
+
+    @classmethod
+    def of(cls, sums: Sums) -> Self:
+        """What these sums say; of at least one part."""
+        wrong = Bound.of(float(sums.wrong.sum()), sums.parts)
+        return cls(sums, wrong, [Bound.of(float(total), sums.parts) for total in sums.wrong])
+
+    def decided(self, limit: float) -> bool:
+        """Whether the rate is shown to be below a limit [ppm], or above it."""
+        return self.wrong.high < limit or self.wrong.low > limit
+
+    def standard_error(self, leaf: int | None = None) -> float:
+        """Of the rate of a leaf, or of all of them [ppm]."""
+        parts, index = self.sums.parts, -1 if leaf is None else leaf
+        rate = (self.wrong if leaf is None else self.leaves[leaf]).rate / PPM
+        return PPM * math.sqrt(max(float(self.sums.squares[index]) / parts - rate * rate, 0.0) / parts)
+
+    def worst(self, most: int) -> list[int]:
+        """The leaves with wrong answers, those with the highest rate first."""
+        order = sorted(range(len(self.leaves)), key=lambda leaf: (-self.leaves[leaf].rate, leaf))
+        return [leaf for leaf in order[:most] if self.leaves[leaf].rate > 0.0]
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        sums = self.sums
+        return {
+            "parts": sums.parts,
+            "confidence": 1.0 - ERROR,
+            "wrong_ppm": self.wrong._asdict(),
+            "standard_error_ppm": self.standard_error(),
+            "rejected_ppm": PPM * sums.rejected / sums.parts,
+            "mean_squeezes": sums.squeezes / sums.parts,
+            "leaves": [
+                {
+                    "leaf": leaf,
+                    "share_ppm": PPM * float(sums.visits[leaf]) / sums.parts,
+                    "wrong_ppm": bound._asdict(),
+                    "standard_error_ppm": self.standard_error(leaf),
+                }
+                for leaf, bound in enumerate(self.leaves)
+            ],
+        }
+
+    def lines(self, limit: float | None = None) -> list[str]:
+        """For people.
+
+        Args:
+            limit: that the rate was held against [ppm], None for none.
+        """
+        sums, wrong = self.sums, self.wrong
+        parts = sums.parts
+        bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
+        told = [
+            f"wrong      {wrong.rate:.2f} ppm, {bounds}, however often it was looked at",
+            f"rejected   {PPM * sums.rejected / parts:.0f} ppm",
+            f"squeezes   {sums.squeezes / parts:.3f}  a part",
+        ]
+        if limit is not None:
+            side = (
+                "below" if wrong.high < limit else "above" if wrong.low > limit else "neither below nor above"
+            )
+            more = "" if self.decided(limit) else "; raise --trials"
+            told.append(f"limit      shown to be {side} {limit:g} ppm{more}")
+        head = "leaves     "
+        for leaf in self.worst(MOST_ROWS):
+            bound, share = self.leaves[leaf], sums.wrong[leaf] / sums.visits[leaf]
+            told.append(
+                f"{head}leaf {leaf}: {bound.rate:.2f} ppm, at most "
+                f"{bound.high:.2f} (standard error {self.standard_error(leaf):.2f}); {share:.3%} of the "
+                f"{PPM * sums.visits[leaf] / parts:.0f} ppm that end there"
+            )
+            head = " " * len(head)
+        return told
+
+
+def resumed(path: Path, identity: str, leaves: int) -> Sums:
+    """The sums that a file keeps; of no parts where there is no file.
+
+    Args:
+        path: the file.
+        identity: of the study.
+        leaves: of its table.
+
+    Raises:
+        InputFileError: it cannot be read, or keeps another study.
+    """
+    if not path.exists():
+        return Sums.none(leaves)
+    try:
+        document = strict_json.parse(path.read_bytes())
+        if document["study"] == identity:
+            return Sums.of_document(document["sums"], leaves)
+    except OSError as error:
+        raise InputFileError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    except (ValueError, KeyError, TypeError, OverflowError):
+        pass
+    problem = "is no study of this table in this world with this seed; name another file"
+    raise InputFileError(problem, where=str(path))
+
+
+def keep(path: Path, identity: str, sums: Sums) -> None:
+    """Writes what `resumed` reads.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with writing(path) as draft:
+        draft.write_text(json.dumps({"study": identity, "sums": sums.document()}))

@@ -1,0 +1,68 @@
+"""A program run as a child process that talks in lines and ends when its standard input does."""
+
+import contextlib
+import os
+import select
+import subprocess
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from runtime.devices.clock import SystemClock
+
+END_S = 5.0
+MAX_LINE_BYTES = 65_536
+
+
+class ChildProcess:
+    """A child with pipes for input and output, ended when its context is left.
+
+    It has a session of its own: a Ctrl-C on the terminal reaches only us, who need it for the safe state.
+
+    Raises:
+        OSError: it cannot be started. ValueError, IndexError: the command is no command.
+    """
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
+        self._read = b""
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, env=environment
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._input, self._output = self._process.stdin, self._process.stdout
+
+    def close(self) -> None:
+        """End it: ask by closing its input, then by signals. Closing twice is harmless."""
+        process = self._process
+        with contextlib.suppress(OSError):
+            self._input.close()
+        for insist in (process.terminate, process.kill):
+            try:
+                process.wait(END_S)
+                break
+            except subprocess.TimeoutExpired:
+                insist()
+        process.wait()
+        self._output.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _tell(self, line: bytes) -> None:
+        os.write(self._input.fileno(), line + b"\n")
+
+    def _line(self, until: float) -> bytes:
+        """The next line; TimeoutError: none until then, EOFError: it has ended, or talks without end."""
+        pipe = self._output.fileno()
+        while b"\n" not in self._read:
+            if not select.select([pipe], [], [], max(until - SystemClock().now(), 0.0))[0]:
+                raise TimeoutError
+            piece = os.read(pipe, 4096)
+            if not piece or len(self._read) > MAX_LINE_BYTES:
+                raise EOFError
+            self._read += piece
+        line, _, self._read = self._read.partition(b"\n")
+        return line

@@ -1,0 +1,76 @@
+"""The gripper driver on a simulated gripper without wires, on a virtual clock."""
+
+import random
+
+from drivers.clock import Pace
+from drivers.robotiq.gripper import Gripper
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.jaws import Jaws
+
+TRANSACTION_S = 0.006
+
+
+class VirtualClock:
+    def __init__(self):
+        self.time = 100.0
+
+    def now(self):
+        return self.time
+
+    def sleep(self, seconds):
+        self.time += seconds
+
+    def idle(self, seconds, until):
+        self.time += max(min(seconds, until - self.time), 0.0)
+
+
+class DirectLink:
+    """A model without wires; each transaction takes 6 ms. `on_write` may interfere."""
+
+    endpoint = "virtual"
+
+    def __init__(self, seed=1, contact=None):
+        self.clock = VirtualClock()
+        self.contact = contact
+        self.asked = 0
+        self.writes = []
+        self.frozen = None
+        self.on_write = None
+        self.model = GripperModel(random.Random(seed), Jaws(), self)
+
+    def closing(self):
+        self.asked += 1
+        return self.contact
+
+    def gripped(self):
+        pass
+
+    def released(self):
+        pass
+
+    def read(self):
+        self.clock.time += TRANSACTION_S
+        return self.frozen or self.model.read_input(self.clock.time)[:6]
+
+    def write(self, block):
+        self.clock.time += TRANSACTION_S
+        self.writes.append(block)
+        if self.on_write is not None and self.on_write(block):
+            return
+        self.model.write_output(0, block, self.clock.time)
+
+    def close(self):
+        self.clock.time += TRANSACTION_S
+
+
+def connect(link):
+    return Gripper(link, Pace(link.clock))
+
+
+def active(**options):
+    contact = options.pop("contact", None)
+    link = DirectLink(**options)
+    gripper = connect(link)
+    gripper.activate()
+    link.contact, link.writes, link.asked = contact, [], 0
+    return link, gripper

@@ -1,0 +1,72 @@
+"""A world of a few poses on a line, small enough that every plan in it can be written down."""
+
+from functools import cache
+
+import numpy as np
+
+from planner.belief.metric import Metric
+
+SPACING_MM = 2.5
+METRIC = Metric(3.0, 10.0, 1)
+REACH = 3
+"""Neighbouring poses that one prediction locates: those less than 6 mm apart."""
+
+
+class Toy:
+    """Squeezes that move a part from pose to pose and read a number, both stated: (actions, poses) each."""
+
+    def __init__(self, after, reading):
+        self.after, self.reading = np.array(after), np.array(reading)
+        self.actions, self.size = self.after.shape
+
+    @classmethod
+    def drawn(cls, rng, actions, size, readings):
+        """One at random."""
+        return cls(rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size)))
+
+    def squeeze(self, poses, placements, times, rng):
+        """As `planner.bound.histories.Model`; x of a placement is the number of the action."""
+        state, action = np.rint(poses[:, 0] / SPACING_MM).astype(int), np.rint(placements[:, 0]).astype(int)
+        return poses_of(self.after[action, state]), np.tile(self.reading[action, state], (times, 1))
+
+    def placements(self, squeezes, option, reading):
+        """All actions, always."""
+        return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
+
+    def outcomes(self, squeezes, least_share=0.0, granted=False):
+        """What each plan of at most so many squeezes comes to: the set of (squeezes, parts not located).
+
+        Claims are made only where they locate `least_share` of the parts. After the last squeeze all parts
+        are located at the price of one squeeze more, if that is granted.
+        """
+
+        @cache
+        def after(states, left, first=False):
+            found = set() if first else {(0, len(states))}  # no claim: nothing is located
+            located = max(sum(k <= s < k + REACH for s in states) for k in states)
+            if located >= least_share * len(states) and not first:
+                found.add((0, len(states) - located))
+            if left == 0:
+                return frozenset(found | ({(len(states), 0)} if granted else set()))
+            for action in range(self.actions):
+                total = {(len(states), 0)}
+                for reading in {int(self.reading[action, s]) for s in states}:
+                    here = [int(self.after[action, s]) for s in states if self.reading[action, s] == reading]
+                    further = after(tuple(sorted(here)), left - 1)
+                    total = {(a + c, b + d) for a, b in total for c, d in further}
+                found |= total
+            return frozenset(found)
+
+        return after(tuple(range(self.size)), squeezes, first=True)
+
+    def least(self, success, squeezes, **options):
+        """Least mean squeezes of a plan that locates a share of all parts; infinite if none does."""
+        most = (1.0 - success) * self.size + 1e-9
+        means = [cost / self.size for cost, missed in self.outcomes(squeezes, **options) if missed <= most]
+        return min(means, default=np.inf)
+
+
+def poses_of(states):
+    """Poses (n, 3) of states."""
+    states = np.asarray(states, float)
+    return np.column_stack([SPACING_MM * states, np.zeros((len(states), 2))])

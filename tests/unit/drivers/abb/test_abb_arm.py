@@ -1,0 +1,268 @@
+"""What open_abb asks for besides what every arm must do: frames, turns of the wrist, strangers."""
+
+import contextlib
+import math
+import socket
+import threading
+import time
+
+import pytest
+from arm_rigs import BASE, SCALE, Abb
+
+from drivers import connect
+from drivers.abb.codec import Pose
+from drivers.errors import ArmError, PortError
+from drivers.sim.devices.arm import Answer, ArmModel
+
+
+@pytest.fixture
+def rig():
+    made = Abb()
+    yield made
+    made.close()
+
+
+def test_settings_of_the_last_client_do_not_matter(rig):
+    with rig.open(tool=Pose(0.0, 0.0, 120.0, (1.0, 0.0, 0.0, 0.0))) as arm:
+        assert arm.pose().z_mm == pytest.approx(-20.0)
+        arm.move_linear(10.0, 0.0, 10.0, 0.0, 50.0)
+    with rig.open() as arm:
+        assert arm.pose().z_mm == pytest.approx(130.0)
+
+
+def test_work_object_is_the_frame_of_poses(rig):
+    with rig.open(work_object=Pose(20.0, 0.0, 10.0, (1.0, 0.0, 0.0, 0.0))) as arm:
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 200.0)
+    assert rig.model.pose_at(1e9)[:3] == pytest.approx((0.0, 0.0, 50.0))
+    with rig.open() as arm:
+        assert arm.pose()[:3] == pytest.approx((20.0, 0.0, 60.0))
+
+
+def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
+    with rig.open() as arm:
+        with pytest.raises(ArmError, match="silence"):
+            arm.move_linear(900.0, 0.0, 50.0, 0.0, 5000.0)
+        for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+            with pytest.raises(ArmError, match="state unknown since"):
+                call()
+    assert rig.model.moves == 0
+
+
+def test_whole_turns_are_counted_from_the_joints(rig):
+    with rig.open(base=BASE) as arm:
+        began = rig.model.joints_at(1e9)[5]
+        for number in range(1, 5):
+            arm.move_linear(0.0, 0.0, 60.0, number * math.pi / 2.0, 500.0)
+        assert rig.model.joints_at(1e9)[5] == pytest.approx(began - 360.0)
+        assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
+        low, high = arm.turn_range(0.0, 0.0)
+        assert (math.degrees(low), math.degrees(high)) == pytest.approx((-210.0, 570.0), abs=0.1)
+    with rig.open(base=BASE) as arm:  # another client counts the same
+        assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
+        assert arm.turn_range(0.0, 0.0) == pytest.approx((low, high), abs=0.003)
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_what_would_wind_the_wrist_up_is_never_sent(rig, way):
+    with rig.open(base=BASE) as arm:
+        turned = 0.0
+        with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):  # noqa: PT012
+            while abs(turned) < 1200.0:
+                arm.move_linear(0.0, 0.0, 50.0, math.radians(turned + 60.0 * way), 500.0)
+                turned += 60.0 * way
+        assert (turned, rig.model.halted) == (-180.0 if way < 0 else 540.0, "")
+        arm.move_linear(0.0, 0.0, 50.0, math.radians(turned - 60.0 * way), 500.0)
+
+
+@pytest.mark.parametrize("angle_deg", [-175.0, 180.0, 350.0])
+def test_half_a_turn_in_one_motion_is_refused_for_it_may_go_either_way(rig, angle_deg):
+    with rig.open(base=BASE) as arm, pytest.raises(ArmError, match="either way"):
+        arm.move_linear(0.0, 0.0, 50.0, math.radians(angle_deg), 500.0)
+    assert rig.moves == 0
+
+
+def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig):
+    with contextlib.closing(connect.arm(rig.url + "?base=-300,0,0&wrist=-90,90", time_scale=SCALE)) as arm:
+        low, high = arm.turn_range(0.0, 0.0)  # axis 6 stands at 180 deg
+        assert (math.degrees(low), math.degrees(high)) == pytest.approx((100.0, 260.0), abs=0.1)
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 500.0)
+        with pytest.raises(ArmError, match="not moved"):
+            arm.move_linear(0.0, 0.0, 60.0, -0.1, 500.0)
+        arm.move_linear(0.0, 0.0, 60.0, 1.0, 500.0)
+
+
+def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
+    with rig.open(base=BASE) as arm:
+        arm.move_linear(0.0, 0.0, 60.0, 0.5, 500.0)
+        *others, wrist = rig.model.joints_at(rig.now())
+        told = " ".join(f"{joint:.4f}" for joint in (*others, wrist - 360.0))
+        rig.model.execute(f"2 {told} #", rig.now())
+        time.sleep(2.0 / SCALE)
+        with pytest.raises(ArmError, match="whole turns off") as raised:
+            arm.turn_range(0.0, 0.0)
+        assert raised.value.exit_code == 22
+
+
+def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
+    model = ArmModel(BASE)
+    number, answer = 0, Answer("", 0.0)
+    while not model.halted:
+        number += 1
+        w, x = math.cos(math.radians(50.0 * number)), math.sin(math.radians(50.0 * number))
+        answer = model.execute(f"1 0 0 60 0 {w:.6f} {x:.6f} 0 #", 100.0 * number)
+    assert (answer.text, model.halted) == (None, "50027 joint out of range")
+
+
+def test_a_vanished_clients_move_does_not_confuse_the_next(rig):
+    stranger = socket.create_connection(("127.0.0.1", rig.server.port))
+    stranger.sendall(b"8 20 90 #")
+    assert stranger.recv(16) == b"8 1 "
+    stranger.sendall(b"1 60 0 100 0 1 0 0 #")
+    time.sleep(0.02)
+    stranger.close()
+    time.sleep(0.15)
+    with rig.open() as arm:
+        assert arm.pose().x_mm == pytest.approx(60.0)
+        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+
+
+def test_reconnecting_at_once_works(rig):
+    for _ in range(5):
+        with rig.open() as arm:
+            assert arm.pose().z_mm == pytest.approx(100.0)
+
+
+def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
+    class Interrupted(BaseException):
+        pass
+
+    with rig.open() as arm:
+        arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
+        receive = arm._stream.receive
+
+        def interrupt(seconds):
+            arm._stream.receive = receive
+            raise Interrupted
+
+        arm._stream.receive = interrupt
+        with pytest.raises(Interrupted):
+            arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
+        assert arm.pose().x_mm == pytest.approx(100.0)
+
+
+def stopped(arm, times):
+    """Let the process be stopped past the deadline, so many times that it waits for an answer."""
+    receive = arm._stream.receive
+
+    def waited(seconds):
+        nonlocal times
+        if seconds < 0.1 or not times:
+            return receive(seconds)
+        times -= 1
+        time.sleep(seconds + 0.02)
+        return b""
+
+    arm._stream.receive = waited
+
+
+def test_a_move_that_ended_while_the_process_was_stopped_has_ended(rig):
+    with rig.open() as arm:
+        arm.pose()
+        stopped(arm, 2)  # for the speed's answer, and for the move's
+        arm.move_linear(10.0, 0.0, 100.0, 0.0, 50.0)
+        assert arm.pose().x_mm == pytest.approx(10.0)
+
+
+def test_a_pose_that_waited_while_the_process_was_stopped_is_asked_for_again(rig):
+    with rig.open() as arm:
+        stopped(arm, 1)
+        assert arm.pose().z_mm == pytest.approx(100.0)
+        stopped(arm, 2)
+        with pytest.raises(ArmError, match="answered, but this process was stopped or starved"):
+            arm.pose()
+        assert arm.pose().z_mm == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        *("tcp://127.0.0.1:1", "tcp://127.0.0.1", "rtu+tcp://127.0.0.1:5000", "x"),
+        *("tcp://127.0.0.1:5000?base=1,2", "tcp://127.0.0.1:5000?area=1,2,3", "tcp://127.0.0.1:5000?tool=x"),
+    ],
+)
+def test_nobody_there(url):
+    with pytest.raises(PortError):
+        connect.arm(url)
+
+
+def test_frames_and_limits_may_stand_in_the_address(rig):
+    query = "?tool=0,0,120&work_object=20,0,10,1,0,0,0&base=-300,0,0&area=-50,-50,-500,50,50,90"
+    with contextlib.closing(connect.arm(rig.url + query, time_scale=SCALE)) as arm:
+        assert arm.pose()[:3] == pytest.approx((-20.0, 0.0, -30.0))
+        arm.move_linear(0.0, 0.0, 0.0, 0.0, 500.0)
+        with pytest.raises(ArmError, match="outside the work area"):
+            arm.move_linear(0.0, 51.0, 0.0, 0.0, 500.0)
+        assert rig.moves == 1
+        assert rig.model.pose_at(1e9)[2] == pytest.approx(0.0)
+
+
+def test_the_way_is_looked_at_and_not_only_its_end(rig):
+    """Both ends are in reach, the way between them leads through the arm's own foot."""
+    with rig.open(base=BASE, work_object=BASE) as arm:
+        arm.move_linear(250.0, 250.0, 100.0, 0.0, 1000.0)
+        with pytest.raises(ArmError, match="out of the arm's reach"):
+            arm.move_linear(-250.0, -250.0, 100.0, 0.0, 1000.0)
+        arm.move_linear(250.0, -250.0, 100.0, 0.0, 1000.0)
+
+
+class Impostor:
+    """Accepts connections and answers every message with the same bytes; hangs up after `answers` of them."""
+
+    def __init__(self, answer, answers=1000):
+        self.answer, self.answers = answer, answers
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self.listener.getsockname()[1]}"
+        self.thread = threading.Thread(target=self.serve, daemon=True)
+        self.thread.start()
+
+    def serve(self):
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self.listener.accept()
+                with client:
+                    for _ in range(self.answers):
+                        if not client.recv(100):
+                            break
+                        client.sendall(self.answer)
+
+    def close(self):
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        self.thread.join()
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"HTTP/1.1 400 Bad Request", "does not fit"),
+        (b"0 0 ", "bad message"),
+        (b"0 1 ", "does not fit|silence"),  # also to SET_TOOL: the echoed code is checked
+        (b"0 1 0 1 ", "does not fit"),
+    ],
+)
+def test_whoever_is_no_open_abb_server_is_refused(answer, message):
+    impostor = Impostor(answer)
+    try:
+        with pytest.raises(ArmError, match=message):
+            connect.arm(impostor.url, time_scale=SCALE)
+    finally:
+        impostor.close()
+
+
+def test_a_server_that_hangs_up_is_tried_again_and_then_given_up():
+    impostor = Impostor(b"", answers=0)
+    try:
+        with pytest.raises(ArmError, match="connection broke"):
+            connect.arm(impostor.url, time_scale=SCALE)
+    finally:
+        impostor.close()

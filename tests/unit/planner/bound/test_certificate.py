@@ -1,0 +1,98 @@
+"""Certificates of tables: what they cover, and that plans lie above them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.observation import encoder_of
+from planner.bound.certificate import Squeezes, certify
+from planner.bound.placements import covered
+from planner.evaluation.trials import placement_of
+from planner.job import model as job_file
+from planner.mechanics.simulator import Simulator
+from runtime.table import REJECT, Calibration, Prediction, decision_map, load
+
+pytestmark = pytest.mark.slow
+
+TREES = Path(__file__).parents[4] / "trees"
+ANGLES = 4
+
+
+@pytest.fixture(scope="module")
+def table():
+    return load(TREES / "rectangle" / "rectangle.msgpack").table
+
+
+@pytest.fixture(scope="module")
+def job(table):
+    return job_file.from_canonical(table.job)
+
+
+@pytest.fixture(scope="module")
+def found(job, table):
+    return certify(job, table, parts=4000, workers=2)
+
+
+def test_the_plan_lies_above_its_bound_and_the_bound_above_what_every_plan_takes(found, table):
+    assert 2.0 < found.squeezes < found.mean
+    assert found.squeezes == max(found.leaves.squeezes, found.overall.squeezes)
+    for term in (found.leaves, found.overall):
+        assert term.squeezes < term.estimate < found.mean
+    assert found.success < table.predicted.success_ppm / 1e6
+
+
+def test_the_seed_decides_and_the_workers_do_not(found, job, table):
+    assert certify(job, table, parts=4000, workers=1) == found
+
+
+def test_a_worse_plan_is_further_above_the_same_bound(found, job, table):
+    measured = table.predicted
+    worse = replace(
+        table,
+        predicted=replace(measured, mean_squeezes_ppm=measured.mean_squeezes_ppm + 1_000_000),
+    )
+    other = certify(job, worse, parts=4000, workers=2)
+    assert other.squeezes == found.squeezes
+    gap = other.figures()["above_bound"] - found.figures()["above_bound"]
+    assert gap == pytest.approx(1.0 / found.squeezes)
+    assert f"{other.mean / other.squeezes - 1.0:.1%}" in other.lines()[0]
+
+
+def test_a_table_that_located_nothing_is_compared_with_plans_that_need_not(job, table):
+    failed = replace(table, predicted=Prediction(0, 1000, 3_000_000))
+    assert certify(job, failed, parts=500, workers=2).squeezes == 1.0
+
+
+def placements_of(job, table, dense=False):
+    model = Squeezes(Simulator.of_job(job, 2), encoder_of(job))
+    return covered(job, table, model, dense, np.random.default_rng(0))
+
+
+def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
+    alone = placements_of(job, table)
+    assert len(alone.first) == 1  # the four angles are one up to a turn
+    root, calibration = table.nodes[0], Calibration.linear(table.gripper)
+    assert np.allclose(alone(0, 0, -1)[0], placement_of(root.squeeze))
+    for reading, branch in enumerate(decision_map(root, calibration)):
+        if branch != REJECT and (target := root.branches[branch].target) >= 0:
+            own = placement_of(table.nodes[target].squeeze)
+            assert np.isclose(alone(1, 0, reading), own).all(axis=1).any()
+            seen = reading
+    assert len(alone(1, 0, seen)) == ANGLES + 1
+    narrow = job.replaced(uncertainty={"orientation_halfwidth_deg": 30.0})
+    assert len(placements_of(narrow, table).first) == ANGLES
+    uneven = job.replaced(gripper={"upper_finger_share": 0.4})
+    assert len(placements_of(uneven, table).first) == ANGLES  # half a turn is another squeeze
+    dense = placements_of(job, table, dense=True)
+    assert len(dense.first) == 2  # over the middle, and to one side of it
+    assert len(dense(1, 0, seen)) == len(alone(1, 0, seen)) + 36
+
+
+def test_placements_beside_the_middle_differ_by_more_than_a_turn(table):
+    job = job_file.load(TREES / "rectangle-25" / "job.toml")
+    centres = job.actions.centers_mm[:, 0]
+    first = placements_of(job, table).first
+    # Half a turn makes each centre its opposite; the middle one has its angles' opposites itself.
+    assert len(first) == ANGLES * (np.sum(centres > 0.0) + 1)

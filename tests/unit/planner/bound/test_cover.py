@@ -1,0 +1,75 @@
+"""No prediction locates more poses than the cover says, and some locates nearly as many."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from planner.belief.metric import Metric
+from planner.bound.cover import INFLATION, LEAST_SHARE, most_located
+
+METRICS = [
+    Metric(3.0, 10.6, 1),
+    Metric(3.0, 10.6, 2),
+    Metric(3.0, 10.6, 6),
+    Metric(3.0, 0.2, 4),  # the whole turn is within the goal
+    Metric(1.0, 10.6, 1, kind="tolerances", tolerance=(2.5, 1.0, np.radians(5.0))),
+    Metric(1.0, 10.6, 2, kind="orientation", tolerance=(1.0, 1.0, np.radians(5.0))),
+]
+GRID = np.linspace(-2.0, 2.0, 13)
+"""Predictions of the slow twin along each axis, in units of the goal about the group's middle."""
+
+
+def group(rng, metric, n):
+    """Poses about one, in units of the goal, a few of them away; turned by whole periods at random."""
+    weights = metric.weights()
+    unit = np.array([1.0 / w if w > 0.0 else 1.0 for w in weights[1:]])
+    poses = rng.normal(size=(n, 3)) * unit * rng.uniform(0.1, 0.6)
+    poses[: rng.integers(0, n // 4 + 1)] += unit * rng.uniform(-3.0, 3.0, 3)
+    middle = rng.uniform(-9.0, 9.0, 3)
+    poses += middle
+    poses[:, 2] += 2.0 * np.pi / metric.order * rng.integers(-3, 4, n)
+    return poses, middle, unit
+
+
+def located(metric, poses, predictions, inflation=0.0):
+    """The slow twin: the most poses within the goal of one of the predictions."""
+    return max(int((metric.between(poses, q) < metric.goal * (1.0 + inflation)).sum()) for q in predictions)
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=lambda m: f"{m.kind}-{m.order}-{m.rho_mm}")
+def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(metric):
+    rng = np.random.default_rng(1)
+    for n in (1, 2, 3, 7, 40):
+        poses, middle, unit = group(rng, metric, n)
+        (most,) = most_located(poses, np.array([0, n]), metric.weights(), metric.order)
+        grid = [middle + unit * np.array(steps) for steps in itertools.product(GRID, repeat=3)]
+        found = located(metric, poses, [*grid, *poses])
+        assert found <= most <= n
+        # The grid's own cells reach as far as its steps: no prediction in it locates more than that many.
+        step = 0.5 * (GRID[1] - GRID[0]) * (np.sqrt(2.0) + 1.0)
+        assert most <= max(located(metric, poses, grid, step + INFLATION), np.ceil(LEAST_SHARE * n) - 1)
+
+
+def test_a_ball_of_poses_just_within_the_goal_is_one_and_just_beyond_is_not():
+    metric = METRICS[1]
+    for radius, all_located in ((2.99, True), (3.0 * (1.0 + INFLATION) + 0.01, False)):
+        ring = [
+            [radius * np.cos(b), radius * np.sin(b), np.pi * k] for k, b in enumerate(np.arange(0, 6, 0.2))
+        ]
+        (most,) = most_located(np.array(ring), np.array([0, 30]), metric.weights(), 2)
+        assert (most == 30) == all_located
+
+
+def test_groups_are_judged_apart_and_their_order_does_not_matter():
+    metric, rng = METRICS[0], np.random.default_rng(2)
+    groups = [group(rng, metric, n)[0] for n in (5, 1, 30)]
+    start = np.array([0, 5, 6, 36])
+    together = most_located(np.concatenate(groups), start, metric.weights(), 1)
+    for k, poses in enumerate(groups):
+        assert most_located(poses[::-1], np.array([0, len(poses)]), metric.weights(), 1) == together[k]
+
+
+def test_two_poses_that_nothing_locates_together_count_as_one():
+    poses = np.array([[0.0, 0.0, 0.0], [6.2, 0.0, 0.0]])
+    assert most_located(poses, np.array([0, 2]), METRICS[0].weights(), 1) == [1]

@@ -1,0 +1,121 @@
+"""Bounds against all plans of worlds small enough to write them down, and against what samples may show."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from toy_world import METRIC, Toy, poses_of
+
+from planner.bound.histories import gather
+from planner.bound.lagrangian import (
+    PRICES,
+    divergence,
+    least_cost,
+    least_mean,
+    leaves_term,
+    overall_term,
+    upper_tail,
+)
+
+CERTAINTY = 0.95
+TOYS = range(8)
+SUCCESSES = (1.0, 0.9, 0.8, 0.5)
+HALVES = Toy(
+    [list(range(8))] * 3,
+    [[s >> bit & 1 for s in range(8)] for bit in range(3)],
+)
+"""Eight poses, told apart by three squeezes of one bit each; one prediction locates three neighbours."""
+
+
+def toy(seed):
+    return Toy.drawn(np.random.default_rng(seed), actions=2 + seed % 2, size=6, readings=2)
+
+
+def levels_of(world, depth, states=None):
+    states = np.arange(world.size) if states is None else states
+    return gather(world, poses_of(states), METRIC, world.placements, depth, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3])
+@pytest.mark.parametrize("seed", TOYS)
+def test_no_plan_of_a_toy_is_below_its_bounds(seed, depth):
+    world = toy(seed)
+    levels = levels_of(world, depth)
+    for success in SUCCESSES:
+        best = world.least(success, 4)
+        term = overall_term(levels, success, CERTAINTY)
+        assert term.squeezes <= term.estimate + 1e-12
+        assert term.estimate <= best + 1e-9
+        for confidence in (0.99, 0.7, 0.5):
+            best = world.least(success, 4, least_share=confidence)
+            assert leaves_term(levels, confidence, success, CERTAINTY).estimate <= best + 1e-9
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3])
+@pytest.mark.parametrize("seed", TOYS)
+def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(seed, depth):
+    world = toy(seed)
+    best = world.least(1.0, depth, granted=True)
+    assert overall_term(levels_of(world, depth), 1.0, CERTAINTY).estimate == pytest.approx(best)
+    leaves = leaves_term(levels_of(world, depth), 0.999, 1.0, CERTAINTY).estimate
+    assert leaves == pytest.approx(world.least(1.0, depth, granted=True, least_share=0.999), abs=0.02)
+
+
+def test_a_plan_that_wastes_a_squeeze_shows_as_much_above_the_bound():
+    levels = levels_of(HALVES, 3)
+    best = HALVES.least(1.0, 4)
+    bound = overall_term(levels, 1.0, CERTAINTY).estimate
+    assert bound == pytest.approx(
+        best
+    )  # bits 2 and 1 leave two neighbours: located without the third squeeze
+    wasteful = best + 1.0  # the same after one squeeze whose reading is thrown away
+    assert wasteful - bound == pytest.approx(1.0)
+
+
+def test_more_parts_to_miss_or_weaker_leaves_never_raise_a_bound():
+    for seed in TOYS:
+        levels = levels_of(toy(seed), 2)
+        overall = [overall_term(levels, success, CERTAINTY).estimate for success in SUCCESSES]
+        leaves = [leaves_term(levels, c, 1.0, CERTAINTY).estimate for c in (0.99, 0.8, 0.6)]
+        assert np.all(np.diff(overall) <= 1e-9)
+        assert np.all(np.diff(leaves) <= 1e-9)
+
+
+def test_samples_of_a_world_rarely_prove_too_much():
+    world, rng, success = HALVES, np.random.default_rng(7), 0.9
+    best = world.least(success, 4)
+    found = []
+    for _ in range(60):
+        levels = levels_of(world, 2, rng.integers(world.size, size=300))
+        found.append(overall_term(levels, success, CERTAINTY).squeezes)
+    assert np.mean(np.array(found) > best) <= 1.0 - CERTAINTY
+    many = overall_term(levels_of(world, 2, rng.integers(world.size, size=30_000)), success, CERTAINTY)
+    exact = overall_term(levels_of(world, 2), success, CERTAINTY).estimate
+    assert 1.0 < np.mean(found) < many.squeezes < exact + 1e-9
+
+
+def test_a_price_is_paid_for_what_claims_miss_alone():
+    levels = levels_of(HALVES, 2)
+    costs = [least_cost(levels, price, 1.0) for price in PRICES]
+    assert np.all(np.diff(costs) >= -1e-12)  # and the slope is a number of parts
+    assert np.all(np.diff(costs) / np.diff(PRICES) <= 1.0)
+
+
+@pytest.mark.parametrize("mean", [0.001, 0.01, 0.3, 0.9])
+@pytest.mark.parametrize("n", [100, 20_000])
+@pytest.mark.parametrize("error", [0.05, 0.001])
+def test_tails_hold_against_the_binomial_distribution(mean, n, error):
+    most = upper_tail(mean, n, error)
+    assert stats.binom.sf(np.ceil(n * most) - 1, n, mean) <= error
+    assert mean < most <= 1.0
+    sample = np.ceil(n * mean) / n  # a mean below the least one would rarely reach the sample's
+    least = least_mean(sample, n, error)
+    assert stats.binom.sf(n * sample - 1, n, least) <= error * (1.0 + 1e-9)
+    assert 0.0 <= least < sample
+
+
+def test_divergence_is_that_of_two_coins():
+    for x, mean in [(0.2, 0.5), (0.9, 0.99), (1.0, 0.3), (0.0, 0.3)]:
+        assert divergence(x, mean) == pytest.approx(stats.entropy([x, 1.0 - x], [mean, 1.0 - mean]))
+    assert divergence(0.5, 0.5) == 0.0
+    assert divergence(0.5, 0.0) == np.inf
+    assert upper_tail(0.0, 100, 0.05) < 1e-15

@@ -1,0 +1,190 @@
+"""Rare wrong answers: bounds that hold at every look, splitting without bias, studies that are resumed."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sample_tables import small_table
+
+from planner.errors import InputFileError
+from planner.evaluation import ppm
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.ppm import ERROR, Bound, Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.trials import Program
+from planner.job import model as job_file
+from planner.mechanics.squeeze import SLIPPED
+from planner.work.scheduler import Threads
+from planner.world import Worlds
+from runtime.table import PPM
+
+JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+
+
+@pytest.fixture(scope="module")
+def job():
+    changes = {"gripper": {"encoder_noise_mm": 0}, "uncertainty": {"radius_mm": 0.001}}
+    return job_file.load(JOB, changes)
+
+
+class Coins(Worlds):
+    """Widths by lot: each squeeze of a table's node ends in its branches by the shares given, in the middle.
+
+    A part that reads its last branch and is unlucky besides ends a metre away from what its leaf says.
+    """
+
+    def __init__(self, widths_mm, shares, unlucky):
+        self.widths_mm, self.shares, self.unlucky = np.array(widths_mm), shares, unlucky
+
+    def world(self, chunk):
+        rng = np.random.default_rng([9, chunk])
+
+        def squeeze_many(hand):
+            number = rng.choice(len(self.widths_mm), len(hand), p=self.shares)
+            poses = hand.copy()
+            away = (number == len(self.widths_mm) - 1) & (rng.random(len(hand)) < self.unlucky)
+            poses[away, 0] += 1000.0
+            return SimpleNamespace(
+                poses=poses, width_mm=self.widths_mm[number], status=np.full(len(hand), SLIPPED)
+            )
+
+        return SimpleNamespace(squeeze_many=squeeze_many)
+
+
+def chain(table, nodes, rare):
+    """A table of as many nodes in a row: each ends in a leaf at its first width, else goes on to the next."""
+    first = table.nodes[0]
+    low, high = (
+        branch._replace(low_um=width - 1000, expected_um=width, high_um=width + 1000)
+        for branch, width in zip(first.branches, (20_000, 40_000), strict=False)
+    )
+    leaf = table.leaves[0]._replace(x_um=0, y_um=0, resolved=True, alternatives=())
+    rows = [
+        first._replace(
+            release=None,
+            branches=(
+                low._replace(probability_ppm=PPM - rare, target=-k - 1),
+                high._replace(probability_ppm=rare, target=k + 1 if k < nodes - 1 else -nodes - 1),
+            ),
+        )
+        for k in range(nodes)
+    ]
+    goal = replace(table.goal, kind="tolerances", tolerance=(100_000, 100_000, 4_000_000), symmetry=1)
+    limits = replace(table.limits, max_depth=nodes)
+    return replace(table, nodes=tuple(rows), leaves=(leaf,) * (nodes + 1), goal=goal, limits=limits)
+
+
+def study(table, job, worlds, copies, seed=1):
+    return Study(Program.of(table), job, worlds, seed, np.array(copies), NONE)
+
+
+def total(of, chunks):
+    sums = Sums.none(len(of.program.table.leaves))
+    for done in continued(of, sums, chunks * ppm.CHUNK, Threads(1)):
+        sums = done
+    return sums
+
+
+def test_a_bound_holds_at_every_look_at_once():
+    rng, rate, wrong = np.random.default_rng(4), 2e-3, 0
+    looks = np.unique(np.geomspace(100, 40_000, 40).astype(int))
+    for _ in range(300):
+        seen = np.cumsum(rng.random(40_000) < rate)
+        bounds = [Bound.of(float(seen[n - 1]), int(n)) for n in looks]
+        wrong += any(not b.low <= PPM * rate <= b.high for b in bounds)
+    assert wrong <= 300 * ERROR + 3 * math.sqrt(300 * ERROR)
+
+
+def test_a_bound_is_where_the_mixture_says_so():
+    """The second method: the likelihood ratio integrated over the prior by the trapezoidal rule."""
+    total, parts = 7.5, 50_000
+    a, b = ppm.PRIOR
+    p = np.linspace(1e-9, 3e-3, 400_001)
+    prior = a - 1.0, b - 1.0
+    log_prior = prior[0] * np.log(p) + prior[1] * np.log1p(-p)
+    log_prior -= np.log(np.trapezoid(np.exp(log_prior - log_prior[1]), p)) + log_prior[1]
+    bound = Bound.of(total, parts)
+    assert bound.low < PPM * total / parts < bound.high
+    for end in (bound.low, bound.high):
+        mean = end / PPM
+        log_ratio = total * np.log(p / mean) + (parts - total) * np.log((1 - p) / (1 - mean))
+        assert np.trapezoid(np.exp(log_ratio + log_prior), p) == pytest.approx(1.0 / ERROR, rel=2e-2)
+
+
+def test_without_a_wrong_answer_the_bound_is_a_few_over_the_parts():
+    for parts in (10**5, 10**6, 10**7):
+        bound = Bound.of(0.0, parts)
+        assert bound.low == bound.rate == 0.0
+        assert 3.0 < bound.high * parts / PPM < 10.0
+    assert Bound.of(5.0, 5).high == PPM
+
+
+def test_copies_make_up_for_rare_nodes(job):
+    table = chain(small_table(), 4, rare=1000)
+    copies = copies_of(table)
+    assert copies[0] == 1
+    assert all(np.log2(copies) % 1 == 0)
+    assert np.all(np.diff(copies) >= 0)
+    assert copies[-1] == ppm.MOST_COPIES
+
+
+def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
+    table, worlds = chain(small_table(), 3, rare=30_000), Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3)
+    plain, split = (total(study(table, job, worlds, k), 30) for k in ([1, 1, 1], [1, 4, 32]))
+    truth = 0.03**3 * (1 - 0.7**3) + 0.03**2 * 0.97 * (1 - 0.7**2) + 0.03 * 0.97 * 0.3
+    spread = []
+    for sums in (plain, split):
+        found = Findings.of(sums)
+        assert sums.visits.sum() + sums.rejected == sums.parts
+        assert abs(found.wrong.rate / PPM - truth) < 4.0 * found.standard_error() / PPM
+        assert found.wrong.low < PPM * truth < found.wrong.high
+        spread.append(found.standard_error(3) / PPM)
+        last = 0.03**3
+        assert abs(sums.visits[3] / sums.parts - last) < 5.0 * math.sqrt(last / sums.parts)
+    assert spread[1] < 0.6 * spread[0]
+
+
+def test_a_planted_fault_of_twenty_in_a_million_is_found(job):
+    table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.998, 0.002], unlucky=0.01)
+    found = Findings.of(total(study(table, job, worlds, copies_of(table)), 60))
+    assert found.wrong.low < 20.0 < found.wrong.high
+    assert found.worst(1) == [1]
+    assert found.leaves[0].rate == 0.0
+    assert found.decided(1.0)
+    assert found.decided(100.0)
+
+
+def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):
+    table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.9, 0.1], unlucky=0.5)
+    of, kept = study(table, job, worlds, copies_of(table)), tmp_path / "study.json"
+    whole, identity = total(of, 5), of.identity("coins")
+    for chunks, workers in ((2, 1), (5, 3)):
+        sums = resumed(kept, identity, len(table.leaves))
+        for done in continued(of, sums, chunks * ppm.CHUNK, Threads(workers)):
+            keep(kept, identity, done)
+    assert resumed(kept, identity, len(table.leaves)).document() == whole.document()
+    assert whole.parts == 5 * ppm.CHUNK
+
+
+@pytest.mark.parametrize("change", ["other", "deep", "short", "text", "bytes"])
+def test_a_file_that_keeps_another_study_is_refused(job, tmp_path, change):
+    table, kept = chain(small_table(), 2, rare=2000), tmp_path / "study.json"
+    of = study(table, job, Coins([20.0, 40.0], [0.9, 0.1], 0.0), [1, 1])
+    identity = of.identity("coins")
+    keep(kept, identity, Sums.none(len(table.leaves)))
+    document = json.loads(kept.read_text())
+    if change == "other":
+        assert of.identity("other coins") != identity
+        document["study"] = of.identity("other coins")
+    elif change == "short":
+        document["sums"]["wrong"].pop()
+    elif change == "deep":
+        document["sums"] = [document["sums"]]
+    text = {"text": b"{", "bytes": b"\xff\xfe"}.get(change, json.dumps(document).encode())
+    kept.write_bytes(text)
+    with pytest.raises(InputFileError, match="no study of this table"):
+        resumed(kept, identity, len(table.leaves))
+    assert kept.read_bytes() == text
