@@ -1,8 +1,8 @@
-"""What a squeeze shows: the encoder's counts, and the clusters of them that a plan branches on (paper V.A).
+"""What a squeeze shows: the encoder's counts, and clusters of them by k-means (paper V.A).
 
-The finger encoder is a linear map of the gripper with noise. Outcomes are partitioned by k-means on
-its counts, solved exactly by dynamic programming over their histogram, as one dimension allows. k is the
-smallest number of clusters within which widths scatter little enough; then
+The finger encoder is a linear map of the gripper with noise. The paper's method partitions widths by k-means,
+solved exactly by dynamic programming over their histogram, as one dimension allows (the planner's own way is
+`planner.belief.partition`). k is the smallest number of clusters within which widths scatter little enough:
 
 - a cluster that has a hole in it, much wider than what tells two clusters apart, is cut there: a rare outcome
   far from the others is an outcome of its own, and no width in between is taken for either;
@@ -28,11 +28,8 @@ MOST_CLUSTERS = 10
 """Of k-means; holes may cut them further."""
 SIGMAS = 6.0
 """Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
-SPREAD = 0.54
-"""Root mean square spread at which no more clusters are made, over the distance that tells two apart: that of
-a cluster nearly twice as wide."""
 HOLE = 2.0
-"""Width of a hole that cuts a cluster, in the same unit."""
+"""Width of a hole that cuts a cluster, over the distance that tells two apart."""
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
 

@@ -51,7 +51,7 @@ class Estimate(NamedTuple):
     inside: float = 10.0
     outside: float = 0.5
 
-    def squeezes(self, hits: Array, size: Array) -> Array:
+    def squeezes(self, hits: Array, size: IntArray) -> Array:
         """J of beliefs of which `hits` (n,) particles of `size` (n,) lie within the goal of their modes."""
         return np.array([squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)])
 
@@ -119,7 +119,7 @@ def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntAr
 
 @kernel
 def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
-    """How likely a belief misses the goal, of whose `size` particles `hits` meet it; the share that does not."""
+    """How likely a belief misses the goal, `hits` particles of `size` meeting it; the share that does not."""
     total = size + inside + outside
     share = (hits + inside) / total
     deviation = math.sqrt(share * (1.0 - share) / total)
@@ -215,7 +215,7 @@ def _least_cost(
             cost = least[i] + branch + here * left + harm
             if cost < least[j]:
                 least[j], start[j] = cost, i
-    return least[m]
+    return float(least[m])
 
 
 @kernel

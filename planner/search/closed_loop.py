@@ -1,7 +1,7 @@
 """Closed-loop look-ahead: the next squeeze, chosen knowing that the one after may depend on what it shows.
 
     J(b, d) = min_a [ c(a) + sum_z P(z | b, a) J(b_z, d - 1) ],    J(b, d) = 0 where r(b) meets the goal,
-    J(b, 0) = 1 - exp(-(1 - r(b)) / tau) + 1 - r(b)
+    J(b, 0) of `planner.belief.partition.Estimate`
 
 J is the expected number of squeezes to go, c the cost of one (1 plus its other costs in units of that), r
 the mode ratio. J(b, 0) is a heuristic: a belief that misses the goal needs one squeeze more, however little

@@ -55,10 +55,11 @@ class TreeNode:
         belief: where the part may lie.
         share: probability of getting here.
         mode: the pose that explains most of the belief.
-        path: which branch was taken at each squeeze on the way.
+        path: names of the branches taken on the way; no two nodes of a tree have the same.
         squeezes_without_gain: how many just before this node got the belief no nearer the goal.
         squeeze: what is done here; None at a leaf.
         children: one node for each cluster of its outcomes.
+        named: how many names of children were given away.
         alternatives: further placements (3,) that looked promising, the best first.
         refuted: fresh trials spoke against it, as a leaf.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
@@ -72,6 +73,7 @@ class TreeNode:
     squeezes_without_gain: int = 0
     squeeze: PlannedSqueeze | None = None
     children: list[TreeNode] = field(default_factory=list)
+    named: int = 0
     alternatives: list[Array] = field(default_factory=list)
     refuted: bool = False
     exhausted: float = math.inf
@@ -150,22 +152,24 @@ def grow(
         reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
     """
     inner = [node for node in breadth_first(root) if node.children]
-    pairs = [(child, node) for node in inner for child in node.children] or [(root, None)]
+    pairs: list[tuple[TreeNode, TreeNode | None]] = [(root, None)]
+    if inner:
+        pairs = [(child, node) for node in inner for child in node.children]
     waiting = [
-        (-leaf.unlocated_mass, leaf.path, id(leaf), leaf, parent)
+        (-leaf.unlocated_mass, leaf.path, leaf, parent)
         for leaf, parent in pairs
         if not leaf.children and growth.worth_growing(leaf, reopen)
     ]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
-        _, path, _, node, parent = heapq.heappop(waiting)
+        _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
         done += 1
         if node.mode.ratio < growth.objective.confidence:
             for leaf, above in _expand(
                 node, parent, growth, np.random.default_rng([*seed, len(path), *path])
             ):
-                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, id(leaf), leaf, above))
+                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
         if progress is not None:
             progress(done, len(waiting))
 
@@ -263,33 +267,25 @@ def _squeezed(
 def _separated(
     node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed], growth: Growth
 ) -> list[TreeNode]:
-    """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest; the others."""
+    """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest piece."""
     before, after = found[0].reading, found[1].belief
     belief, metric, share = node.belief, growth.objective.metric, node.share
-    piece = np.searchsorted(
-        recut(after.poses, before, after.reading, growth.objective.rule), belief.reading, side="right"
-    )
-    names, size = np.unique(piece, return_counts=True)
-    if len(names) < 2:
+    cuts = recut(after.poses, before, after.reading, growth.objective.rule)
+    piece = np.searchsorted(cuts, belief.reading, side="right")
+    numbers, size = np.unique(piece, return_counts=True)
+    if len(numbers) < 2:
         return []
-    number = max(child.path[-1] for child in parent.children)
     pieces = []
-    for k in names[::-1]:  # the widest first: counts fall as widths rise
+    for k in numbers[::-1]:  # the widest first: counts fall as widths rise
         part = belief[piece == k]
-        if k == names[np.argmax(size)]:
-            node.belief, node.share, node.mode = (
-                part,
-                share * len(part) / len(belief),
-                metric.mode(part.poses),
-            )
-            pieces.append(node)
-        else:
-            number += 1
-            path = (*parent.path, number)
-            mode = metric.mode(part.poses)
-            pieces.append(
-                TreeNode(part, share * len(part) / len(belief), mode, path, node.squeezes_without_gain)
-            )
+        other = node
+        if k != numbers[np.argmax(size)]:
+            path = (*parent.path, parent.named)
+            parent.named += 1
+            other = TreeNode(part, 0.0, node.mode, path, node.squeezes_without_gain)
+        other.belief, other.share = part, share * len(part) / len(belief)
+        other.mode = metric.mode(part.poses)
+        pieces.append(other)
     replace_child(parent, node, pieces)
     return [other for other in pieces if other is not node]
 
@@ -322,3 +318,4 @@ def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed], gr
         TreeNode(child, node.share * float(share), mode, (*node.path, k), squeezes_without_gain)
         for k, (share, child, mode) in enumerate(zip(outcomes.probability, beliefs, modes, strict=True))
     ]
+    node.named = len(node.children)

@@ -53,6 +53,7 @@ def improve(
                 for piece in pieces[1:]:
                     parent.children.remove(piece)
                 replace_child(parent, pieces[0], other.children)
+                parent.named = other.named
                 current[id(node)] = other.children
 
 
@@ -60,7 +61,7 @@ def _other(
     pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool],
 ) -> TreeNode:  # fmt: skip
-    """A parent's stand-in with one child, squeezed elsewhere and grown until whole or certain to cost more."""
+    """A parent's stand-in, its one child squeezed elsewhere, grown until whole or certain to cost more."""
     metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
     node = TreeNode(
@@ -71,6 +72,7 @@ def _other(
         pieces[0].squeezes_without_gain,
     )
     stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
+    stand.named = parent.named
     squeeze_at(node, stand, placement, growth, np.random.default_rng([*seed, *node.path]))
     grow(stand, growth, seed, out_of_time=lambda: out_of_time() or bound(stand, growth) >= limit)
     return stand

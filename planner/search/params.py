@@ -48,9 +48,9 @@ class SearchParams:
     shrinkage: float = 1.0
     """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
     doubt: float = 0.05
-    """Chance that a part read near a cut strays: more rejects fewer where encoders are off, and squeezes more."""
+    """Chance that a part near a cut strays: more makes fewer wrong if encoders are off, and more squeezes."""
     astray: float = 0.15
-    """Squeezes such a part costs in a branch that is squeezed again: more keeps mixed readings together."""
+    """Squeezes that such a part costs in a branch that is squeezed again: likewise."""
     reach: float = 2.7
     """Counts from a cut that are near it: more asks for wider gaps between branches."""
     branch: float = 3.0

@@ -139,7 +139,8 @@ class Ranking:
             further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
             ratio[k] = outcome.probability @ first
             size = outcome.clusters.size
-            cost_to_go[k] += outcome.probability @ self.objective.rule.estimate.squeezes(first * size, size)
+            left = self.objective.rule.estimate.squeezes(first * size, size)
+            cost_to_go[k] += float(outcome.probability @ left)
             rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further)
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
