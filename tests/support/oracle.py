@@ -18,6 +18,7 @@ from planner.search.ranking import Ranking
 BELIEF = Belief.of(np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], 100, axis=0))
 AREA = np.array([[-99.0, -99.0], [99.0, 99.0]])
 TELLING, SILENT, RISKY = 0.0, 1.0, 2.0
+PARAMS = SearchParams()
 
 
 class Oracle:
@@ -32,11 +33,11 @@ class Oracle:
         return squeezed
 
 
-def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99):
+def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99, params=PARAMS):
     placements = np.array([[0.0, 0.0, angle] for angle in angles])
     costs = Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0)
-    rule = SearchParams().rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), RESOLUTION)
-    objective = Objective(rule, costs)
+    rule = params.rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), RESOLUTION)
+    objective = Objective(rule, costs, params)
     simulator = problems.simulator(problems.rectangle())
     ranking = Ranking(ActionSet(placements, None, AREA), simulator, model or Oracle(), objective)
     return LookAhead(ranking, depth, particles=200)
