@@ -288,20 +288,7 @@ def _recut(
     poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, order: int, modes: int,
     estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
-    """Cuts of the readings before a squeeze, given what it shows; `cuts` in place; returns how many.
-
-    Args:
-        poses: (n, 3) after the squeeze, by rising count.
-        before: (n,) readings of the squeeze before, 0 to 255.
-        weight: (256,) of the counts.
-        free: least count of an empty hand.
-        weights: of the metric.
-        order: of the part.
-        modes: how many a belief may have.
-        estimate: of J.
-        prices: see `Rule.prices`.
-        cuts: receives the first counts of the upper pieces.
-    """
+    """`recut`, poses (n, 3) and readings `before` (n,) by rising count, `cuts` in place; returns how many."""
     n, bins = poses.shape[0], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
     m = _occupied(weight, free, counts, first)
