@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 from planner.belief.metric import metric_of
-from planner.belief.observation import encoder_of
+from planner.belief.observation import encoder_of, resolution_of
 from planner.belief.particles import initial_with_friction
+from planner.belief.partition import Estimate
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
@@ -154,12 +155,11 @@ def _stated(
 
 def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
-    objective = Objective(
-        metric_of(job, radius_of_gyration(job.part.outline_mm)),
-        confidence=1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence),
-        costs=costs_of(job),
-        params=PARAMS,
-    )
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    costs = costs_of(job)
+    estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)))
+    objective = Objective(rule, costs, PARAMS)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import BoolArray
+from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
@@ -187,7 +188,11 @@ class Planning:
     def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
         metric = self.growth.objective.metric
-        beliefs = {k: evaluation.poses[evaluation.leaf == k] for k in range(len(table.leaves))}
+        last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
+        beliefs = {
+            k: Belief.of(evaluation.poses[evaluation.leaf == k], last[evaluation.leaf == k])
+            for k in range(len(table.leaves))
+        }
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
         short = learn(self.root, beliefs, self.growth, self._reopen, against)
         runs = stressed(table, self.job, attempt, self.work)
