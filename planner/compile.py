@@ -25,7 +25,7 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
-from planner.planning import PARAMS, SEED_RARE, Planning, judged, marked, no_plan, pruned, within
+from planner.planning import PARAMS, SEED_RARE, Planning, better, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
 from planner.search.anytime import Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
@@ -97,20 +97,22 @@ def compile_job(
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growth = _growth(job, simulator, ahead, reference)
-    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
+    growths = [_growth(job, simulator, ahead, reference, way) for way in range(len(PARAMS.astray) + 1)]
+    mode = growths[0].objective.metric.mode(belief.poses)
 
     work = scheduler or Threads(simulator.workers)
 
-    def planning(top: TreeNode, hasty: bool) -> Planning:
+    def planning(growth: Growth, hasty: bool = False) -> Planning:
+        root = TreeNode(belief, 1.0, mode)
         anytime = Anytime(growth, limit, hasty)
+        top = hasty_root(root) if hasty else root
         return Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
 
     judge = partial(judged, job, trials, simulator.workers)
-    careful = planning(root, False)
-    planned = (
-        within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
-    )
+    if limit.bounded:
+        planned = within(planning(growths[0], hasty=True), planning(growths[0]), judge)
+    else:
+        planned = better([planning(growth) for growth in growths]).run(judge)
     table, untried = planned.by.finished(planned, judge)
     plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
     if not plan.evaluation.success.any():
@@ -153,12 +155,12 @@ def _stated(
     return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
-def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
+def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
-    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)))
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), way)
     objective = Objective(rule, costs, PARAMS)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)

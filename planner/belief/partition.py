@@ -23,11 +23,14 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers
-from planner.belief.observation import COUNTS, Partition, Resolution, describe
+from planner.belief.observation import COUNTS, HOLE, Partition, Resolution, cut, describe
+from planner.belief.particles import Belief
 from planner.kernel import kernel
 
 CANDIDATES = 48
 """Candidate poses of a belief, besides one of every count."""
+SPREAD = 0.54
+"""Root mean square spread within clusters by width, over the distance that tells two widths apart."""
 CLIMBS = 2
 """Steps of each candidate to the mean of what is within the goal."""
 
@@ -66,6 +69,7 @@ class Rule(NamedTuple):
     astray: float  # cost of one that strays into a branch that is squeezed again [squeezes]
     branch: float  # cost of an interval [squeezes of one particle]
     reach: float  # how near a cut is near [counts]
+    by_width: bool = False  # cut by k-means, whatever the poses: wide branches
 
     def prices(self) -> Array:
         """(4,) doubt, astray, branch, reach: for kernels."""
@@ -83,36 +87,43 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     metric, weight = rule.metric, np.bincount(counts, minlength=COUNTS)
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
-    k = _cut(
-        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.prices(), bounds,
-    )  # fmt: skip
+    if rule.by_width:
+        free, apart = rule.resolution.free, rule.resolution.apart
+        bounds, _ = cut(weight, free, SPREAD * apart, 0.0, apart, HOLE * apart)
+        k = len(bounds) - 1
+    else:
+        k = _cut(
+            np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
+            metric.modes, np.array(rule.estimate), rule.prices(), bounds,
+        )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
     describe(weight, bounds[: k + 1], label, mean, low, high, size)
     return Partition(label, mean, low, high, size)
 
 
-def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntArray:
+def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     """Where the readings before a squeeze had better been cut, given what it shows.
 
-    A rare width beside a common one may look no different until the next squeeze.
+    A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
+    without it will not be squeezed: it costs at least what a leaf of it would cost.
 
     Args:
-        poses: (n, 3) after the squeeze [mm, mm, rad].
-        before: (n,) readings of the squeeze before, all of one interval.
-        counts: (n,) readings of this one.
+        old: n particles, their readings all of one interval.
+        new: the same after the squeeze.
         rule: how they are cut.
 
     Returns:
         The first counts of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    metric, order = rule.metric, np.argsort(counts, kind="stable")
-    cuts = np.empty(COUNTS, np.int64)
+    if rule.by_width:
+        return np.empty(0, np.int64)
+    metric, first = rule.metric, np.argsort(old.reading, kind="stable")
+    order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
     made = _recut(
-        np.ascontiguousarray(poses[order]), before[order], np.bincount(counts, minlength=COUNTS),
-        rule.resolution.free, metric.weights(), metric.order, metric.modes, np.array(rule.estimate),
-        rule.prices(), cuts,
+        np.ascontiguousarray(old.poses[first]), np.ascontiguousarray(new.poses[order]), old.reading[order],
+        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.order,
+        metric.modes, np.array(rule.estimate), rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
@@ -132,7 +143,7 @@ def squeezes_left(
 ) -> float:
     """J of a belief of which `hits` particles of `size` lie within the goal of its modes."""
     open_still, rest = missed(hits, size, confidence, inside, outside)
-    further = 1.0 + rest
+    further = 2.0 - hits / size
     return open_still * further + (1.0 - open_still) * min(failure * rest, further)
 
 
@@ -168,6 +179,48 @@ def _candidates(
 
 
 @kernel
+def _explained(
+    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, modes: int
+) -> tuple[IntArray, BoolArray]:
+    """Particles (c, m + 1) within the goal of each candidate, summed over counts; which are apart."""
+    found, mean = np.empty((m + CANDIDATES, 3)), np.empty(3)
+    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
+    hits = np.zeros((found.shape[0], m + 1), np.int64)
+    for c in range(found.shape[0]):
+        for a in range(m):
+            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
+            hits[c, a + 1] = hits[c, a] + here
+    return hits, _apart(found if modes > 1 else found[:0], weights, period)
+
+
+@kernel
+def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
+    """Particles of counts i to j - 1 within the goal of the best candidates; which, if there is one mode."""
+    best, chosen = 0, 0
+    if modes > 1:
+        return _best_modes(hits, i, j, modes, apart), -1
+    for k in range(hits.shape[0]):
+        if hits[k, j] - hits[k, i] > best:
+            best, chosen = hits[k, j] - hits[k, i], k
+    return best, chosen
+
+
+@kernel
+def _leaf_cost(
+    hits: IntArray, size: IntArray, i: int, j: int, low: IntArray, high: IntArray, apart: BoolArray,
+    modes: int, estimate: Array, prices: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `_least_cost`."""
+    best, chosen = _best(hits, i, j, modes, apart)
+    here = size[j] - size[i]
+    open_still, rest = missed(best, here, estimate[0], estimate[2], estimate[3])
+    wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
+    if chosen >= 0:
+        wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+    return open_still, estimate[1] * (here * rest + prices[0] * wrong)
+
+
+@kernel
 def _least_cost(
     hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
     apart: BoolArray, modes: int, estimate: Array, prices: Array, start: IntArray,
@@ -199,17 +252,13 @@ def _least_cost(
         for j in range(i + 1, m + 1):
             here = size[j] - size[i]
             strange = size[high[j]] - size[j] + size[i] - size[low[i]] + more_size[j] - more_size[i]
-            wrong, best, chosen = strange, 0, 0
-            if modes > 1:
-                best = _best_modes(hits, i, j, modes, apart)
-            else:
-                for k in range(hits.shape[0]):
-                    if hits[k, j] - hits[k, i] > best:
-                        best, chosen = hits[k, j] - hits[k, i], k
+            best, chosen = _best(hits, i, j, modes, apart)
+            wrong = strange
+            if chosen >= 0:
                 wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
                 wrong -= more_hits[chosen, j] - more_hits[chosen, i]
             open_still, rest = missed(best, here, confidence, inside, outside)
-            further = 1.0 + rest
+            further = 2.0 - best / here
             left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
             harm = astray * open_still * strange + (1.0 - open_still) * failure * doubt * wrong
             cost = least[i] + branch + here * left + harm
@@ -254,15 +303,8 @@ def _cut(
     n = weight.shape[0]
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = _occupied(weight, free, counts, first)
-    period, mean = 2.0 * np.pi / order, np.empty(3)
-    found = np.empty((m + CANDIDATES, 3))
-    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
-    hits = np.zeros((found.shape[0], m + 1), np.int64)
-    for c in range(found.shape[0]):
-        for a in range(m):
-            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
-            hits[c, a + 1] = hits[c, a] + here
-    apart = _apart(found if modes > 1 else found[:0], weights, period)
+    period = 2.0 * np.pi / order
+    hits, apart = _explained(poses, first, counts, m, weights, period, modes)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     _within_reach(counts, m, prices[3], low, high)
     none = np.zeros((hits.shape[0], m + 1), np.int64)
@@ -285,10 +327,14 @@ def _cut(
 
 @kernel
 def _recut(
-    poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, order: int, modes: int,
-    estimate: Array, prices: Array, cuts: IntArray,
+    poses_before: Array, poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
+    order: int, modes: int, estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
-    """`recut`, poses (n, 3) and readings `before` (n,) by rising count, `cuts` in place; returns how many."""
+    """`recut`, `cuts` in place; returns how many.
+
+    `poses_before` (n, 3) stand by rising reading before the squeeze, `poses` (n, 3) and the readings `before`
+    (n,) it by rising count after it.
+    """
     n, bins = poses.shape[0], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
     m = _occupied(weight, free, counts, first)
@@ -324,6 +370,7 @@ def _recut(
     _within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
     _within_reach(old, rows, prices[3], old_low, old_high)
+    old_hits, old_apart = _explained(poses_before, old_first, old, rows, weights, period, modes)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows
@@ -333,17 +380,22 @@ def _recut(
         i, j = waiting[left, 0], waiting[left, 1]
         best, at = np.inf, -1
         for s in range(i, j):
-            parts = 0.0
+            parts = 0.0 if s == i else prices[2]
             for a, b in ((i, s), (s, j)):
                 if a == b:
                     continue
                 if cost[a, b] < 0.0:
                     p, q = old_low[a], old_high[b]
-                    cost[a, b] = _least_cost(
+                    left_over = _least_cost(
                         hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
                         size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, prices,
                         start,
                     )  # fmt: skip
+                    open_still, ended = _leaf_cost(
+                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, estimate, prices
+                    )
+                    squeezed = float(old_first[b] - old_first[a]) + left_over
+                    cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)
                 parts += cost[a, b]
             if parts < best:
                 best, at = parts, s

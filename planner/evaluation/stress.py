@@ -95,7 +95,8 @@ def unsettle(root: TreeNode, wrong: Mapping[int, Belief], metric: Metric) -> lis
     for leaf, parts in wrong.items():
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        node.belief = Belief.joined([node.belief, _amplified(parts, len(node.belief))])
+        more = _amplified(parts, len(node.belief))
+        node.belief, node.doubted = Belief.joined([node.belief, more]), node.doubted + len(more)
         node.mode = metric.mode(node.belief.poses)
     return found
 
@@ -107,6 +108,7 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
     """
     for node, belief, mode in doubts:
         if not node.children and node.mode.ratio < confidence:
+            node.doubted -= len(node.belief) - len(belief)
             node.belief, node.mode = belief, mode
 
 

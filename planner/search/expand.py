@@ -64,6 +64,7 @@ class TreeNode:
         named: how many names of children were given away.
         alternatives: further placements (3,) that looked promising, the best first.
         refuted: fresh trials spoke against it, as a leaf.
+        doubted: how many of the last particles come from worlds that are off: they are nobody's share.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
             looked for.
     """
@@ -78,6 +79,7 @@ class TreeNode:
     named: int = 0
     alternatives: list[Array] = field(default_factory=list)
     refuted: bool = False
+    doubted: int = 0
     exhausted: float = math.inf
 
     @property
@@ -203,7 +205,7 @@ def learn(
             continue
         met = node.mode.ratio >= confidence
         node.refuted = number in against
-        node.belief = Belief.joined([node.belief, found])
+        node.belief = Belief.joined([found, node.belief])  # what is doubted stays at the end
         node.mode = growth.objective.metric.mode(node.belief.poses)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
@@ -272,13 +274,13 @@ def _separated(
     node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed, float], growth: Growth
 ) -> list[TreeNode]:
     """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest piece."""
-    before, after = found[0].reading, found[1].belief
     belief, metric, share = node.belief, growth.objective.metric, node.share
-    cuts = recut(after.poses, before, after.reading, growth.objective.rule)
+    cuts = recut(found[0], found[1].belief, growth.objective.rule)
     piece = np.searchsorted(cuts, belief.reading, side="right")
     numbers, size = np.unique(piece, return_counts=True)
     if len(numbers) < 2:
         return []
+    stated = len(piece) - node.doubted
     pieces = []
     for k in numbers[::-1]:  # the widest first: counts fall as widths rise
         part = belief[piece == k]
@@ -287,7 +289,8 @@ def _separated(
             path = (*parent.path, parent.named)
             parent.named += 1
             other = TreeNode(part, 0.0, node.mode, path, node.squeezes_without_gain)
-        other.belief, other.share = part, share * len(part) / len(belief)
+        other.belief, other.share = part, share * float(np.mean(piece[:stated] == k))
+        other.doubted = int(np.sum(piece[stated:] == k))
         other.mode = metric.mode(part.poses)
         pieces.append(other)
     replace_child(parent, node, pieces)
@@ -295,12 +298,17 @@ def _separated(
 
 
 def replace_child(parent: TreeNode, child: TreeNode, pieces: list[TreeNode]) -> None:
-    """Puts nodes that stand for disjoint readings in the place of one child."""
+    """Puts nodes that stand for disjoint readings in the place of one child.
+
+    Beliefs may have been added to since: how many readings an interval holds is told by the shares.
+    """
     assert parent.squeeze is not None
     at = next(i for i, other in enumerate(parent.children) if other is child)
     parent.children[at : at + 1] = pieces
     clusters = Partition.of([other.belief.reading for other in parent.children])
-    parent.squeeze = parent.squeeze._replace(clusters=clusters)
+    share = np.array([other.share for other in parent.children])
+    size = np.rint(parent.squeeze.clusters.size.sum() * share / share.sum()).astype(np.int64)
+    parent.squeeze = parent.squeeze._replace(clusters=clusters._replace(size=size))
 
 
 def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, float], growth: Growth) -> None:

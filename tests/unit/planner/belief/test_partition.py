@@ -8,6 +8,7 @@ import pytest
 
 from planner.belief.metric import Metric
 from planner.belief.observation import HOLE, Resolution, cut
+from planner.belief.particles import Belief
 from planner.belief.partition import Estimate, partition, recut
 from planner.search.params import SearchParams
 
@@ -27,7 +28,7 @@ def to_go(hits, size, estimate):
     total = size + estimate.inside + estimate.outside
     share = (hits + estimate.inside) / total
     short = NormalDist(share, (share * (1.0 - share) / total) ** 0.5).cdf(estimate.confidence)
-    further = 2.0 - share
+    further = 2.0 - hits / size
     return short * further + (1.0 - short) * min(estimate.failure * (1.0 - share), further), short
 
 
@@ -139,16 +140,37 @@ def test_two_poses_whose_widths_are_well_apart_are_two_intervals():
     assert clusters.mean.tolist() == [140.0, 100.0]
 
 
+def lost(n):
+    """n poses of which no goal holds two."""
+    return np.column_stack([np.arange(n) * 20.0, np.zeros(n), np.zeros(n)])
+
+
 def test_a_reading_is_cut_where_a_later_squeeze_shows_two_poses_that_read_the_same():
-    before, after = np.repeat([100, 110], [500, 200]), np.full(700, 150)
-    told = recut(np.repeat(PLACES[:2], [500, 200], axis=0), before, after, rule())
-    assert told.tolist() == [110]
-    assert len(recut(np.zeros((700, 3)), before, after, rule())) == 0
+    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
+    after = np.full(700, 150)
+    assert recut(old, Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), after), rule()).tolist() == [110]
+    assert len(recut(old, Belief.of(np.zeros((700, 3)), after), rule())) == 0
 
 
 def test_a_reading_stays_whole_where_the_later_squeeze_tells_the_poses_apart_itself():
-    before, after = np.repeat([100, 110], [500, 200]), np.repeat([150, 180], [500, 200])
-    assert len(recut(np.repeat(PLACES[:2], [500, 200], axis=0), before, after, rule())) == 0
+    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
+    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.repeat([150, 180], [500, 200]))
+    assert len(recut(old, new, rule())) == 0
+
+
+@pytest.mark.parametrize(("gap", "cuts"), [(2, 0), (3, 1)])
+def test_no_cut_is_made_where_parts_would_stray_into_a_leaf_of_another_pose(gap, cuts):
+    old = Belief.of(lost(700), np.repeat([100, 100 + gap], [500, 200]))
+    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.full(700, 150))
+    assert len(recut(old, new, rule())) == cuts
+
+
+def test_a_piece_that_would_be_a_leaf_is_not_cut_off_where_parts_of_another_pose_stray_into_it():
+    """After the squeeze all readings tell everything; the cut would save nothing but that squeeze."""
+    poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
+    old = Belief.of(poses, np.repeat([100, 102], 500))
+    new = Belief.of(np.repeat(PLACES[:2], 500, axis=0), np.repeat([150, 180], 500))
+    assert len(recut(old, new, rule())) == 0
 
 
 def test_a_purer_belief_needs_fewer_squeezes_and_a_larger_sample_is_believed_more():
@@ -159,4 +181,5 @@ def test_a_purer_belief_needs_fewer_squeezes_and_a_larger_sample_is_believed_mor
     assert left[950] > 1.0
     assert left[-1] < 0.1
     sizes = np.array([1, 10, 100, 1000])
-    assert np.all(np.diff(Estimate(0.99).squeezes(sizes.astype(float), sizes)) < 0.0)
+    few, some, many, all_of_them = Estimate(0.99).squeezes(sizes.astype(float), sizes)
+    assert 1.0 >= few >= some > many > all_of_them

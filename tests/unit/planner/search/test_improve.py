@@ -59,7 +59,7 @@ def test_parts_under_a_finger_count_and_are_failures(growth):
     under = np.tile([0.0, 47.0, 0.0], (len(BELIEF) // 19, 1))
     belief = Belief.joined([BELIEF, Belief.of(under)])
     root = TreeNode(belief, 0.8, growth.objective.metric.mode(belief.poses))
-    squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
+    squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
     crashes = len(under) / len(belief)
     assert root.squeeze.crashes == pytest.approx(crashes)
     assert crashes > 0.04
@@ -221,11 +221,31 @@ def test_readings_that_a_later_squeeze_shows_to_differ_become_branches(growth):
     others = squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
     assert len(root.children) == 3
     assert len(root.squeeze.clusters.mean) == 3
-    assert sum(child.share for child in root.children) == pytest.approx(1.0)
+    arrived = 1.0 - root.squeeze.crashes
+    assert sum(child.share for child in root.children) == pytest.approx(arrived)
     low, high = root.squeeze.clusters.low, root.squeeze.clusters.high
     assert np.all(low[:-1] > high[1:]) or np.all(high[:-1] < low[1:])
     assert [leaf.mode.ratio for leaf, above in others if above is node] == [1.0]
     assert sum(above is root for _, above in others) == 1
+
+
+def test_particles_from_elsewhere_are_no_share_of_the_branches_that_a_node_becomes(growth):
+    late, root, node = late_tree(growth)
+    node.children = []
+    shares = [child.share for child in root.children]
+    told = node.belief.poses[:, 1] > 0.0
+    node.belief = Belief.joined([node.belief, node.belief[np.flatnonzero(told).repeat(2)]])
+    node.doubted = 2 * int(told.sum())
+    squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
+    pieces = [child for child in root.children if child.share < shares[1]]
+    assert len(root.children) == 3
+    assert sum(child.share for child in root.children) == pytest.approx(sum(shares))
+    assert [child.share for child in pieces] == pytest.approx([shares[0] / 2.0] * 2)
+    assert sorted(child.doubted for child in pieces) == [0, node.doubted or 2 * int(told.sum())]
+    size = root.squeeze.clusters.size
+    assert size / size.sum() == pytest.approx(
+        np.array([child.share for child in root.children]) / sum(shares), abs=0.01
+    )
 
 
 def test_no_two_nodes_have_one_name_after_branches_were_added(growth):
