@@ -24,7 +24,6 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers
 from planner.belief.observation import COUNTS, HOLE, Partition, Resolution, cut, describe
-from planner.belief.particles import Belief
 from planner.kernel import kernel
 
 CANDIDATES = 48
@@ -102,32 +101,6 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     return Partition(label, mean, low, high, size)
 
 
-def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
-    """Where the readings before a squeeze had better been cut, given what it shows.
-
-    A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
-    without it will not be squeezed: it costs at least what a leaf of it would cost.
-
-    Args:
-        old: n particles, their readings all of one interval.
-        new: the same after the squeeze.
-        rule: how they are cut.
-
-    Returns:
-        The first counts of all pieces but the lowest, rising; none where the interval stays whole.
-    """
-    if rule.by_width:
-        return np.empty(0, np.int64)
-    metric, first = rule.metric, np.argsort(old.reading, kind="stable")
-    order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
-    made = _recut(
-        np.ascontiguousarray(old.poses[first]), np.ascontiguousarray(new.poses[order]), old.reading[order],
-        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.prices(), cuts,
-    )  # fmt: skip
-    return np.sort(cuts[:made])
-
-
 @kernel
 def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
     """How likely a belief misses the goal, `hits` particles of `size` meeting it; the share that does not."""
@@ -148,7 +121,7 @@ def squeezes_left(
 
 
 @kernel
-def _candidates(
+def candidates(
     poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, found: Array
 ) -> int:
     """Poses that explain many particles of a count and those beside it, into `found` (c, 3); returns c."""
@@ -179,18 +152,18 @@ def _candidates(
 
 
 @kernel
-def _explained(
+def explained(
     poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, modes: int
 ) -> tuple[IntArray, BoolArray]:
     """Particles (c, m + 1) within the goal of each candidate, summed over counts; which are apart."""
     found, mean = np.empty((m + CANDIDATES, 3)), np.empty(3)
-    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
+    found = found[: candidates(poses, first, counts, m, weights, period, found)]
     hits = np.zeros((found.shape[0], m + 1), np.int64)
     for c in range(found.shape[0]):
         for a in range(m):
             here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
             hits[c, a + 1] = hits[c, a] + here
-    return hits, _apart(found if modes > 1 else found[:0], weights, period)
+    return hits, mutually_apart(found if modes > 1 else found[:0], weights, period)
 
 
 @kernel
@@ -206,11 +179,11 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 
 
 @kernel
-def _leaf_cost(
+def leaf_cost(
     hits: IntArray, size: IntArray, i: int, j: int, low: IntArray, high: IntArray, apart: BoolArray,
     modes: int, estimate: Array, prices: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `_least_cost`."""
+    """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
     best, chosen = _best(hits, i, j, modes, apart)
     here = size[j] - size[i]
     open_still, rest = missed(best, here, estimate[0], estimate[2], estimate[3])
@@ -221,7 +194,7 @@ def _leaf_cost(
 
 
 @kernel
-def _least_cost(
+def least_cost(
     hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
     apart: BoolArray, modes: int, estimate: Array, prices: Array, start: IntArray,
 ) -> float:  # fmt: skip
@@ -268,7 +241,7 @@ def _least_cost(
 
 
 @kernel
-def _within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
+def within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
     """Fills in, for m rising counts, which are the first within reach below and the first beyond above."""
     for i in range(m + 1):
         low[i], high[i] = i, i
@@ -279,7 +252,7 @@ def _within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: I
 
 
 @kernel
-def _occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
+def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
     """The counts below `stop` that occur, and how many readings lie below each, in place; returns m."""
     m = 0
     first[0] = 0
@@ -302,13 +275,13 @@ def _cut(
     """
     n = weight.shape[0]
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
-    m = _occupied(weight, free, counts, first)
+    m = occupied(weight, free, counts, first)
     period = 2.0 * np.pi / order
-    hits, apart = _explained(poses, first, counts, m, weights, period, modes)
+    hits, apart = explained(poses, first, counts, m, weights, period, modes)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
-    _within_reach(counts, m, prices[3], low, high)
+    within_reach(counts, m, prices[3], low, high)
     none = np.zeros((hits.shape[0], m + 1), np.int64)
-    _least_cost(
+    least_cost(
         hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, prices,
         start,
     )  # fmt: skip
@@ -326,90 +299,7 @@ def _cut(
 
 
 @kernel
-def _recut(
-    poses_before: Array, poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
-    order: int, modes: int, estimate: Array, prices: Array, cuts: IntArray,
-) -> int:  # fmt: skip
-    """`recut`, `cuts` in place; returns how many.
-
-    `poses_before` (n, 3) stand by rising reading before the squeeze, `poses` (n, 3) and the readings `before`
-    (n,) it by rising count after it.
-    """
-    n, bins = poses.shape[0], weight.shape[0]
-    counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
-    m = _occupied(weight, free, counts, first)
-    held = first[m]
-    if held < n:  # an empty hand is one more count, however it reads, and far from all others
-        counts[m], first[m + 1] = 2 * bins, n
-        m += 1
-    old, old_first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
-    old_weight = np.bincount(before, minlength=bins)
-    rows = _occupied(old_weight, bins, old, old_first)
-    place = np.zeros(bins, np.int64)
-    for r in range(rows):
-        place[old[r]] = r
-    period, mean = 2.0 * np.pi / order, np.empty(3)
-    found = np.empty((m + CANDIDATES, 3))
-    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
-    c = found.shape[0]
-    # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
-    hits, size = np.zeros((rows + 1, c, m + 1), np.int64), np.zeros((rows + 1, m + 1), np.int64)
-    for a in range(m):
-        for i in range(first[a], first[a + 1]):
-            r = place[before[i]]
-            size[r + 1, a + 1] += 1
-            for k in range(c):
-                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, period, mean)
-    for r in range(1, rows + 1):
-        for a in range(1, m + 1):
-            size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
-            for k in range(c):
-                hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
-    apart = _apart(found if modes > 1 else found[:0], weights, period)
-    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
-    _within_reach(counts, m, prices[3], low, high)
-    old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
-    _within_reach(old, rows, prices[3], old_low, old_high)
-    old_hits, old_apart = _explained(poses_before, old_first, old, rows, weights, period, modes)
-    cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
-    waiting = np.empty((rows + 1, 2), np.int64)
-    waiting[0, 0], waiting[0, 1] = 0, rows
-    left, made = 1, 0
-    while left > 0:
-        left -= 1
-        i, j = waiting[left, 0], waiting[left, 1]
-        best, at = np.inf, -1
-        for s in range(i, j):
-            parts = 0.0 if s == i else prices[2]
-            for a, b in ((i, s), (s, j)):
-                if a == b:
-                    continue
-                if cost[a, b] < 0.0:
-                    p, q = old_low[a], old_high[b]
-                    left_over = _least_cost(
-                        hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
-                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, prices,
-                        start,
-                    )  # fmt: skip
-                    open_still, ended = _leaf_cost(
-                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, estimate, prices
-                    )
-                    squeezed = float(old_first[b] - old_first[a]) + left_over
-                    cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)
-                parts += cost[a, b]
-            if parts < best:
-                best, at = parts, s
-        if at > i:
-            cuts[made] = old[at]
-            made += 1
-            waiting[left, 0], waiting[left, 1] = i, at
-            waiting[left + 1, 0], waiting[left + 1, 1] = at, j
-            left += 2
-    return made
-
-
-@kernel
-def _apart(found: Array, weights: Array, period: float) -> BoolArray:
+def mutually_apart(found: Array, weights: Array, period: float) -> BoolArray:
     """(c, c): whether no particle can be within the goal of both candidates."""
     c = found.shape[0]
     half = np.copy(weights)

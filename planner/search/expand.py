@@ -15,7 +15,7 @@ from planner.arrays import Array
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish
-from planner.belief.partition import recut
+from planner.belief.recut import recut
 from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling

@@ -9,7 +9,8 @@ import pytest
 from planner.belief.metric import Metric
 from planner.belief.observation import HOLE, Resolution, cut
 from planner.belief.particles import Belief
-from planner.belief.partition import Estimate, partition, recut
+from planner.belief.partition import Estimate, partition
+from planner.belief.recut import recut
 from planner.search.params import SearchParams
 
 FREE = 228
