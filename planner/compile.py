@@ -7,8 +7,9 @@ import numpy as np
 
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
-from planner.belief.particles import initial_with_friction
-from planner.belief.partition import Estimate
+from planner.belief.particles import Belief, initial_with_friction
+from planner.belief.partition import Estimate, partition
+from planner.belief.recut import recut
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
@@ -91,7 +92,7 @@ def compile_job(
     belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
-    reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
+    _load_kernels(job, reference, belief[:2])
     limit = limit or Limit()
     limit.start()
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
