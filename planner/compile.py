@@ -156,6 +156,14 @@ def _stated(
     return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
+def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
+    """Squeezes a small belief and cuts its readings."""
+    (squeezed,) = reference.squeeze([(belief, np.zeros(3))], np.random.default_rng(0))
+    rule = PARAMS.rule(metric_of(job, 1.0), Estimate(0.5), resolution_of(encoder_of(job)))
+    partition(squeezed.belief.poses, squeezed.belief.reading, rule)
+    recut(squeezed.belief, squeezed.belief, rule)
+
+
 def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
