@@ -6,8 +6,10 @@ from functools import partial
 import numpy as np
 
 from planner.belief.metric import metric_of
-from planner.belief.observation import encoder_of
-from planner.belief.particles import initial_with_friction
+from planner.belief.observation import encoder_of, resolution_of
+from planner.belief.particles import Belief, initial_with_friction
+from planner.belief.partition import Estimate, partition
+from planner.belief.recut import recut
 from planner.belief.transition import MotionModel, Simulation, costs_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
@@ -24,7 +26,7 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
-from planner.planning import PARAMS, SEED_RARE, Planning, judged, marked, no_plan, pruned, within
+from planner.planning import PARAMS, SEED_RARE, Planning, better, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
 from planner.search.anytime import Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
@@ -90,26 +92,28 @@ def compile_job(
     belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
-    reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
+    _load_kernels(job, reference, belief[:2])
     limit = limit or Limit()
     limit.start()
     ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growth = _growth(job, simulator, ahead, reference)
-    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
+    growths = [_growth(job, simulator, ahead, reference, way) for way in range(len(PARAMS.astray) + 1)]
+    mode = growths[0].objective.metric.mode(belief.poses)
 
     work = scheduler or Threads(simulator.workers)
 
-    def planning(top: TreeNode, hasty: bool) -> Planning:
+    def planning(growth: Growth, hasty: bool = False) -> Planning:
+        root = TreeNode(belief, 1.0, mode)
         anytime = Anytime(growth, limit, hasty)
+        top = hasty_root(root) if hasty else root
         return Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
 
     judge = partial(judged, job, trials, simulator.workers)
-    careful = planning(root, False)
-    planned = (
-        within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
-    )
+    if limit.bounded:
+        planned = within(planning(growths[0], hasty=True), planning(growths[0]), judge)
+    else:
+        planned = better([planning(growth) for growth in growths]).run(judge)
     table, untried = planned.by.finished(planned, judge)
     plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
     if not plan.evaluation.success.any():
@@ -152,14 +156,21 @@ def _stated(
     return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
 
 
-def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
+def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
+    """Squeezes a small belief and cuts its readings."""
+    (squeezed,) = reference.squeeze([(belief, np.zeros(3))], np.random.default_rng(0))
+    rule = PARAMS.rule(metric_of(job, 1.0), Estimate(0.5), resolution_of(encoder_of(job)))
+    partition(squeezed.belief.poses, squeezed.belief.reading, rule)
+    recut(squeezed.belief, squeezed.belief, rule)
+
+
+def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
-    objective = Objective(
-        metric_of(job, radius_of_gyration(job.part.outline_mm)),
-        confidence=1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence),
-        costs=costs_of(job),
-        params=PARAMS,
-    )
+    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    costs = costs_of(job)
+    estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), way)
+    objective = Objective(rule, costs, PARAMS)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

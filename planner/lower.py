@@ -1,12 +1,13 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
+import math
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import metric_of
-from planner.belief.observation import Encoder, encoder_of
+from planner.belief.observation import Encoder, Partition, encoder_of
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.part.outline import radius_of_gyration
@@ -14,7 +15,9 @@ from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
 from runtime import table as tables
 
-MARGIN_COUNTS = 2  # that a branch's interval reaches beyond the widths seen in planning: rare, not strange
+MARGIN_MM = (
+    1.0  # a branch's interval reaches beyond the widths seen, at most half a gap: rare or a little off
+)
 
 
 def lower(root: TreeNode, job: Job) -> tables.Table:
@@ -51,9 +54,9 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
         clearance_um=int(1e3 * clearance_mm),
     )
     total = float(clusters.size.sum())
-    branches = []
+    branches, reach = [], _reach(clusters, encoder)
     for k, child in enumerate(node.children):
-        low, high = _interval(clusters.low[k], clusters.high[k], encoder)
+        low, high = _interval(*reach[k], encoder)
         expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
         share = round(tables.PPM * float(clusters.size[k]) / total)
         branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
@@ -61,11 +64,19 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
     return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
 
 
+def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
+    """The counts of each branch: what was read in it and the margin to either side, at most half a gap."""
+    margin = math.ceil(MARGIN_MM / encoder.mm_per_count)
+    gap = clusters.low[:-1] - clusters.high[1:] - 1  # counts fall as widths rise
+    above = np.concatenate([[margin], np.minimum(margin, gap // 2)])
+    below = np.concatenate([np.minimum(margin, gap - gap // 2), [margin]])
+    return [(int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)]
+
+
 def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
-    """Widths [um] that the counts stand for, with the margin; counts fall as widths rise."""
-    half = 0.5 + MARGIN_COUNTS
-    least = max(0.0, float(encoder.width_mm(np.asarray(high_count + half))))
-    greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low_count - half))))
+    """Widths [um] that the counts stand for."""
+    least = max(0.0, float(encoder.width_mm(np.asarray(high_count + 0.5))))
+    greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low_count - 0.5))))
     return round(1e3 * least), round(1e3 * greatest)
 
 

@@ -128,7 +128,7 @@ def metric_of(job: Job, rho_mm: float) -> Metric:
 
 
 @kernel
-def _inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Array) -> int:
+def inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Array) -> int:
     """Counts poses within the goal of `centre`; `mean` (3,) receives their mean, taken about it."""
     count = 0
     mean[0] = mean[1] = mean[2] = 0.0
@@ -172,7 +172,7 @@ def largest_mode(poses: Array, weights: Array, order: int, pose: Array) -> float
     for start in range(0, n, stride):
         for j in range(3):
             centre[j] = poses[start, j]
-        count = _inliers(poses, centre, weights, period, mean)
+        count = inliers(poses, centre, weights, period, mean)
         if 2 * count < best:
             continue
         for _ in range(REFINEMENTS):
@@ -181,7 +181,7 @@ def largest_mode(poses: Array, weights: Array, order: int, pose: Array) -> float
                 pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
             centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
             last = count
-            count = _inliers(poses, centre, weights, period, mean)
+            count = inliers(poses, centre, weights, period, mean)
             if count < last:
                 break
         if count > best:
@@ -190,10 +190,10 @@ def largest_mode(poses: Array, weights: Array, order: int, pose: Array) -> float
         if best == n:
             break
     # Among equals the mean is the better prediction.
-    _inliers(poses, pose, weights, period, mean)
+    inliers(poses, pose, weights, period, mean)
     for _ in range(REFINEMENTS):
         centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
-        count = _inliers(poses, centre, weights, period, mean)
+        count = inliers(poses, centre, weights, period, mean)
         if count < best:
             break
         best = count

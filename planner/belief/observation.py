@@ -1,8 +1,8 @@
-"""What a squeeze shows: the encoder's counts, and the clusters of them that a plan branches on (paper V.A).
+"""What a squeeze shows: the encoder's counts, and clusters of them by k-means (paper V.A).
 
-The finger encoder is a linear map of the gripper with noise. Outcomes are partitioned by k-means on
-its counts, solved exactly by dynamic programming over their histogram, as one dimension allows. k is the
-smallest number of clusters within which widths scatter little enough; then
+The finger encoder is a linear map of the gripper with noise. The paper's method partitions widths by k-means,
+solved exactly by dynamic programming over their histogram, as one dimension allows (the planner's own way is
+`planner.belief.partition`). k is the smallest number of clusters within which widths scatter little enough:
 
 - a cluster that has a hole in it, much wider than what tells two clusters apart, is cut there: a rare outcome
   far from the others is an outcome of its own, and no width in between is taken for either;
@@ -11,8 +11,9 @@ smallest number of clusters within which widths scatter little enough; then
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -25,11 +26,8 @@ MOST_CLUSTERS = 10
 """Of k-means; holes may cut them further."""
 SIGMAS = 6.0
 """Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
-SPREAD = 0.54
-"""Root mean square spread at which no more clusters are made, over the distance that tells two apart: that of
-a cluster nearly twice as wide."""
 HOLE = 2.0
-"""Width of a hole that cuts a cluster, in the same unit."""
+"""Width of a hole that cuts a cluster, over the distance that tells two apart."""
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
 
@@ -96,8 +94,6 @@ class Partition(NamedTuple):
         low: (k,) least count read in it.
         high: (k,) greatest count read in it.
         size: (k,) how many readings it holds.
-        merged: (m, 2) mean counts of the pairs of clusters that were made one, in the order of merging: the
-            wider first.
     """
 
     label: IntArray
@@ -105,7 +101,20 @@ class Partition(NamedTuple):
     low: IntArray
     high: IntArray
     size: IntArray
-    merged: Array
+
+    @classmethod
+    def of(cls, readings: Sequence[IntArray]) -> Self:
+        """Clusters of the readings (n,) of each, n >= 1, in their order."""
+        label = np.full(COUNTS, -1, np.int64)
+        for k, counts in enumerate(readings):
+            label[counts] = k
+        return cls(
+            label,
+            mean=np.array([counts.mean() for counts in readings]),
+            low=np.array([counts.min() for counts in readings]),
+            high=np.array([counts.max() for counts in readings]),
+            size=np.array([len(counts) for counts in readings]),
+        )
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
@@ -113,23 +122,6 @@ def resolution_of(encoder: Encoder) -> Resolution:
     noise = encoder.noise_mm / encoder.mm_per_count
     apart = max(SIGMAS * math.sqrt(noise**2 + 1.0 / 12.0), 3.0)
     return Resolution(apart, encoder.count_closed - math.ceil(0.5 * SIGMAS * noise))
-
-
-def partition(counts: IntArray, resolution: Resolution = RESOLUTION) -> Partition:
-    """Clusters encoder counts, as many as it takes for widths to scatter little within them.
-
-    Args:
-        counts: (n,) readings, 0 to 255, n >= 1.
-        resolution: of the encoder; that of a 2F-85 with 0.15 mm of noise unless stated.
-    """
-    weight = np.bincount(counts, minlength=COUNTS)
-    apart = resolution.apart
-    bounds, merged = cut(weight, resolution.free, SPREAD * apart, 0.0, apart, HOLE * apart)
-    k = len(bounds) - 1
-    label = np.full(COUNTS, -1, np.int64)
-    mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
-    describe(weight, bounds, label, mean, low, high, size)
-    return Partition(label, mean, low, high, size, merged)
 
 
 def cut(

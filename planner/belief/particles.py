@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 
+UNREAD = -1
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
 """How far doubted friction lies outside the job's bounds, in units of them."""
 
@@ -25,15 +26,18 @@ class Belief:
     Attributes:
         poses: (n, 3) in the world [mm, mm, rad].
         friction: (n,) between fingers and part; NaN where the particle carries none.
+        reading: (n,) counts of the last squeeze; `UNREAD` before the first.
     """
 
     poses: Array
     friction: Array
+    reading: IntArray
 
     @classmethod
-    def of(cls, poses: Array) -> Self:
+    def of(cls, poses: Array, reading: IntArray | None = None) -> Self:
         """Poses (n, 3) without friction of their own."""
-        return cls(poses, np.full(len(poses), np.nan))
+        read = np.full(len(poses), UNREAD) if reading is None else reading
+        return cls(poses, np.full(len(poses), np.nan), read)
 
     @classmethod
     def joined(cls, beliefs: Sequence[Belief]) -> Self:
@@ -41,13 +45,14 @@ class Belief:
         return cls(
             np.concatenate([belief.poses for belief in beliefs]),
             np.concatenate([belief.friction for belief in beliefs]),
+            np.concatenate([belief.reading for belief in beliefs]),
         )
 
     def __len__(self) -> int:
         return len(self.poses)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> Belief:
-        return Belief(self.poses[rows], self.friction[rows])
+        return Belief(self.poses[rows], self.friction[rows], self.reading[rows])
 
 
 Particles = TypeVar("Particles", Array, Belief)
@@ -78,7 +83,7 @@ def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Belief:
     rough = rng.uniform(high, ROUGH * high, n)
     friction = np.where(rng.random(n) < 0.5, slippery, rough)
     friction[rng.random(n) >= job.friction.doubt] = np.nan
-    return Belief(poses, friction)
+    return replace(Belief.of(poses), friction=friction)
 
 
 def subsample(particles: Particles, n: int) -> Particles:

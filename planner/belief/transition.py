@@ -6,13 +6,14 @@ encoder noise. Many beliefs and actions are rolled out in one batch.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.observation import Encoder, Partition, partition, resolution_of
+from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import Belief
+from planner.belief.partition import Rule, partition
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import RollOut, Simulator
@@ -26,21 +27,43 @@ Case: TypeAlias = tuple[Belief, Array]
 """A belief, and the placement (3,) of the hand that squeezes it [mm, mm, rad]."""
 
 
+class Squeezed(NamedTuple):
+    """What one action makes of one belief.
+
+    Attributes:
+        belief: n particles after it, with what the encoder reads.
+        unstable: share of the belief that is held by friction alone (jammed): stiff jaws on a light part may
+            throw it out of such an equilibrium (paper VII.B).
+        width_mm: mean width at which the jaws stop.
+    """
+
+    belief: Belief
+    unstable: float
+    width_mm: float
+
+
 class Outcomes(NamedTuple):
-    """The outcomes of one action on one belief.
+    """The branches of one action on one belief.
 
     Attributes:
         clusters: the partition of encoder counts.
         beliefs: for each cluster the particles in it.
-        unstable: share of the belief that is held by friction alone (jammed): stiff jaws on a light part may
-            throw it out of such an equilibrium (paper VII.B).
-        width_mm: mean width at which the jaws stop.
+        unstable: see `Squeezed`.
+        width_mm: see `Squeezed`.
     """
 
     clusters: Partition
     beliefs: list[Belief]
     unstable: float
     width_mm: float
+
+    @classmethod
+    def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
+        """Cuts what was read into branches."""
+        belief, unstable, width_mm = squeezed
+        clusters = partition(belief.poses, belief.reading, rule)
+        label = clusters.label[belief.reading]
+        return cls(clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm)
 
     @property
     def probability(self) -> Array:
@@ -51,7 +74,7 @@ class Outcomes(NamedTuple):
 class MotionModel(Protocol):
     """What the search needs to know of a squeeze."""
 
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """Squeezes beliefs at placements.
 
         Args:
@@ -59,7 +82,7 @@ class MotionModel(Protocol):
             rng: source of all randomness.
 
         Returns:
-            The outcomes, one for each case.
+            What became of them, one for each case.
         """
 
 
@@ -70,7 +93,7 @@ class Simulation:
     simulator: Simulator
     encoder: Encoder
 
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """As `MotionModel.squeeze`, each particle rolled out by itself."""
 
         def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
@@ -78,16 +101,16 @@ class Simulation:
                 poses, self.simulator.sample(len(case), rng).with_friction(friction)
             )
 
-        return outcomes_of(cases, roll_out, self.encoder, rng)
+        return squeezed_by(cases, roll_out, self.encoder, rng)
 
 
-def outcomes_of(
+def squeezed_by(
     cases: list[Case],
     roll_out: Callable[[Array, IntArray, Array], RollOut],
     encoder: Encoder,
     rng: np.random.Generator,
-) -> list[Outcomes]:
-    """Squeezes all cases in one batch, reads the widths, and clusters each case's counts.
+) -> list[Squeezed]:
+    """Squeezes all cases in one batch, and reads the widths.
 
     Args:
         cases: as given to the motion model, n particles in all.
@@ -102,19 +125,16 @@ def outcomes_of(
     hand = np.concatenate([to_hand(belief.poses, placement) for belief, placement in cases])
     friction = np.concatenate([belief.friction for belief, _ in cases])
     rolled = roll_out(hand, np.repeat(np.arange(len(cases)), size), friction)
-    counts, resolution = encoder.read(rolled.width_mm, rng), resolution_of(encoder)
-    outcomes = []
+    counts = encoder.read(rolled.width_mm, rng)
+    squeezed = []
     start = 0
     for belief, placement in cases:
         part = slice(start, start + len(belief))
         start = part.stop
-        after = Belief(to_world(rolled.poses[part], placement), belief.friction)
-        clusters = partition(counts[part], resolution)
-        label = clusters.label[counts[part]]
-        beliefs = [after[label == k] for k in range(len(clusters.mean))]
+        after = Belief(to_world(rolled.poses[part], placement), belief.friction, counts[part])
         unstable = float(np.mean(rolled.status[part] == JAMMED))
-        outcomes.append(Outcomes(clusters, beliefs, unstable, float(np.mean(rolled.width_mm[part]))))
-    return outcomes
+        squeezed.append(Squeezed(after, unstable, float(np.mean(rolled.width_mm[part]))))
+    return squeezed
 
 
 class Costs(NamedTuple):

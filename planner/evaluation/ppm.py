@@ -98,6 +98,7 @@ class Wrong(NamedTuple):
 
     leaf: IntArray  # (n,) where they ended
     poses: Array  # (n, 3) where they lay then [mm, mm, rad]
+    counts: IntArray  # (n,) what was read there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,30 +135,27 @@ class Study:
         program, encoder = self.program, encoder_of(self.job)
         parts, leaves = len(poses), len(program.table.leaves)
         part, node = np.arange(parts), np.zeros(parts, np.int64)
-        ends: list[tuple[IntArray, IntArray, Array, Array]] = []
+        ends: list[tuple[IntArray, IntArray, Array, Array, IntArray]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
             placement = self.disturbance.placed(program.placement[node], rng)
             stopped = crashing(program, node, poses, placement, world, self.job)
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
-            part, node, poses, placement = (
-                part[~stopped],
-                node[~stopped],
-                poses[~stopped],
-                placement[~stopped],
-            )
+            part, node = part[~stopped], node[~stopped]
+            poses, placement = poses[~stopped], placement[~stopped]
             weight = 1.0 / self.copies[node]
             offset_mm = self.disturbance.encoder_offset_mm
             made = step(program, node, poses, placement, world, encoder, rng, offset_mm)
             squeezes += float(weight.sum())
             rejected += float(weight[made.target == DISMISSED].sum())
             ended = (made.target < 0) & (made.target != DISMISSED)
-            ends.append((part[ended], ~made.target[ended], weight[ended], made.released[ended]))
+            told = made.released[ended], made.counts[ended]
+            ends.append((part[ended], ~made.target[ended], weight[ended], *told))
             on = made.target >= 0
             times = self.copies[made.target[on]] // self.copies[node[on]]
             part, node = np.repeat(part[on], times), np.repeat(made.target[on], times)
             poses = np.repeat(made.released[on], times, axis=0)
-        part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
+        part, leaf, weight, poses, counts = (np.concatenate(column) for column in zip(*ends, strict=True))
         resolved = np.array([known.resolved for known in program.table.leaves])
         wrong = resolved[leaf] & ~judge(program.table, leaf, poses).within
         sums = Sums(
@@ -169,7 +167,7 @@ class Study:
             crashed=crashed,
             squeezes=squeezes,
         )
-        return sums, Wrong(leaf[wrong], poses[wrong])
+        return sums, Wrong(leaf[wrong], poses[wrong], counts[wrong])
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.belief.particles import Belief
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.ppm import CHUNK, Findings, Study, Sums, Wrong, copies_of
 from planner.evaluation.trials import Program
@@ -32,8 +32,8 @@ class Case:
     found: Findings  # rates and bounds
     wrong: Wrong  # the parts that were answered wrongly
 
-    def to_blame(self, limit: float) -> dict[int, Array]:
-        """Leaves without which the table would keep below a limit [ppm], and where their wrong parts lay.
+    def to_blame(self, limit: float) -> dict[int, Belief]:
+        """Leaves without which the table would keep below a limit [ppm], and their wrong parts.
 
         Those wrong for the largest share of their own parts come first: then the fewest parts are concerned.
         """
@@ -45,7 +45,8 @@ class Case:
                 break
             left -= self.found.leaves[leaf].rate
             named.append(leaf)
-        return {leaf: self.wrong.poses[self.wrong.leaf == leaf] for leaf in named}
+        found = self.wrong
+        return {k: Belief.of(found.poses[found.leaf == k], found.counts[found.leaf == k]) for k in named}
 
 
 def studied(

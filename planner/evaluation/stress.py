@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import BoolArray
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import ROUGH, SLIPPERY, Belief
 from planner.evaluation.cases import stress_cases
@@ -81,21 +81,22 @@ def doubt(root: TreeNode, runs: Sequence[Evaluation], metric: Metric) -> list[Do
     """
     leaves = sum(not node.children for node in breadth_first(root))
     named = sorted({leaf for run in runs for leaf in doubtful(run, leaves)})
-    wrong = {k: np.concatenate([run.poses[(run.leaf == k) & run.wrong] for run in runs]) for k in named}
+    wrong = {k: Belief.joined([_ended(run, (run.leaf == k) & run.wrong) for run in runs]) for k in named}
     return unsettle(root, wrong, metric)
 
 
-def unsettle(root: TreeNode, wrong: Mapping[int, Array], metric: Metric) -> list[Doubt]:
-    """Joins the poses (n, 3) of wrong parts, amplified, to the beliefs of their leaves, by leaf number.
+def unsettle(root: TreeNode, wrong: Mapping[int, Belief], metric: Metric) -> list[Doubt]:
+    """Joins wrong parts, amplified, to the beliefs of their leaves, by leaf number.
 
     The tree is modified in place. Returns the leaves, with what they were before.
     """
     ends = [node for node in breadth_first(root) if not node.children]
     found = []
-    for leaf, poses in wrong.items():
+    for leaf, parts in wrong.items():
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        node.belief = Belief.joined([node.belief, _amplified(poses, len(node.belief))])
+        more = _amplified(parts, len(node.belief))
+        node.belief, node.doubted = Belief.joined([node.belief, more]), node.doubted + len(more)
         node.mode = metric.mode(node.belief.poses)
     return found
 
@@ -107,10 +108,17 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
     """
     for node, belief, mode in doubts:
         if not node.children and node.mode.ratio < confidence:
+            node.doubted -= len(node.belief) - len(belief)
             node.belief, node.mode = belief, mode
 
 
-def _amplified(wrong: Array, among: int) -> Belief:
-    """Poses (n, 3) as particles, repeated until they count among so many others."""
+def _ended(run: Evaluation, rows: BoolArray) -> Belief:
+    """Where some of the parts of a run ended, and what was read there last."""
+    last = run.counts[np.arange(len(rows)), run.squeezes - 1]
+    return Belief.of(run.poses[rows], last[rows])
+
+
+def _amplified(wrong: Belief, among: int) -> Belief:
+    """Particles repeated until they count among so many others."""
     times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return Belief.of(np.tile(wrong, (times, 1)))
+    return wrong[np.tile(np.arange(len(wrong)), times)]

@@ -75,7 +75,7 @@ def _push(model: MotionModel, belief: Belief, placements: Array, rng: np.random.
     """The poses (n, 3) after each of a sequence of squeezes."""
     poses = []
     for placement in placements:
-        belief = Belief.joined(model.squeeze([(belief, placement)], rng)[0].beliefs)
+        belief = model.squeeze([(belief, placement)], rng)[0].belief
         poses.append(belief.poses)
     return poses
 

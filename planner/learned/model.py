@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, encoder_of
-from planner.belief.transition import Case, Outcomes, outcomes_of
+from planner.belief.transition import Case, Squeezed, squeezed_by
 from planner.job.model import Job
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import RollOuts, region_radius, roll_outs
@@ -83,13 +83,13 @@ class LearnedModel:
         first[np.unique(belief * (len(self.status) + 1) + source, return_index=True)[1]] = True
         return np.asarray(first & (nearest_mm <= self.farthest_mm))
 
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Outcomes]:
+    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """As `MotionModel.squeeze`."""
 
         def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
             return self.roll_out(poses, case, rng, friction)
 
-        return outcomes_of(cases, roll_out, self.encoder, rng)
+        return squeezed_by(cases, roll_out, self.encoder, rng)
 
 
 def learns(job: Job) -> bool:

@@ -129,7 +129,7 @@ def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -
     label = np.argmin(np.abs(np.arange(COUNTS)[:, None] - mean[None]), axis=1)
     cells = [np.flatnonzero(label == k) for k in range(len(found))]
     low, high = np.array([cell[0] for cell in cells]), np.array([cell[-1] for cell in cells])
-    return Partition(label, mean, low, high, size, np.empty((0, 2))), child
+    return Partition(label, mean, low, high, size), child
 
 
 def search_depth(actions: int) -> int:

@@ -1,7 +1,7 @@
 """Closed-loop look-ahead: the next squeeze, chosen knowing that the one after may depend on what it shows.
 
     J(b, d) = min_a [ c(a) + sum_z P(z | b, a) J(b_z, d - 1) ],    J(b, d) = 0 where r(b) meets the goal,
-    J(b, 0) = 1 - exp(-(1 - r(b)) / tau) + 1 - r(b)
+    J(b, 0) of `planner.belief.partition.Estimate`
 
 J is the expected number of squeezes to go, c the cost of one (1 plus its other costs in units of that), r
 the mode ratio. J(b, 0) is a heuristic: a belief that misses the goal needs one squeeze more, however little
@@ -23,7 +23,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import Belief, subsample
 from planner.search.params import Objective
-from planner.search.ranking import Choice, Options, Ranking, distinct, squeezes_left
+from planner.search.ranking import Choice, Options, Ranking, distinct
 
 
 class _Followed(NamedTuple):
@@ -136,8 +136,9 @@ class LookAhead:
         params = self.objective.params
         ratio = np.array([self.objective.metric.mode(belief.poses).ratio for belief in beliefs])
         short = np.flatnonzero(ratio < self.objective.confidence)
-        ratio = ratio - params.shrinkage / np.array([len(belief) for belief in beliefs])
-        cost_to_go = squeezes_left(ratio, params)
+        size = np.array([len(belief) for belief in beliefs])
+        cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)
+        ratio = ratio - params.shrinkage / size
         if depth == 0:
             return cost_to_go, ratio
         options = [self.ranking.candidates(beliefs[i], beliefs[i]) for i in short]

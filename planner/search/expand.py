@@ -15,7 +15,8 @@ from planner.arrays import Array
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish
-from planner.belief.transition import MotionModel
+from planner.belief.recut import recut
+from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.params import Objective
@@ -56,12 +57,14 @@ class TreeNode:
         belief: where the part may lie.
         share: probability of getting here.
         mode: the pose that explains most of the belief.
-        path: which branch was taken at each squeeze on the way.
+        path: names of the branches taken on the way; no two nodes of a tree have the same.
         squeezes_without_gain: how many just before this node got the belief no nearer the goal.
         squeeze: what is done here; None at a leaf.
         children: one node for each cluster of its outcomes.
+        named: how many names of children were given away.
         alternatives: further placements (3,) that looked promising, the best first.
         refuted: fresh trials spoke against it, as a leaf.
+        doubted: how many of the last particles come from worlds that are off: they are nobody's share.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
             looked for.
     """
@@ -73,8 +76,10 @@ class TreeNode:
     squeezes_without_gain: int = 0
     squeeze: PlannedSqueeze | None = None
     children: list[TreeNode] = field(default_factory=list)
+    named: int = 0
     alternatives: list[Array] = field(default_factory=list)
     refuted: bool = False
+    doubted: int = 0
     exhausted: float = math.inf
 
     @property
@@ -150,25 +155,32 @@ def grow(
         out_of_time: asked before each node; the tree stays as it is once it says so.
         reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
     """
-    leaves = [node for node in breadth_first(root) if not node.children]
-    open_ones = [leaf for leaf in leaves if growth.worth_growing(leaf, reopen)]
-    waiting = [(-node.unlocated_mass, node.path, node) for node in open_ones]
+    inner = [node for node in breadth_first(root) if node.children]
+    pairs: list[tuple[TreeNode, TreeNode | None]] = [(root, None)]
+    if inner:
+        pairs = [(child, node) for node in inner for child in node.children]
+    waiting = [
+        (-leaf.unlocated_mass, leaf.path, leaf, parent)
+        for leaf, parent in pairs
+        if not leaf.children and growth.worth_growing(leaf, reopen)
+    ]
     heapq.heapify(waiting)
     done = 0
     while waiting and not out_of_time():
-        _, path, node = heapq.heappop(waiting)
+        _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
         done += 1
         if node.mode.ratio < growth.objective.confidence:
-            _expand(node, growth, np.random.default_rng([*seed, len(path), *path]))
-            for child in node.children:
-                heapq.heappush(waiting, (-child.unlocated_mass, child.path, child))
+            for leaf, above in _expand(
+                node, parent, growth, np.random.default_rng([*seed, len(path), *path])
+            ):
+                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
         if progress is not None:
             progress(done, len(waiting))
 
 
 def learn(
     root: TreeNode,
-    beliefs: dict[int, Array],
+    beliefs: dict[int, Belief],
     growth: Growth,
     confidence: float,
     against: Collection[int] = (),
@@ -177,7 +189,7 @@ def learn(
 
     Args:
         root: the tree, modified in place.
-        beliefs: poses (n, 3) by the leaf's number, breadth first.
+        beliefs: what lay there by the leaf's number, breadth first.
         growth: how it was grown.
         confidence: mode ratio that leaves must have.
         against: the leaves that the evaluation refutes.
@@ -188,12 +200,12 @@ def learn(
     short = 0.0
     leaves = [node for node in breadth_first(root) if not node.children]
     for number, node in enumerate(leaves):
-        poses = beliefs.get(number)
-        if poses is None or not len(poses):
+        found = beliefs.get(number)
+        if found is None or not len(found):
             continue
         met = node.mode.ratio >= confidence
         node.refuted = number in against
-        node.belief = Belief.joined([node.belief, Belief.of(poses)])
+        node.belief = Belief.joined([found, node.belief])  # what is doubted stays at the end
         node.mode = growth.objective.metric.mode(node.belief.poses)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
@@ -201,36 +213,112 @@ def learn(
     return short
 
 
-def _expand(node: TreeNode, growth: Growth, rng: np.random.Generator) -> None:
-    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything."""
+def _expand(
+    node: TreeNode, parent: TreeNode | None, growth: Growth, rng: np.random.Generator
+) -> list[tuple[TreeNode, TreeNode]]:
+    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything.
+
+    Returns:
+        New leaves, each with its parent.
+    """
     params = growth.objective.params
     may = node.depth < growth.max_depth and node.squeezes_without_gain < params.most_without_gain
     choices = growth.look_ahead.choose(node.belief, rng, 1 + params.alternatives, node.share) if may else []
-    if choices:
-        squeeze_at(node, choices[0].placement, growth, rng)
-        node.alternatives = [choice.placement for choice in choices[1:]]
-    else:
+    if not choices:
         node.exhausted = node.mode.ratio
+        return []
+    node.alternatives = [choice.placement for choice in choices[1:]]
+    return squeeze_at(node, parent, choices[0].placement, growth, rng)
 
 
-def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator) -> None:
+def squeeze_at(
+    node: TreeNode, parent: TreeNode | None, placement: Array, growth: Growth, rng: np.random.Generator
+) -> list[tuple[TreeNode, TreeNode]]:
     """Squeezes a node's belief, and adds a child for each cluster of outcomes.
+
+    Where the squeeze shows that the readings which led here had better been told apart, the node becomes
+    several children of its parent; the squeeze is the heaviest one's.
 
     Args:
         node: a leaf of the tree, modified in place.
+        parent: its parent, likewise; None for the root.
         placement: (3,) the hand frame in the world.
         growth: how the tree is grown.
         rng: source of randomness.
+
+    Returns:
+        New leaves, each with its parent.
     """
-    metric, _, costs, params = growth.objective
+    found = _squeezed(node, placement, growth, rng)
+    others = []
+    if parent is not None:
+        others = _separated(node, parent, found, growth)
+        if others:
+            found = _squeezed(node, placement, growth, rng)
+    _attach(node, placement, found, growth)
+    leaves = [(child, node) for child in node.children]
+    return leaves + [(other, parent) for other in others if parent is not None]
+
+
+def _squeezed(
+    node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator
+) -> tuple[Belief, Squeezed, float]:
+    """What a squeeze begins with, what it makes of that, and the share without a finger on the part."""
     clear = growth.handling.clear(node.belief, placement)
-    arrives = len(clear) / len(node.belief)
-    belief = replenish(clear, params.least_particles)
-    outcomes = growth.reference.squeeze([(belief, placement)], rng)[0]
+    belief = replenish(clear, growth.objective.params.least_particles)
+    squeezed = growth.reference.squeeze([(belief, placement)], rng)[0]
+    return belief, squeezed, len(clear) / len(node.belief)
+
+
+def _separated(
+    node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed, float], growth: Growth
+) -> list[TreeNode]:
+    """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest piece."""
+    belief, metric, share = node.belief, growth.objective.metric, node.share
+    cuts = recut(found[0], found[1].belief, growth.objective.rule)
+    piece = np.searchsorted(cuts, belief.reading, side="right")
+    numbers, size = np.unique(piece, return_counts=True)
+    if len(numbers) < 2:
+        return []
+    stated = len(piece) - node.doubted
+    pieces = []
+    for k in numbers[::-1]:  # the widest first: counts fall as widths rise
+        part = belief[piece == k]
+        other = node
+        if k != numbers[np.argmax(size)]:
+            path = (*parent.path, parent.named)
+            parent.named += 1
+            other = TreeNode(part, 0.0, node.mode, path, node.squeezes_without_gain)
+        other.belief, other.share = part, share * float(np.mean(piece[:stated] == k))
+        other.doubted = int(np.sum(piece[stated:] == k))
+        other.mode = metric.mode(part.poses)
+        pieces.append(other)
+    replace_child(parent, node, pieces)
+    return [other for other in pieces if other is not node]
+
+
+def replace_child(parent: TreeNode, child: TreeNode, pieces: list[TreeNode]) -> None:
+    """Puts nodes that stand for disjoint readings in the place of one child.
+
+    Beliefs may have been added to since: how many readings an interval holds is told by the shares.
+    """
+    assert parent.squeeze is not None
+    at = next(i for i, other in enumerate(parent.children) if other is child)
+    parent.children[at : at + 1] = pieces
+    clusters = Partition.of([other.belief.reading for other in parent.children])
+    share = np.array([other.share for other in parent.children])
+    size = np.rint(parent.squeeze.clusters.size.sum() * share / share.sum()).astype(np.int64)
+    parent.squeeze = parent.squeeze._replace(clusters=clusters._replace(size=size))
+
+
+def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, float], growth: Growth) -> None:
+    """Adds a squeeze's outcomes to a node."""
+    metric, params = growth.objective.metric, growth.objective.params
+    outcomes, arrives = Outcomes.of(found[1], growth.objective.rule), found[2]
     release = growth.handling.release(outcomes)
     node.squeeze = PlannedSqueeze(
         placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,
-        release, costs.of(outcomes), 1.0 - arrives,
+        release, growth.objective.costs.of(outcomes), 1.0 - arrives,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
     modes = [metric.mode(child.poses) for child in beliefs]
@@ -243,3 +331,4 @@ def squeeze_at(node: TreeNode, placement: Array, growth: Growth, rng: np.random.
         TreeNode(child, node.share * float(share), mode, (*node.path, k), squeezes_without_gain)
         for k, (share, child, mode) in enumerate(zip(shares, beliefs, modes, strict=True))
     ]
+    node.named = len(node.children)

@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.arrays import Array
-from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, squeeze_at
+from planner.belief.particles import Belief
+from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, replace_child, squeeze_at
 
 
 def improve(
@@ -29,31 +30,50 @@ def improve(
         out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
     """
     params = growth.objective.params
-    heavy = [node for node in breadth_first(root) if node.share >= params.improved_share]
-    nodes = [node for depth in params.improved_depths for node in heavy if node.depth == depth]
-    cases = [(node, k) for node in nodes for k in range(len(node.alternatives))]
-    for done, (node, k) in enumerate(cases):
-        if out_of_time():
-            return
-        if progress is not None:
-            progress(done, len(cases) - done)
-        least = (1.0 + params.improved_saving) * growth.objective.costs.least
-        if price(node, growth) < least * node.share:
-            continue
-        other = _other(node, node.alternatives[k], growth, [*seed, k + 1], out_of_time)
-        if not out_of_time() and price(other, growth) < price(node, growth):
-            node.squeeze, node.children = other.squeeze, other.children
+    for depth in params.improved_depths:
+        inner = [node for node in breadth_first(root) if node.children]
+        pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
+        pairs = [(child, node) for child, node in pairs if child.share >= params.improved_share]
+        cases = [(node, parent, k) for node, parent in pairs for k in range(len(node.alternatives))]
+        current = {id(node): [node] for node, _ in pairs}
+        for done, (node, parent, k) in enumerate(cases):
+            if out_of_time():
+                return
+            if progress is not None:
+                progress(done, len(cases) - done)
+            pieces = current[id(node)]
+            before = sum(price(piece, growth) for piece in pieces)
+            share = sum(piece.share for piece in pieces)
+            if before < (1.0 + params.improved_saving) * growth.objective.costs.least * share:
+                continue
+            other = _other(pieces, parent, node.alternatives[k], before, growth, [*seed, k + 1], out_of_time)
+            if not out_of_time() and price(other, growth) < before:
+                for piece in pieces[1:]:
+                    parent.children.remove(piece)
+                replace_child(parent, pieces[0], other.children)
+                parent.named = other.named
+                current[id(node)] = other.children
 
 
 def _other(
-    node: TreeNode, placement: Array, growth: Growth, seed: list[int], out_of_time: Callable[[], bool]
-) -> TreeNode:
-    """The node with another squeeze, grown until it is whole or certain to cost more."""
-    other = TreeNode(node.belief, node.share, node.mode, node.path)
-    limit = price(node, growth)
-    squeeze_at(other, placement, growth, np.random.default_rng([*seed, *node.path]))
-    grow(other, growth, seed, out_of_time=lambda: out_of_time() or bound(other, growth) >= limit)
-    return other
+    pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
+    out_of_time: Callable[[], bool],
+) -> TreeNode:  # fmt: skip
+    """A parent's stand-in, its one child squeezed elsewhere, grown until whole or certain to cost more."""
+    metric = growth.objective.metric
+    belief = Belief.joined([piece.belief for piece in pieces])
+    node = TreeNode(
+        belief,
+        sum(piece.share for piece in pieces),
+        metric.mode(belief.poses),
+        pieces[0].path,
+        pieces[0].squeezes_without_gain,
+    )
+    stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
+    stand.named = parent.named
+    squeeze_at(node, stand, placement, growth, np.random.default_rng([*seed, *node.path]))
+    grow(stand, growth, seed, out_of_time=lambda: out_of_time() or bound(stand, growth) >= limit)
+    return stand
 
 
 def bound(node: TreeNode, growth: Growth) -> float:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from planner.belief.metric import Metric
+from planner.belief.observation import Resolution
+from planner.belief.partition import Estimate, Rule
 from planner.belief.transition import Costs
 
 
@@ -43,8 +45,21 @@ class SearchParams:
     """Squeezes charged, times the mass outside, where no squeeze gains at the end of a look-ahead."""
     shrinkage: float = 1.0
     """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
-    tau: float = 0.02
-    """Mass outside the mode, roughly, from which a belief needs a squeeze more."""
+    doubt: float = 0.05
+    """Chance that a part near a cut strays: more makes fewer wrong if encoders are off, and more squeezes."""
+    astray: tuple[float, ...] = (1.0, 0.15)
+    """Squeezes that such a part costs in a branch that is squeezed again: likewise. A tree is grown with each
+    price, and trials with the encoder right and off tell which stays."""
+    rival_nodes: int = 60
+    """Nodes of the first tree up to which others are grown: more takes longer and may save squeezes."""
+    off_mm: float = 1.0
+    """How far they are off."""
+    rejection: float = 0.2
+    """What a part costs that is rejected then, in parts that are answered wrongly: it can be tried again."""
+    reach: float = 2.7
+    """Counts from a cut that are near it: more asks for wider gaps between branches."""
+    branch: float = 8.0
+    """Squeezes of one particle that a branch must save: more makes smaller tables, less follows noise."""
     selection_bias: float = 0.5
     """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 
@@ -83,18 +98,34 @@ class SearchParams:
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
+    def rule(self, metric: Metric, estimate: Estimate, resolution: Resolution, way: int = 0) -> Rule:
+        """How readings are cut for a goal, given J of a belief and what an encoder tells apart.
+
+        `way` is the number of the price in `astray`; after the last comes k-means.
+        """
+        price, by_width = self.astray[min(way, len(self.astray) - 1)], way == len(self.astray)
+        return Rule(metric, estimate, resolution, self.doubt, price, self.branch, self.reach, by_width)
+
 
 class Objective(NamedTuple):
     """What a plan is to reach.
 
     Attributes:
-        metric: the goal.
-        confidence: mode ratio at which a belief needs no further squeeze.
+        rule: how readings are cut into branches; knows the goal and J of a belief.
         costs: c of a squeeze.
         params: settings of the search.
     """
 
-    metric: Metric
-    confidence: float
+    rule: Rule
     costs: Costs
     params: SearchParams = SearchParams()
+
+    @property
+    def metric(self) -> Metric:
+        """The goal."""
+        return self.rule.metric
+
+    @property
+    def confidence(self) -> float:
+        """Mode ratio at which a belief needs no further squeeze."""
+        return self.rule.estimate.confidence

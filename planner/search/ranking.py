@@ -102,7 +102,7 @@ class Ranking:
     def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """Every option (k, 3) of every belief, squeezed once, in one batch."""
         cases = [(belief, a) for belief, choice in zip(beliefs, options, strict=True) for a in choice]
-        outcomes = self.model.squeeze(cases, rng)
+        outcomes = [Outcomes.of(found, self.objective.rule) for found in self.model.squeeze(cases, rng)]
         result, start = [], 0
         for choice in options:
             result.append(self._judge(choice, outcomes[start : start + len(choice)]))
@@ -130,16 +130,17 @@ class Ranking:
         return np.asarray(after - ratio - np.array(bias))
 
     def _judge(self, placements: Array, outcomes: list[Outcomes]) -> Options:
-        metric, _, costs, params = self.objective
-        cost = np.array([costs.of(outcome) for outcome in outcomes])
+        metric, params = self.objective.metric, self.objective.params
+        cost = np.array([self.objective.costs.of(outcome) for outcome in outcomes])
         ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
         for k, outcome in enumerate(outcomes):
-            shrink = np.array([params.shrinkage / len(child) for child in outcome.beliefs])
             modes = [metric.main_modes(child.poses, metric.modes + 1) for child in outcome.beliefs]
             first = np.array([sum(mode.ratio for mode in found[: metric.modes]) for found in modes])
             further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
             ratio[k] = outcome.probability @ first
-            cost_to_go[k] += outcome.probability @ squeezes_left(first - shrink, params)
+            size = outcome.clusters.size
+            left = self.objective.rule.estimate.squeezes(first * size, size)
+            cost_to_go[k] += float(outcome.probability @ left)
             rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further)
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
@@ -149,12 +150,6 @@ class Ranking:
         if self.crash_share > 0.0 and not free.any():
             free = free_placements(part, jaws, belief.poses, placements, 0.0, self.crash_share)
         return np.asarray(placements[free])
-
-
-def squeezes_left(ratio: Array, params: SearchParams) -> Array:
-    """J(b, 0) of beliefs with mode ratios (n,): an estimate of the squeezes that they still need."""
-    outside = np.maximum(1.0 - ratio, 0.0)
-    return np.asarray(1.0 - np.exp(-outside / params.tau) + outside)
 
 
 def selection_bias(ratio: float, particles: int, clusters: int, params: SearchParams) -> float:

@@ -63,9 +63,9 @@ class Unaided(NamedTuple):
     motion: Kcde
 
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[SimpleNamespace]:
-        """Outcomes with all particles in one belief."""
+        """As `MotionModel.squeeze`, without readings."""
         moved = [self.motion.sample(to_hand(belief.poses, hand), rng).poses for belief, hand in cases]
         return [
-            SimpleNamespace(beliefs=[Belief.of(to_world(poses, hand))])
+            SimpleNamespace(belief=Belief.of(to_world(poses, hand)))
             for poses, (_, hand) in zip(moved, cases, strict=True)
         ]

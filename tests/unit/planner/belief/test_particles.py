@@ -1,12 +1,14 @@
 """Beliefs whose particles carry their own friction."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import problems
 import pytest
 
-from planner.belief.observation import Encoder, encoder_of
+from planner.belief.metric import Metric
+from planner.belief.observation import Encoder, encoder_of, resolution_of
 from planner.belief.particles import (
     ROUGH,
     SLIPPERY,
@@ -16,9 +18,11 @@ from planner.belief.particles import (
     replenish,
     subsample,
 )
-from planner.belief.transition import Simulation, outcomes_of
+from planner.belief.partition import Estimate
+from planner.belief.transition import Outcomes, Simulation, squeezed_by
 from planner.job import model as job_file
 from planner.mechanics.simulator import RollOut
+from planner.search.params import SearchParams
 
 TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
@@ -62,12 +66,12 @@ def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
     model, rng = Simulation(simulator, encoder_of(job)), np.random.default_rng(4)
     poses = initial(job, 2000, rng)
     carried = np.where(np.arange(2000) % 2 == 0, 0.01, np.nan)
-    belief = Belief(poses, carried)
-    (outcomes,) = model.squeeze([(belief, np.zeros(3))], rng)
-    after = Belief.joined(outcomes.beliefs).friction
+    belief = replace(Belief.of(poses), friction=carried)
+    (squeezed,) = model.squeeze([(belief, np.zeros(3))], rng)
+    after = squeezed.belief.friction
     assert np.isnan(after).sum() == 1000
     assert set(after[~np.isnan(after)].tolist()) == {0.01}
-    width = np.repeat(encoder_of(job).width_mm(outcomes.clusters.mean), [len(b) for b in outcomes.beliefs])
+    width = encoder_of(job).width_mm(squeezed.belief.reading)
     diagonal = (width > 33.0) & (width < 40.0)
     slippery = ~np.isnan(after)
     assert np.mean(diagonal[~slippery]) > 0.02
@@ -83,5 +87,7 @@ def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
         return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))
 
     case = (Belief.of(np.zeros((100, 3))), np.zeros(3))
-    (outcomes,) = outcomes_of([case], roll_out, encoder, np.random.default_rng(0))
+    (squeezed,) = squeezed_by([case], roll_out, encoder, np.random.default_rng(0))
+    rule = SearchParams().rule(Metric(1.0, 5.0, 1), Estimate(0.99), resolution_of(encoder))
+    outcomes = Outcomes.of(squeezed, rule)
     assert outcomes.clusters.size.tolist() == [50, 50]

@@ -20,7 +20,7 @@ def planned(silent):
     growth = Growth(look_ahead([TELLING]), Oracle(), handling_of(JOB), 9)
     root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     for _ in range(silent):
-        squeeze_at(leaf, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
+        squeeze_at(leaf, None, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
         (leaf,) = leaf.children
     leaf.squeezes_without_gain = 0
     grow(root, growth, [1])

@@ -41,7 +41,8 @@ def case(visits, wrong):
     squares = np.append(wrong, wrong.sum())
     sums = Sums(PARTS, np.array(visits, np.float64), wrong, squares, 0.0, 0.0, 3.0 * PARTS)
     leaf = np.repeat(np.arange(len(wrong)), wrong.astype(int))
-    return Case(Findings.of(sums), Wrong(leaf, np.column_stack([leaf, leaf, leaf]).astype(float)))
+    places = np.column_stack([leaf, leaf, leaf]).astype(float)
+    return Case(Findings.of(sums), Wrong(leaf, places, leaf))
 
 
 def test_the_leaves_that_are_wrong_for_most_of_their_parts_are_blamed_first():
@@ -60,9 +61,10 @@ def test_what_is_left_alone_keeps_well_below_the_limit_and_nothing_more_is_blame
     if blamed:
         spared = list(blamed)[:-1]
         assert sum(wrong) - sum(wrong[leaf] for leaf in spared) > AIM * limit
-    for leaf, poses in blamed.items():
-        assert len(poses) == wrong[leaf]
-        assert np.all(poses == leaf)
+    for leaf, parts in blamed.items():
+        assert len(parts) == wrong[leaf]
+        assert np.all(parts.poses == leaf)
+        assert np.all(parts.reading == leaf)
 
 
 def planted(table, leaf, off_um=50_000):

@@ -52,7 +52,7 @@ def test_one_sample_in_two_halves_is_as_far_apart_as_theory_says():
 
 
 class Squeezed(NamedTuple):
-    beliefs: list
+    belief: Belief
 
 
 class Shaken:
@@ -64,7 +64,7 @@ class Shaken:
     def squeeze(self, cases, rng):
         starts = [belief.poses for belief, _ in cases]
         moved = [b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b in starts]
-        return [Squeezed([Belief.of(m[m[:, 0] < 0]), Belief.of(m[m[:, 0] >= 0])]) for m in moved]
+        return [Squeezed(Belief.of(m)) for m in moved]
 
 
 def test_a_model_is_judged_by_the_simulators_own_scatter():

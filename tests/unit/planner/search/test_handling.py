@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.observation import encoder_of, partition
+from planner.belief.observation import Partition, encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.job import model as job_file
@@ -26,7 +26,7 @@ def job():
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_count))
-    return Outcomes(partition(counts), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0)
+    return Outcomes(Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0)
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
@@ -58,7 +58,7 @@ def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
 
 def test_nothing_held_is_nothing_dragged(job):
     outcomes = Outcomes(
-        partition(np.full(50, 230)), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
+        Partition.of([np.full(50, 230)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
     )
     handling = handling_of(job)
     assert handling.release(outcomes) is None

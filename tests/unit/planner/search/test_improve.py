@@ -5,19 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
+from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 
 from planner.belief.particles import Belief
+from planner.belief.transition import Squeezed
 from planner.job import model as job_file
-from planner.search.expand import Growth, TreeNode, grow, learn, squeeze_at
+from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price
 from planner.search.params import SearchParams
-from planner.search.ranking import squeezes_left
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 PATIENT = 4
 MOST_WITHOUT_GAIN = SearchParams().most_without_gain
+DEAR = SearchParams(branch=20.0)
+"""Branches that are dear: no cut for a few parts."""
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +35,10 @@ def placed(angle):
 def tree(growth, first, other):
     """A root, squeezed once without result, and a node that squeezes at an angle, with an alternative."""
     root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-    squeeze_at(root, placed(SILENT), growth, np.random.default_rng(0))
+    squeeze_at(root, None, placed(SILENT), growth, np.random.default_rng(0))
     (node,) = root.children
     node.squeezes_without_gain = 0  # else one more squeeze that tells nothing would be the last
-    squeeze_at(node, placed(first), growth, np.random.default_rng(1))
+    squeeze_at(node, root, placed(first), growth, np.random.default_rng(1))
     node.alternatives = [placed(other)]
     grow(node, growth, [1])
     return root, node
@@ -46,6 +48,7 @@ def test_a_squeeze_that_tells_at_once_takes_the_place_of_one_that_does_not(growt
     root, node = tree(growth, SILENT, TELLING)
     before = price(root, growth)
     improve(root, growth, [1])
+    (node,) = root.children
     assert node.squeeze.placement[2] == TELLING
     assert price(root, growth) == pytest.approx(before - growth.objective.costs.least)
     assert all(leaf.mode.ratio == 1.0 for leaf in node.children)
@@ -56,7 +59,7 @@ def test_parts_under_a_finger_count_and_are_failures(growth):
     under = np.tile([0.0, 47.0, 0.0], (len(BELIEF) // 19, 1))
     belief = Belief.joined([BELIEF, Belief.of(under)])
     root = TreeNode(belief, 0.8, growth.objective.metric.mode(belief.poses))
-    squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
+    squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
     crashes = len(under) / len(belief)
     assert root.squeeze.crashes == pytest.approx(crashes)
     assert crashes > 0.04
@@ -111,16 +114,17 @@ def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
     assert price(root, growth) == pytest.approx(1.0 + 0.5)
     squeeze = growth.objective.costs.least
     assert bound(root, growth) == pytest.approx(squeeze)
-    squeeze_at(root, placed(TELLING), growth, np.random.default_rng(0))
+    squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
     assert price(root, growth) == bound(root, growth) == pytest.approx(squeeze)
 
 
 def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
     silent = Growth(look_ahead([TELLING]), Oracle(), growth.handling, 9)
     root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
+    above = None
     for squeezes_without_gain in range(1, MOST_WITHOUT_GAIN + 1):
-        squeeze_at(leaf, placed(SILENT), silent, np.random.default_rng(0))
-        (leaf,) = leaf.children
+        squeeze_at(leaf, above, placed(SILENT), silent, np.random.default_rng(0))
+        above, (leaf,) = leaf, leaf.children
         assert leaf.squeezes_without_gain == squeezes_without_gain
     grow(root, silent, [1])
     assert leaf.children == []
@@ -129,19 +133,10 @@ def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
     for first in (SILENT, TELLING):
         root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-        squeeze_at(root, placed(first), growth, np.random.default_rng(0))
+        squeeze_at(root, None, placed(first), growth, np.random.default_rng(0))
         before = bound(root, growth)
         grow(root, growth, [1])
         assert before <= price(root, growth) + 1e-12
-
-
-def test_a_purer_belief_needs_fewer_squeezes_and_one_within_the_goal_none():
-    ratio = np.linspace(0.0, 1.0, 101)
-    left = squeezes_left(ratio, SearchParams())
-    assert np.all(np.diff(left) < 0.0)
-    assert left[-1] == 0.0
-    assert np.all(left[:-2] > 0.5)
-    assert squeezes_left(np.array([1.2]), SearchParams())[0] == 0.0
 
 
 def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth):
@@ -155,7 +150,7 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
     assert left.children == []
     grow(reopened, growth, [1], reopen=0.6)
     assert len(reopened.children) == 2
-    assert learn(refuted, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 1.0
+    assert learn(refuted, {0: BELIEF}, growth, 0.4, against=[0]) == 1.0
     grow(refuted, growth, [1], reopen=0.4)
     assert len(refuted.children) == 2
 
@@ -167,20 +162,96 @@ def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(gr
         growth.objective.metric.mode(BELIEF.poses),
         squeezes_without_gain=MOST_WITHOUT_GAIN,
     )
-    assert learn(leaf, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 0.3
+    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.3
     grow(leaf, growth, [1], reopen=0.4)
     assert leaf.children == []
-    assert learn(leaf, {0: BELIEF.poses}, growth, 0.4, against=[0]) == 0.0
+    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.0
     worse = np.tile(BELIEF.poses[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
-    assert learn(leaf, {0: np.concatenate([worse, -worse])}, growth, 0.4, against=[0]) == 0.3
+    assert learn(leaf, {0: Belief.of(np.concatenate([worse, -worse]))}, growth, 0.4, against=[0]) == 0.3
 
 
 def test_nodes_that_two_squeezes_lead_to_are_improved_too(growth):
     root, node = tree(growth, SILENT, SILENT)
     (later,) = node.children
     later.children = []
-    squeeze_at(later, placed(SILENT), growth, np.random.default_rng(2))
+    squeeze_at(later, node, placed(SILENT), growth, np.random.default_rng(2))
     node.alternatives, later.alternatives = [], [placed(TELLING)]
     improve(root, growth, [1])
+    (later,) = node.children
     assert later.squeeze.placement[2] == TELLING
     assert all(leaf.mode.ratio == 1.0 for leaf in later.children)
+
+
+class Late:
+    """At first three counts: of one the pose is known, the others differ by nothing but how they read.
+
+    A squeeze at TELLING brings the many poses of these to two, one for each reading, and reads the same.
+    """
+
+    def squeeze(self, cases, rng):
+        squeezed = []
+        for belief, placement in cases:
+            poses, counts = belief.poses.copy(), np.full(len(belief), 120)
+            if placement[2] == TELLING:
+                poses[:, 0] = 0.0
+            elif placement[2] == SILENT:
+                counts = np.where(poses[:, 1] > 20.0, 40, np.where(poses[:, 1] > 0.0, 100, 110))
+            squeezed.append(Squeezed(replace(belief, poses=poses, reading=counts), 0.0, 20.0))
+        return squeezed
+
+
+def late_tree(growth):
+    """A root whose squeeze has two branches: a leaf, and a node that a squeeze at RISKY told nothing."""
+    spread = np.array([[x, y, 0.0] for x in np.linspace(-300.0, 300.0, 150) for y in (-8.0, 8.0)])
+    belief = Belief.of(np.concatenate([np.tile([0.0, 22.0, 0.0], (300, 1)), spread]))
+    late = replace(growth, look_ahead=look_ahead([TELLING], params=DEAR), reference=Late())
+    root = TreeNode(belief, 1.0, late.objective.metric.mode(belief.poses))
+    squeeze_at(root, None, placed(SILENT), late, np.random.default_rng(0))
+    assert len(root.children) == 2
+    node = root.children[0]
+    squeeze_at(node, root, placed(RISKY), late, np.random.default_rng(1))
+    assert len(root.children) == 2
+    node.squeezes_without_gain = 0
+    return late, root, node
+
+
+def test_readings_that_a_later_squeeze_shows_to_differ_become_branches(growth):
+    late, root, node = late_tree(growth)
+    node.children = []
+    others = squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
+    assert len(root.children) == 3
+    assert len(root.squeeze.clusters.mean) == 3
+    arrived = 1.0 - root.squeeze.crashes
+    assert sum(child.share for child in root.children) == pytest.approx(arrived)
+    low, high = root.squeeze.clusters.low, root.squeeze.clusters.high
+    assert np.all(low[:-1] > high[1:]) or np.all(high[:-1] < low[1:])
+    assert [leaf.mode.ratio for leaf, above in others if above is node] == [1.0]
+    assert sum(above is root for _, above in others) == 1
+
+
+def test_particles_from_elsewhere_are_no_share_of_the_branches_that_a_node_becomes(growth):
+    late, root, node = late_tree(growth)
+    node.children = []
+    shares = [child.share for child in root.children]
+    told = node.belief.poses[:, 1] > 0.0
+    node.belief = Belief.joined([node.belief, node.belief[np.flatnonzero(told).repeat(2)]])
+    node.doubted = 2 * int(told.sum())
+    squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
+    pieces = [child for child in root.children if child.share < shares[1]]
+    assert len(root.children) == 3
+    assert sum(child.share for child in root.children) == pytest.approx(sum(shares))
+    assert [child.share for child in pieces] == pytest.approx([shares[0] / 2.0] * 2)
+    assert sorted(child.doubted for child in pieces) == [0, node.doubted or 2 * int(told.sum())]
+    size = root.squeeze.clusters.size
+    assert size / size.sum() == pytest.approx(
+        np.array([child.share for child in root.children]) / sum(shares), abs=0.01
+    )
+
+
+def test_no_two_nodes_have_one_name_after_branches_were_added(growth):
+    late, root, node = late_tree(growth)
+    node.alternatives = [placed(TELLING)]
+    improve(root, late, [1])
+    assert len(root.children) == 3
+    paths = [node.path for node in breadth_first(root)]
+    assert len(set(paths)) == len(paths)

@@ -1,0 +1,335 @@
+"""Widths as branches: intervals of counts that leave the fewest squeezes to make (paper V.A, by value).
+
+A plan branches on the encoder's counts. Every cut between two counts that occurred is a choice, and
+
+    sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a count within `reach` of the cut)
+
+is what a choice costs. J(b) is what is still to be squeezed of the particles with counts in the interval; it
+is lower the fewer poses they lie at, so that widths of one grasp are cut off from rarer ones beside them.
+The second sum keeps cuts away from counts that occur: an encoder a little off would take such parts into
+the wrong branch. The least cost over all choices is found by dynamic programming.
+
+For all intervals at once, the share of one pose is found from a list of candidate poses: how many particles
+each has within the goal at every count is summed over counts once. What an empty hand reads (the part slipped
+out or was never touched) is always an interval of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.metric import Metric, inliers
+from planner.belief.observation import COUNTS, HOLE, Partition, Resolution, cut, describe
+from planner.kernel import kernel
+
+CANDIDATES = 48
+"""Candidate poses of a belief, besides one of every count."""
+SPREAD = 0.54
+"""Root mean square spread within clusters by width, over the distance that tells two widths apart."""
+CLIMBS = 2
+"""Steps of each candidate to the mean of what is within the goal."""
+
+
+class Estimate(NamedTuple):
+    """J of a belief from a sample of it, where nothing is looked ahead.
+
+    A belief that misses the goal needs one squeeze more, however little is missing, and a second one the more
+    likely the more is missing. One that meets it costs what its parts outside the mode are worth. The share
+    of its mode in truth has a Beta distribution, given the sample.
+
+    Attributes:
+        confidence: share of its mode at which a belief needs no squeeze.
+        failure: what a part is worth that is not where the leaf says [squeezes].
+        inside: particles within the goal assumed to have been seen before the sample.
+        outside: and outside it: small samples look too pure.
+    """
+
+    confidence: float
+    failure: float = 100.0
+    inside: float = 10.0
+    outside: float = 0.5
+
+    def squeezes(self, hits: Array, size: IntArray) -> Array:
+        """J of beliefs of which `hits` (n,) particles of `size` (n,) lie within the goal of their modes."""
+        return np.array([squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)])
+
+
+class Rule(NamedTuple):
+    """How readings are cut; `SearchParams` has the prices of a job."""
+
+    metric: Metric  # of the goal
+    estimate: Estimate  # J
+    resolution: Resolution  # of the encoder
+    doubt: float  # chance that a part near a cut strays into a leaf beyond it
+    astray: float  # cost of one that strays into a branch that is squeezed again [squeezes]
+    branch: float  # cost of an interval [squeezes of one particle]
+    reach: float  # how near a cut is near [counts]
+    by_width: bool = False  # cut by k-means, whatever the poses: wide branches
+
+    def prices(self) -> Array:
+        """(4,) doubt, astray, branch, reach: for kernels."""
+        return np.array([self.doubt, self.astray, self.branch, self.reach])
+
+
+def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
+    """Cuts readings into the intervals that leave the fewest squeezes to make.
+
+    Args:
+        poses: (n, 3) after the squeeze, n >= 1 [mm, mm, rad].
+        counts: (n,) readings, 0 to 255.
+        rule: how they are cut.
+    """
+    metric, weight = rule.metric, np.bincount(counts, minlength=COUNTS)
+    order = np.argsort(counts, kind="stable")
+    bounds = np.empty(COUNTS + 1, np.int64)
+    if rule.by_width:
+        free, apart = rule.resolution.free, rule.resolution.apart
+        bounds, _ = cut(weight, free, SPREAD * apart, 0.0, apart, HOLE * apart)
+        k = len(bounds) - 1
+    else:
+        k = _cut(
+            np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
+            metric.modes, np.array(rule.estimate), rule.prices(), bounds,
+        )  # fmt: skip
+    label = np.full(COUNTS, -1, np.int64)
+    mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
+    describe(weight, bounds[: k + 1], label, mean, low, high, size)
+    return Partition(label, mean, low, high, size)
+
+
+@kernel
+def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
+    """How likely a belief misses the goal, `hits` particles of `size` meeting it; the share that does not."""
+    total = size + inside + outside
+    share = (hits + inside) / total
+    deviation = math.sqrt(share * (1.0 - share) / total)
+    return 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
+
+
+@kernel
+def squeezes_left(
+    hits: float, size: float, confidence: float, failure: float, inside: float, outside: float
+) -> float:
+    """J of a belief of which `hits` particles of `size` lie within the goal of its modes."""
+    open_still, rest = missed(hits, size, confidence, inside, outside)
+    further = 2.0 - hits / size
+    return open_still * further + (1.0 - open_still) * min(failure * rest, further)
+
+
+@kernel
+def candidates(
+    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, found: Array
+) -> int:
+    """Poses that explain many particles of a count and those beside it, into `found` (c, 3); returns c."""
+    n, mean, centre, c = first[m], np.empty(3), np.empty(3), 0
+    for a in range(m):
+        low, high = first[a], first[a + 1]
+        if a > 0 and counts[a - 1] == counts[a] - 1:
+            low = first[a - 1]
+        if a + 1 < m and counts[a + 1] == counts[a] + 1:
+            high = first[a + 2]
+        size = first[a + 1] - first[a]
+        wanted = min(size, 1 + CANDIDATES * size // n)
+        for k in range(wanted):
+            start = first[a] + k * size // wanted
+            for j in range(3):
+                centre[j] = poses[start, j]
+            best = 0
+            for _ in range(CLIMBS + 1):
+                hits = inliers(poses[low:high], centre, weights, period, mean)
+                if hits <= best:
+                    break
+                best = hits
+                for j in range(3):
+                    found[c, j] = centre[j]
+                    centre[j] = mean[j]
+            c += 1
+    return c
+
+
+@kernel
+def explained(
+    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, modes: int
+) -> tuple[IntArray, BoolArray]:
+    """Particles (c, m + 1) within the goal of each candidate, summed over counts; which are apart."""
+    found, mean = np.empty((m + CANDIDATES, 3)), np.empty(3)
+    found = found[: candidates(poses, first, counts, m, weights, period, found)]
+    hits = np.zeros((found.shape[0], m + 1), np.int64)
+    for c in range(found.shape[0]):
+        for a in range(m):
+            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
+            hits[c, a + 1] = hits[c, a] + here
+    return hits, mutually_apart(found if modes > 1 else found[:0], weights, period)
+
+
+@kernel
+def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
+    """Particles of counts i to j - 1 within the goal of the best candidates; which, if there is one mode."""
+    best, chosen = 0, 0
+    if modes > 1:
+        return _best_modes(hits, i, j, modes, apart), -1
+    for k in range(hits.shape[0]):
+        if hits[k, j] - hits[k, i] > best:
+            best, chosen = hits[k, j] - hits[k, i], k
+    return best, chosen
+
+
+@kernel
+def leaf_cost(
+    hits: IntArray, size: IntArray, i: int, j: int, low: IntArray, high: IntArray, apart: BoolArray,
+    modes: int, estimate: Array, prices: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
+    best, chosen = _best(hits, i, j, modes, apart)
+    here = size[j] - size[i]
+    open_still, rest = missed(best, here, estimate[0], estimate[2], estimate[3])
+    wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
+    if chosen >= 0:
+        wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+    return open_still, estimate[1] * (here * rest + prices[0] * wrong)
+
+
+@kernel
+def least_cost(
+    hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
+    apart: BoolArray, modes: int, estimate: Array, prices: Array, start: IntArray,
+) -> float:  # fmt: skip
+    """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
+
+    Args:
+        hits: (c, m + 1) particles within the goal of each candidate, summed over counts.
+        size: (m + 1,) particles, likewise.
+        more_hits: (c, m + 1) the same of particles that are here if the encoder is off.
+        more_size: (m + 1,) likewise.
+        low: (m + 1,) the first count within reach of the i-th.
+        high: (m + 1,) the first count beyond reach of the one before the j-th.
+        apart: (c, c) candidates of which no particle can be near both; empty for one mode.
+        modes: how many a belief may have.
+        estimate: of J.
+        prices: see `Rule.prices`.
+        start: (m + 1,) receives where the last interval of the first j counts begins.
+    """
+    m = size.shape[0] - 1
+    least = np.full(m + 1, np.inf)
+    least[0] = 0.0
+    confidence, failure, inside, outside = estimate[0], estimate[1], estimate[2], estimate[3]
+    doubt, astray, branch = prices[0], prices[1], prices[2]
+    for i in range(m):
+        if size[i + 1] == size[i]:
+            least[i + 1] = min(least[i + 1], least[i])  # nothing there
+            continue
+        for j in range(i + 1, m + 1):
+            here = size[j] - size[i]
+            strange = size[high[j]] - size[j] + size[i] - size[low[i]] + more_size[j] - more_size[i]
+            best, chosen = _best(hits, i, j, modes, apart)
+            wrong = strange
+            if chosen >= 0:
+                wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+                wrong -= more_hits[chosen, j] - more_hits[chosen, i]
+            open_still, rest = missed(best, here, confidence, inside, outside)
+            further = 2.0 - best / here
+            left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
+            harm = astray * open_still * strange + (1.0 - open_still) * failure * doubt * wrong
+            cost = least[i] + branch + here * left + harm
+            if cost < least[j]:
+                least[j], start[j] = cost, i
+    return float(least[m])
+
+
+@kernel
+def within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
+    """Fills in, for m rising counts, which are the first within reach below and the first beyond above."""
+    for i in range(m + 1):
+        low[i], high[i] = i, i
+        while i < m and low[i] > 0 and counts[i] - counts[low[i] - 1] <= reach:
+            low[i] -= 1
+        while i > 0 and high[i] < m and counts[high[i]] - counts[i - 1] <= reach:
+            high[i] += 1
+
+
+@kernel
+def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
+    """The counts below `stop` that occur, and how many readings lie below each, in place; returns m."""
+    m = 0
+    first[0] = 0
+    for count in range(min(stop, weight.shape[0])):
+        if weight[count] > 0:
+            counts[m] = count
+            first[m + 1] = first[m] + weight[count]
+            m += 1
+    return m
+
+
+@kernel
+def _cut(
+    poses: Array, weight: IntArray, free: int, weights: Array, order: int, modes: int, estimate: Array,
+    prices: Array, bounds: IntArray,
+) -> int:  # fmt: skip
+    """The bounds (k + 1,) of the intervals, falling, in place; returns k.
+
+    Interval j has the counts from bounds[j + 1] to bounds[j] - 1.
+    """
+    n = weight.shape[0]
+    counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
+    m = occupied(weight, free, counts, first)
+    period = 2.0 * np.pi / order
+    hits, apart = explained(poses, first, counts, m, weights, period, modes)
+    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    within_reach(counts, m, prices[3], low, high)
+    none = np.zeros((hits.shape[0], m + 1), np.int64)
+    least_cost(
+        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, prices,
+        start,
+    )  # fmt: skip
+    k = 0
+    if weight[max(free, 0) :].sum() > 0:
+        bounds[0] = n
+        k = 1
+    bounds[k] = min(free, n)
+    j = m
+    while j > 0:
+        j = start[j]
+        k += 1
+        bounds[k] = counts[j]
+    return k
+
+
+@kernel
+def mutually_apart(found: Array, weights: Array, period: float) -> BoolArray:
+    """(c, c): whether no particle can be within the goal of both candidates."""
+    c = found.shape[0]
+    half = np.copy(weights)
+    half[1:] *= 0.5
+    mean = np.empty(3)
+    apart = np.zeros((c, c), np.bool_)
+    for a in range(c):
+        for b in range(c):
+            apart[a, b] = inliers(found[b : b + 1], found[a], half, period, mean) == 0
+    return apart
+
+
+@kernel
+def _best_modes(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> int:
+    """Particles of counts i to j - 1 within the goal of the best candidates, each apart from those before."""
+    c, total = hits.shape[0], 0
+    chosen = np.empty(modes, np.int64)
+    for mode in range(modes):
+        best = 0
+        for k in range(c):
+            here = hits[k, j] - hits[k, i]
+            if here <= best:
+                continue
+            clear = True
+            for other in range(mode):
+                clear = clear and apart[k, chosen[other]]
+            if clear:
+                best = here
+                chosen[mode] = k
+        if best == 0:
+            break
+        total += best
+    return total

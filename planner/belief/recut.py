@@ -1,0 +1,129 @@
+"""Readings of one branch that a later squeeze shows to be several (paper V.A, by value)."""
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.metric import inliers
+from planner.belief.observation import COUNTS
+from planner.belief.particles import Belief
+from planner.belief.partition import (
+    CANDIDATES,
+    Rule,
+    candidates,
+    explained,
+    leaf_cost,
+    least_cost,
+    mutually_apart,
+    occupied,
+    within_reach,
+)
+from planner.kernel import kernel
+
+
+def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
+    """Where the readings before a squeeze had better been cut, given what it shows.
+
+    A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
+    without it will not be squeezed: it costs at least what a leaf of it would cost.
+
+    Args:
+        old: n particles, their readings all of one interval.
+        new: the same after the squeeze.
+        rule: how they are cut.
+
+    Returns:
+        The first counts of all pieces but the lowest, rising; none where the interval stays whole.
+    """
+    if rule.by_width:
+        return np.empty(0, np.int64)
+    metric, first = rule.metric, np.argsort(old.reading, kind="stable")
+    order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
+    made = _recut(
+        np.ascontiguousarray(old.poses[first]), np.ascontiguousarray(new.poses[order]), old.reading[order],
+        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.order,
+        metric.modes, np.array(rule.estimate), rule.prices(), cuts,
+    )  # fmt: skip
+    return np.sort(cuts[:made])
+
+
+@kernel
+def _recut(
+    poses_before: Array, poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
+    order: int, modes: int, estimate: Array, prices: Array, cuts: IntArray,
+) -> int:  # fmt: skip
+    """`recut`, `cuts` in place; returns how many.
+
+    `poses_before` (n, 3) stand by rising reading before the squeeze, `poses` (n, 3) and the readings `before`
+    (n,) it by rising count after it.
+    """
+    n, bins = poses.shape[0], weight.shape[0]
+    counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
+    m = occupied(weight, free, counts, first)
+    held = first[m]
+    if held < n:  # an empty hand is one more count, however it reads, and far from all others
+        counts[m], first[m + 1] = 2 * bins, n
+        m += 1
+    old, old_first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
+    old_weight = np.bincount(before, minlength=bins)
+    rows = occupied(old_weight, bins, old, old_first)
+    place = np.zeros(bins, np.int64)
+    for r in range(rows):
+        place[old[r]] = r
+    period, mean = 2.0 * np.pi / order, np.empty(3)
+    found = np.empty((m + CANDIDATES, 3))
+    found = found[: candidates(poses, first, counts, m, weights, period, found)]
+    c = found.shape[0]
+    # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
+    hits, size = np.zeros((rows + 1, c, m + 1), np.int64), np.zeros((rows + 1, m + 1), np.int64)
+    for a in range(m):
+        for i in range(first[a], first[a + 1]):
+            r = place[before[i]]
+            size[r + 1, a + 1] += 1
+            for k in range(c):
+                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, period, mean)
+    for r in range(1, rows + 1):
+        for a in range(1, m + 1):
+            size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
+            for k in range(c):
+                hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
+    apart = mutually_apart(found if modes > 1 else found[:0], weights, period)
+    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    within_reach(counts, m, prices[3], low, high)
+    old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
+    within_reach(old, rows, prices[3], old_low, old_high)
+    old_hits, old_apart = explained(poses_before, old_first, old, rows, weights, period, modes)
+    cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
+    waiting = np.empty((rows + 1, 2), np.int64)
+    waiting[0, 0], waiting[0, 1] = 0, rows
+    left, made = 1, 0
+    while left > 0:
+        left -= 1
+        i, j = waiting[left, 0], waiting[left, 1]
+        best, at = np.inf, -1
+        for s in range(i, j):
+            parts = 0.0 if s == i else prices[2]
+            for a, b in ((i, s), (s, j)):
+                if a == b:
+                    continue
+                if cost[a, b] < 0.0:
+                    p, q = old_low[a], old_high[b]
+                    left_over = least_cost(
+                        hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
+                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, prices,
+                        start,
+                    )  # fmt: skip
+                    open_still, ended = leaf_cost(
+                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, estimate, prices
+                    )
+                    squeezed = float(old_first[b] - old_first[a]) + left_over
+                    cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)
+                parts += cost[a, b]
+            if parts < best:
+                best, at = parts, s
+        if at > i:
+            cuts[made] = old[at]
+            made += 1
+            waiting[left, 0], waiting[left, 1] = i, at
+            waiting[left + 1, 0], waiting[left + 1, 1] = at, j
+            left += 2
+    return made

@@ -1,0 +1,186 @@
+"""Widths cut by value: against all cuts there are, and what the planner relies on."""
+
+import itertools
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from planner.belief.metric import Metric
+from planner.belief.observation import HOLE, Resolution, cut
+from planner.belief.particles import Belief
+from planner.belief.partition import Estimate, partition
+from planner.belief.recut import recut
+from planner.search.params import SearchParams
+
+FREE = 228
+PLACES = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-20.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
+"""Poses of which no goal holds two."""
+MOST = 48
+"""Particles of which each is a candidate."""
+
+
+def rule(modes=1, confidence=0.95):
+    return SearchParams().rule(Metric(3.0, 10.0, 2, modes=modes), Estimate(confidence), Resolution(free=FREE))
+
+
+def to_go(hits, size, estimate):
+    """J and the chance of missing the goal, in the words of the document."""
+    total = size + estimate.inside + estimate.outside
+    share = (hits + estimate.inside) / total
+    short = NormalDist(share, (share * (1.0 - share) / total) ** 0.5).cdf(estimate.confidence)
+    further = 2.0 - hits / size
+    return short * further + (1.0 - short) * min(estimate.failure * (1.0 - share), further), short
+
+
+def cost(place, counts, starts, how):
+    """What intervals that begin at rising counts cost."""
+    total = 0.0
+    for low, end in itertools.pairwise([*starts, FREE]):
+        inside = (counts >= low) & (counts < end)
+        read, held = counts[inside], place[inside]
+        if not len(read):
+            continue
+        order = held[np.argsort(read, kind="stable")]
+        names = list(dict.fromkeys(order.tolist()))
+        often = [int(np.sum(held == name)) for name in names]
+        left, short = to_go(sum(sorted(often)[-how.metric.modes :]), len(read), how.estimate)
+        near = (
+            (counts >= read.min() - how.reach)
+            & (counts <= read.max() + how.reach)
+            & ~inside
+            & (counts < FREE)
+        )
+        wrong = near
+        if how.metric.modes == 1:
+            wrong = near & (place != names[int(np.argmax(often))])
+        total += how.branch + len(read) * left + how.astray * short * np.sum(near)
+        total += (1.0 - short) * how.estimate.failure * how.doubt * np.sum(wrong)
+    return total
+
+
+def readings(rng, values):
+    """Up to eight counts that occur, each mostly of one place."""
+    counts = np.sort(rng.choice(np.arange(150, 150 + 3 * values), size=values, replace=False))
+    main = rng.integers(0, len(PLACES), values)
+    size = rng.multinomial(MOST - values, np.full(values, 1.0 / values)) + 1
+    read = np.repeat(counts, size)
+    place = np.repeat(main, size)
+    strange = rng.random(MOST) < rng.uniform(0.0, 0.5)
+    place[strange] = rng.integers(0, len(PLACES), int(strange.sum()))
+    mixed = rng.permutation(MOST)
+    return place[mixed], read[mixed]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_other_cuts_cost_less(seed):
+    rng = np.random.default_rng(seed)
+    how = rule(modes=1 + seed % 2, confidence=rng.uniform(0.6, 0.99))
+    place, counts = readings(rng, int(rng.integers(1, 9)))
+    clusters = partition(PLACES[place], counts, how)
+    values = np.unique(counts)
+    choices = [
+        [values[0], *later] for k in range(len(values)) for later in itertools.combinations(values[1:], k)
+    ]
+    assert len(choices) == 2 ** (len(values) - 1)
+    least = min(cost(place, counts, starts, how) for starts in choices)
+    assert cost(place, counts, np.sort(clusters.low), how) == pytest.approx(least)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_neither_one_interval_nor_those_of_k_means_cost_less(seed):
+    rng = np.random.default_rng(seed)
+    how = rule()
+    counts = np.clip(np.rint(rng.choice([150.0, 156.0, 170.0], MOST) + rng.normal(0.0, 2.0, MOST)), 100, 220)
+    counts = counts.astype(np.int64)
+    place = np.where(rng.random(MOST) < 0.8, (counts > 153).astype(np.int64), rng.integers(0, 4, MOST))
+    clusters = partition(PLACES[place], counts, how)
+    value = cost(place, counts, np.sort(clusters.low), how)
+    apart = how.resolution.apart
+    bounds, _ = cut(np.bincount(counts, minlength=256), FREE, 0.54 * apart, 0.0, apart, HOLE * apart)
+    assert value <= cost(place, counts, [counts.min()], how) + 1e-9
+    assert value <= cost(place, counts, bounds[:0:-1], how) + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_intervals_hold_every_reading_once_and_do_not_overlap(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 3000))
+    counts = np.clip(np.rint(rng.choice([60, 90, 100, 180, 229], n) + rng.normal(0, 3, n)), 3, 233)
+    counts = counts.astype(np.int64)
+    poses = np.column_stack([counts // 20 * 10.0 + rng.normal(0, 1, n), rng.normal(0, 1, n), np.zeros(n)])
+    clusters = partition(poses, counts, rule())
+    assert clusters.size.sum() == n
+    assert np.all(clusters.low <= clusters.high)
+    assert np.all(clusters.low[:-1] > clusters.high[1:])
+    for k, size in enumerate(clusters.size):
+        members = counts[clusters.label[counts] == k]
+        assert (members.min(), members.max(), len(members)) == (clusters.low[k], clusters.high[k], size)
+        assert members.mean() == pytest.approx(clusters.mean[k])
+    empty = counts[counts >= FREE]
+    if len(empty):
+        assert (clusters.low[0], clusters.size[0]) == (empty.min(), len(empty))
+    assert np.sum(clusters.high >= FREE) == (len(empty) > 0)
+
+
+def test_an_empty_hand_is_an_interval_of_its_own_however_rare_and_wherever_the_part_lies():
+    counts = np.repeat([228, 230, 226, 225], [3, 2, 500, 400])
+    clusters = partition(np.zeros((905, 3)), counts, rule())
+    assert (clusters.low[0], clusters.high[0], clusters.size[0]) == (228, 230, 5)
+    assert clusters.high[1] == 226
+
+
+def test_what_lies_at_one_pose_is_one_interval_and_noise_does_not_split_it():
+    counts = np.rint(150 + 1.5 * np.random.default_rng(0).standard_normal(2000)).astype(np.int64)
+    assert len(partition(np.zeros((2000, 3)), counts, rule()).mean) == 1
+    assert len(partition(np.zeros((1, 3)), np.array([77]), rule()).mean) == 1
+
+
+def test_two_poses_whose_widths_are_well_apart_are_two_intervals():
+    clusters = partition(np.repeat(PLACES[:2], [200, 100], axis=0), np.repeat([100, 140], [200, 100]), rule())
+    assert clusters.mean.tolist() == [140.0, 100.0]
+
+
+def lost(n):
+    """n poses of which no goal holds two."""
+    return np.column_stack([np.arange(n) * 20.0, np.zeros(n), np.zeros(n)])
+
+
+def test_a_reading_is_cut_where_a_later_squeeze_shows_two_poses_that_read_the_same():
+    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
+    after = np.full(700, 150)
+    assert recut(old, Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), after), rule()).tolist() == [110]
+    assert len(recut(old, Belief.of(np.zeros((700, 3)), after), rule())) == 0
+
+
+def test_a_reading_stays_whole_where_the_later_squeeze_tells_the_poses_apart_itself():
+    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
+    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.repeat([150, 180], [500, 200]))
+    assert len(recut(old, new, rule())) == 0
+
+
+@pytest.mark.parametrize(("gap", "cuts"), [(2, 0), (3, 1)])
+def test_no_cut_is_made_where_parts_would_stray_into_a_leaf_of_another_pose(gap, cuts):
+    old = Belief.of(lost(700), np.repeat([100, 100 + gap], [500, 200]))
+    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.full(700, 150))
+    assert len(recut(old, new, rule())) == cuts
+
+
+def test_a_piece_that_would_be_a_leaf_is_not_cut_off_where_parts_of_another_pose_stray_into_it():
+    """After the squeeze all readings tell everything; the cut would save nothing but that squeeze."""
+    poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
+    old = Belief.of(poses, np.repeat([100, 102], 500))
+    new = Belief.of(np.repeat(PLACES[:2], 500, axis=0), np.repeat([150, 180], 500))
+    assert len(recut(old, new, rule())) == 0
+
+
+def test_a_purer_belief_needs_fewer_squeezes_and_a_larger_sample_is_believed_more():
+    hits = np.arange(0.0, 1001.0)
+    left = Estimate(0.99).squeezes(hits, np.full(1001, 1000))
+    assert np.all(np.diff(left) < 0.0)
+    assert left[0] > 1.9
+    assert left[950] > 1.0
+    assert left[-1] < 0.1
+    sizes = np.array([1, 10, 100, 1000])
+    few, some, many, all_of_them = Estimate(0.99).squeezes(sizes.astype(float), sizes)
+    assert 1.0 >= few >= some > many > all_of_them
