@@ -1,15 +1,15 @@
 """From a job to a decision table: the whole planner on one screen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
-from planner.belief.particles import initial_with_friction
 from planner.belief.partition import Estimate
-from planner.belief.transition import MotionModel, Simulation, costs_of
+from planner.belief.transition import MotionModel, Simulation, costs_of, placing_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.evaluate import evaluate
@@ -87,14 +87,14 @@ def compile_job(
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
     simulator = Simulator.of_job(job, workers)
-    reference = Simulation(simulator, encoder_of(job))
-    belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    reference = Simulation(simulator, encoder_of(job), placing_of(job))
+    belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
     reference.squeeze([(belief[:2], np.zeros(3))], np.random.default_rng(0))
     limit = limit or Limit()
     limit.start()
-    ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
+    ahead: MotionModel = replace(reference, simulator=Simulator.of_job(job, workers, PARAMS.ahead_step_mm))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growth = _growth(job, simulator, ahead, reference)

@@ -6,7 +6,6 @@ encoder that reads short or a finger that lags disturbs it there: the search the
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -14,8 +13,9 @@ import numpy as np
 
 from planner.arrays import BoolArray
 from planner.belief.metric import Metric, Mode
-from planner.belief.particles import ROUGH, SLIPPERY, Belief
+from planner.belief.particles import Belief
 from planner.evaluation.cases import stress_cases
+from planner.evaluation.disturbance import as_doubted
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -51,17 +51,11 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
 
 
 def beyond(table: Table, job: Job, trials: int, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
-    """Runs a table where the plan goes beyond the stated world: with friction it doubts, and as `stressed`.
-
-    There are as many of the `trials` parts with doubted friction as the plan believes.
-    """
-    runs, seed = [], job.seed + SEED_STRESS + attempt
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    each = math.ceil(0.5 * job.friction.doubt * trials)
-    for least, most in ((SLIPPERY * low, low), (high, ROUGH * high)) if each else ():
-        real = replace(job, friction=replace(job.friction, finger_part_min=least, finger_part_max=most))
-        runs.append(evaluate(table, real, ContactWorlds.of_job(real, seed), each, seed, scheduler))
-    return [*runs, *stressed(table, job, attempt, scheduler)]
+    """Runs a table beyond the stated world: in those that the job believes in, and as `stressed`."""
+    seed = job.seed + SEED_STRESS + attempt
+    worlds, cell = ContactWorlds.of_job(job, seed), as_doubted(job)
+    believed = evaluate(table, job, worlds, trials, seed, scheduler, cell)
+    return [believed, *stressed(table, job, attempt, scheduler)]
 
 
 def doubtful(run: Evaluation, leaves: int) -> list[int]:
@@ -113,7 +107,7 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
 def _ended(run: Evaluation, rows: BoolArray) -> Belief:
     """Where some of the parts of a run ended, and what was read there last."""
     last = run.counts[np.arange(len(rows)), run.squeezes - 1]
-    return Belief.of(run.poses[rows], last[rows])
+    return Belief(run.poses[rows], run.traits[rows], last[rows])
 
 
 def _amplified(wrong: Belief, among: int) -> Belief:

@@ -43,7 +43,8 @@ def test_every_part_can_be_put_into_every_world(job, name):
     for case in standard_cases(part):
         real = case.job(part)
         assert (real == part) == (not case.changes)
-        assert np.array_equal(real.part.outline_mm, part.part.outline_mm)
+        same = np.array_equal(real.part.outline_mm, part.part.outline_mm)
+        assert same == ("part" not in case.changes)
 
 
 def test_a_job_that_chooses_openings_can_be_swept_too(job):
@@ -85,7 +86,7 @@ def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_tol
 
 def test_lower_friction_jams_less(job):
     table = load(TREES / "rectangle.msgpack").table
-    cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.15 to 0.25")]
+    cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.16 to 0.24")]
     plain, slippery = sweep(table, job, cases, worlds, 2000, 4)
     assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
 
