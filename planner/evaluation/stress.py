@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import BoolArray
+from planner.belief.doubts import certain
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import Belief
 from planner.evaluation.cases import stress_cases
@@ -51,11 +52,12 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
 
 
 def beyond(table: Table, job: Job, trials: int, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
-    """Runs a table beyond the stated world: in those that the job believes in, and as `stressed`."""
-    seed = job.seed + SEED_STRESS + attempt
-    worlds, cell = ContactWorlds.of_job(job, seed), as_doubted(job)
-    believed = evaluate(table, job, worlds, trials, seed, scheduler, cell)
-    return [believed, *stressed(table, job, attempt, scheduler)]
+    """Runs a table beyond the stated world: in cells that the job doubts, if it does, and as `stressed`."""
+    runs, seed = [], job.seed + SEED_STRESS + attempt
+    if not certain(job):
+        worlds, cell = ContactWorlds.of_job(job, seed), as_doubted(job)
+        runs.append(evaluate(table, job, worlds, trials, seed, scheduler, cell))
+    return [*runs, *stressed(table, job, attempt, scheduler)]
 
 
 def doubtful(run: Evaluation, leaves: int) -> list[int]:

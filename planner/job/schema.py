@@ -70,11 +70,11 @@ def _interval(low: float, high: float, default: list[float] = _NONE) -> Numbers:
 class Doubt:
     """What may be off in a cell and stays so: intervals about what the rest of the job says.
 
-    Each is off by itself with a probability, then anywhere in its interval and rather near the ends; else it
-    is at the interval's middle. What changes from squeeze to squeeze is here, too, as a standard deviation.
+    With some probability one of them is off, anywhere in its interval and rather near the ends; the others
+    are at the middle of theirs. What changes from squeeze to squeeze is here, too, as a standard deviation.
     """
 
-    chance: Annotated[float, Number(0, 1, default=0.25)]  # that a quantity is off
+    chance: Annotated[float, Number(0, 1, default=0.6)]  # that something is off
     # Of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _interval(-1, 1)]
     # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
