@@ -109,7 +109,7 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
 def _ended(run: Evaluation, rows: BoolArray) -> Belief:
     """Where some of the parts of a run ended, and what was read there last."""
     last = run.counts[np.arange(len(rows)), run.squeezes - 1]
-    return Belief(run.poses[rows], run.traits[rows], last[rows])
+    return Belief.of(run.poses[rows], last[rows])
 
 
 def _amplified(wrong: Belief, among: int) -> Belief:
