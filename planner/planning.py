@@ -15,7 +15,7 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
-from planner.evaluation.disturbance import as_doubted
+from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
@@ -23,6 +23,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
+from planner.paper.search import METHODS
 from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.improve import improve
@@ -240,10 +241,14 @@ class Planning:
 
 
 def judged(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
-    """Squeezes fresh parts as a table says, in a cell in which whatever the job doubts may be off."""
+    """Squeezes fresh parts as a table says, in a cell in which what the job doubts may be off.
+
+    The paper's methods doubt nothing.
+    """
     world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
     seed = job.seed + SEED_EVALUATION + attempt
-    return evaluate(table, job, world, trials, seed, disturbance=as_doubted(job))
+    cell = NONE if job.search.method in METHODS else as_doubted(job)
+    return evaluate(table, job, world, trials, seed, disturbance=cell)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:

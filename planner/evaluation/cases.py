@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.doubts import ROUGH, SLIPPERY
+from planner.errors import JobError
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
@@ -68,6 +70,38 @@ def standard_cases(job: Job) -> list[Case]:
         Case("arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
         *(outline_off(job, mm) for mm in (-0.3, 0.3)),
     ]
+
+
+def believed_cases(job: Job) -> list[Case]:
+    """For the first row of a report: each thing that the job doubts, at the ends of its interval."""
+    doubt, share = job.doubt, job.gripper.upper_finger_share
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    cases = [uneven(job, share + off, centred=True) for off in doubt.finger_share if off]
+    across = [Disturbance(across_mm=off) for off in doubt.middle_mm if off]
+    cases += [Case(f"fingers meet {cell.across_mm:+g} mm off", disturbance=cell) for cell in across]
+    cases += [Case(f"encoder {off:+g} mm", disturbance=Disturbance(off)) for off in doubt.encoder_mm if off]
+    cases += [outline_off(job, sign * job.part.tolerance_mm) for sign in (-1, 1) if job.part.tolerance_mm]
+    if job.friction.doubt:
+        cases += [friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))]
+    if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
+        cases.append(on_three_feet(job))
+    if doubt.least_dof:
+        change = {"pressure": {"wishart_dof": doubt.least_dof}}
+        cases.append(Case(f"{doubt.least_dof} degrees of freedom", change))
+    if doubt.placement_mm or doubt.placement_deg:
+        arm = Disturbance(placement_mm=doubt.placement_mm, placement_deg=doubt.placement_deg)
+        name = f"placement {doubt.placement_mm:g} mm, {doubt.placement_deg:g} deg"
+        cases.append(Case(name, disturbance=arm))
+    return [case for case in cases if _stands(case, job)]
+
+
+def _stands(case: Case, job: Job) -> bool:
+    """Whether there is such a job: a share beyond 1 or an outline too thin for its tolerance is none."""
+    try:
+        case.job(job)
+    except JobError:
+        return False
+    return True
 
 
 def stress_cases(job: Job) -> list[Case]:

@@ -59,11 +59,10 @@ class Gripper:
 
 
 Interval: TypeAlias = tuple[float, float]
-_NONE = [0.0, 0.0]
 
 
-def _interval(low: float, high: float, default: list[float] = _NONE) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=default)
+def _interval(low: float, high: float, default: tuple[float, float] = (0.0, 0.0)) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=list(default))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +73,14 @@ class Doubt:
     are at the middle of theirs. What changes from squeeze to squeeze is here, too, as a standard deviation.
     """
 
-    chance: Annotated[float, Number(0, 1, default=0.6)]  # that something is off
+    chance: Annotated[float, Number(0, 1, default=0.9)]  # that something is off
     # Of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _interval(-1, 1)]
     # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
     middle_mm: Annotated[Interval, _interval(-20, 20)]
     encoder_mm: Annotated[Interval, _interval(-20, 20)]  # of what every width reads too much
-    encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]  # of what it reads too much for each mm
+    # Of what it reads too much for each mm.
+    encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.

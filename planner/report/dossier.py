@@ -15,8 +15,8 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
-from planner.evaluation.cases import assumption_cases
-from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.cases import assumption_cases, believed_cases
+from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.trials import Step
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
@@ -64,14 +64,21 @@ def page(table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int
     }
     few = min(trials, SENSITIVITY_TRIALS)
     others = sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed)
+    believed = worst_of(sweep(table, job, believed_cases(job), lambda real: make(real, seed), few, seed))
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=_summary(table, evaluation), widths=_width_function(job),
+        summary=_summary(table, evaluation), worst=believed and _told(believed),
+        widths=_width_function(job),
         strips=[node["map"] for node in nodes[:STRIPS]],
-        worlds=[(line.case.name, line.evaluation.summary()) for line in others],
+        worlds=[_told(line) for line in others],
         sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job), colors=vars(canvas),
     )  # fmt: skip
+
+
+def _told(line: Line) -> tuple[str, dict[str, Any]]:
+    """A world's name and its figures."""
+    return line.case.name, line.evaluation.summary()
 
 
 def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
