@@ -19,14 +19,17 @@ class GripperPreset(NamedTuple):
     force_n: float  # grip force to begin with, low
     max_force_n: float  # what it can
     max_speed_mm_s: float  # what it can
+    share_off: float = 0.11  # a finger may make so much more or less of the closing
+    middle_off_mm: float = 1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
+    encoder_off_mm: float = 1.1  # a width may read so much too much or too little: 3 counts
 
 
 GRIPPERS = {
     preset.model: preset
     for preset in (
         GripperPreset("robotiq-2f-85", 27.5, 9.5, 85.0, 3, 230, 60.0, 40.0, 235.0, 150.0),
-        GripperPreset("robotiq-2f-140", 27.0, 13.5, 140.0, 3, 230, 80.0, 40.0, 125.0, 250.0),
-        GripperPreset("hand-e", 22.0, 10.0, 50.0, 0, 255, 50.0, 40.0, 185.0, 150.0),
+        GripperPreset("robotiq-2f-140", 27.0, 13.5, 140.0, 3, 230, 80.0, 40.0, 125.0, 250.0, 0.11, 2.4, 1.85),
+        GripperPreset("hand-e", 22.0, 10.0, 50.0, 0, 255, 50.0, 40.0, 185.0, 150.0, 0.11, 0.8, 0.6),
     )
 }
 

@@ -73,7 +73,7 @@ class Doubt:
     are at the middle of theirs. What changes from squeeze to squeeze is here, too, as a standard deviation.
     """
 
-    chance: Annotated[float, Number(0, 1, default=0.9)]  # that something is off
+    chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
     # Of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _interval(-1, 1)]
     # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
