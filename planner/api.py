@@ -14,7 +14,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes, Simulation
-from planner.compile import EVALUATION_TRIALS, Plan
+from planner.compile import EVALUATION_TRIALS, Plan, objective_of
 from planner.compile import compile_job as compile  # noqa: A004 - what it is called everywhere else
 from planner.errors import PlannerError
 from planner.evaluation import evaluate as trials_of
@@ -131,4 +131,5 @@ def squeeze(
         width.
     """
     model = Simulation(Simulator.of_job(job, workers), encoder_of(job))
-    return model.squeeze([(belief, np.asarray(placement, np.float64))], rng)[0]
+    squeezed = model.squeeze([(belief, np.asarray(placement, np.float64))], rng)[0]
+    return Outcomes.of(squeezed, objective_of(job).rule)

@@ -1,16 +1,17 @@
 """From a job to a decision table: the whole planner on one screen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
-from planner.belief.particles import Belief, initial_with_friction
+from planner.belief.particles import Belief
 from planner.belief.partition import Estimate, partition
 from planner.belief.recut import recut
-from planner.belief.transition import MotionModel, Simulation, costs_of
+from planner.belief.transition import MotionModel, Simulation, costs_of, placing_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.evaluate import evaluate
@@ -88,14 +89,14 @@ def compile_job(
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
     simulator = Simulator.of_job(job, workers)
-    reference = Simulation(simulator, encoder_of(job))
-    belief = initial_with_friction(job, job.search.particles, np.random.default_rng([job.seed, 0]))
+    reference = Simulation(simulator, encoder_of(job), placing_of(job))
+    belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
     _load_kernels(job, reference, belief[:2])
     limit = limit or Limit()
     limit.start()
-    ahead: MotionModel = Simulation(Simulator.of_job(job, workers, PARAMS.ahead_step_mm), encoder_of(job))
+    ahead: MotionModel = replace(reference, simulator=Simulator.of_job(job, workers, PARAMS.ahead_step_mm))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
     growths = [_growth(job, simulator, ahead, reference, way) for way in range(len(PARAMS.astray) + 1)]
@@ -164,13 +165,18 @@ def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
     recut(squeezed.belief, squeezed.belief, rule)
 
 
-def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
-    """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
+def objective_of(job: Job, way: int = 0) -> Objective:
+    """What a job's plan is to reach; `way` says how readings are cut (`SearchParams.rule`)."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
     rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), way)
-    objective = Objective(rule, costs, PARAMS)
+    return Objective(rule, costs, PARAMS)
+
+
+def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
+    """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
+    objective = objective_of(job, way)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -16,14 +15,15 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
-from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.disturbance import NONE, Disturbance, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.stress import Doubt, beyond, doubt, settle, stressed, unsettle
+from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
+from planner.paper.search import METHODS
 from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.improve import improve
@@ -163,7 +163,7 @@ class Planning:
 
     def _marked(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[Table, list[Evaluation]]:
         """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
-        others = beyond(table, self.job, self.trials, attempt, self.work)
+        others = stressed(table, self.job, attempt, self.work)
         return marked(self.job, table, evaluation, others), [evaluation, *others]
 
     def run(self, judge: Judge) -> Planned:
@@ -236,10 +236,8 @@ class Planning:
         """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
         metric = self.growth.objective.metric
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
-        beliefs = {
-            k: Belief.of(evaluation.poses[evaluation.leaf == k], last[evaluation.leaf == k])
-            for k in range(len(table.leaves))
-        }
+        ended = Belief(evaluation.poses, evaluation.traits, last)
+        beliefs = {k: ended[evaluation.leaf == k] for k in range(len(table.leaves))}
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
         short = learn(self.root, beliefs, self.growth, self._reopen, against)
         runs = stressed(table, self.job, attempt, self.work)
@@ -282,17 +280,21 @@ class Planning:
     def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
-        doubted = math.ceil(self.job.friction.doubt * self.trials)
-        parts = self.deciding + 2 * (self.trials + doubted) + goal.stress_trials * len(stress_cases(self.job))
+        parts = self.deciding + 2 * self.trials + goal.stress_trials * len(stress_cases(self.job))
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
 
 
 def judged(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
-    """Squeezes fresh parts as a table says."""
+    """Squeezes fresh parts as a table says, in a cell in which what the job doubts may be off.
+
+    The paper's methods doubt nothing.
+    """
     world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
-    return evaluate(table, job, world, trials, job.seed + SEED_EVALUATION + attempt)
+    seed = job.seed + SEED_EVALUATION + attempt
+    cell = NONE if job.search.method in METHODS else as_doubted(job)
+    return evaluate(table, job, world, trials, seed, disturbance=cell)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:

@@ -16,6 +16,7 @@ from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
+from planner.mechanics.traits import Traits
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 Pose = tuple[float, float, float]
@@ -26,7 +27,8 @@ SEED_COPY = 0x434F5059
 class World(Protocol):
     """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too.
+    Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too;
+    parts that have traits of their own need `squeeze_many(poses, traits (n,))`.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -74,9 +76,9 @@ class ContactWorld:
         x, y, theta = rolled.poses[0]
         return (float(x), float(y), float(theta)), float(rolled.width_mm[0]), STATUS_NAMES[rolled.status[0]]
 
-    def squeeze_many(self, poses_hand: Array) -> RollOut:
+    def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
         """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch."""
-        parameters = self._simulator.sample(len(poses_hand), self._rng)
+        parameters = self._simulator.sample(len(poses_hand), self._rng, traits)
         return self._simulator.roll_out(poses_hand, parameters)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:

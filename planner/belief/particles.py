@@ -1,50 +1,43 @@
-"""The belief: equally weighted pose particles in the world frame (paper VI)."""
+"""The belief: equally weighted pose particles in the arm's frame, with traits of their own (paper VI)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self, TypeVar
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
+from planner.mechanics.traits import Traits, as_planned
 
 UNREAD = -1
-SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
-"""How far doubted friction lies outside the job's bounds, in units of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Particles, of which some carry a coefficient of friction of their own.
+    """Particles: poses, and traits that each keeps in all squeezes.
 
-    Fingers that are more slippery or rougher than the job says are so in every squeeze; a particle without
-    one draws another from the job's interval each time.
-
-    Attributes:
-        poses: (n, 3) in the world [mm, mm, rad].
-        friction: (n,) between fingers and part; NaN where the particle carries none.
-        reading: (n,) counts of the last squeeze; `UNREAD` before the first.
+    Fingers that are more slippery than the job says, or close unevenly, do so in every squeeze.
     """
 
-    poses: Array
-    friction: Array
-    reading: IntArray
+    poses: Array  # (n, 3) in the world [mm, mm, rad]
+    traits: Traits  # (n,)
+    reading: IntArray  # (n,) counts of the last squeeze; `UNREAD` before the first
 
     @classmethod
-    def of(cls, poses: Array, reading: IntArray | None = None) -> Self:
-        """Poses (n, 3) without friction of their own."""
+    def of(cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None) -> Self:
+        """Poses (n, 3), of parts as planned where nothing else is said."""
         read = np.full(len(poses), UNREAD) if reading is None else reading
-        return cls(poses, np.full(len(poses), np.nan), read)
+        return cls(poses, as_planned(len(poses)) if traits is None else traits, read)
 
     @classmethod
     def joined(cls, beliefs: Sequence[Belief]) -> Self:
         """The particles of several beliefs, one belief after the other."""
         return cls(
             np.concatenate([belief.poses for belief in beliefs]),
-            np.concatenate([belief.friction for belief in beliefs]),
+            np.concatenate([belief.traits for belief in beliefs]),
             np.concatenate([belief.reading for belief in beliefs]),
         )
 
@@ -52,7 +45,7 @@ class Belief:
         return len(self.poses)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> Belief:
-        return Belief(self.poses[rows], self.friction[rows], self.reading[rows])
+        return Belief(self.poses[rows], self.traits[rows], self.reading[rows])
 
 
 Particles = TypeVar("Particles", Array, Belief)
@@ -69,21 +62,6 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
     half = np.radians(job.uncertainty.orientation_halfwidth_deg)
     turn = rng.uniform(-half, half, n)
     return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), turn], axis=1)
-
-
-def initial_with_friction(job: Job, n: int, rng: np.random.Generator) -> Belief:
-    """Draws n poses as `initial`, a share of them (`friction.doubt`) with friction outside the bounds.
-
-    Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
-    bound and `ROUGH` times that.
-    """
-    poses = initial(job, n, rng)
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    slippery = rng.uniform(SLIPPERY * low, low, n)
-    rough = rng.uniform(high, ROUGH * high, n)
-    friction = np.where(rng.random(n) < 0.5, slippery, rough)
-    friction[rng.random(n) >= job.friction.doubt] = np.nan
-    return replace(Belief.of(poses), friction=friction)
 
 
 def subsample(particles: Particles, n: int) -> Particles:

@@ -4,6 +4,7 @@ The reference motion model is direct simulation of every particle, each with its
 encoder noise. Many beliefs and actions are rolled out in one batch.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self, TypeAlias
@@ -18,6 +19,7 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED
+from planner.mechanics.traits import Traits
 
 LEAST_SQUEEZE = 0.001
 """A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
@@ -86,54 +88,88 @@ class MotionModel(Protocol):
         """
 
 
+class Placing(NamedTuple):
+    """How well the arm brings the hand to where it is sent: standard deviations, drawn for every squeeze."""
+
+    shift_mm: float  # of x and of y
+    turn: float  # of the angle [rad]
+
+    def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
+        """Where the hand stands that was sent to placements (n, 3), by parts' traits (n,) [mm, mm, rad].
+
+        As many numbers are drawn whatever the errors are, so that trials compare one by one.
+        """
+        spread = np.array([self.shift_mm, self.shift_mm, self.turn])
+        placed = placements + spread * rng.standard_normal(placements.shape)
+        closing = np.stack([-np.sin(placed[:, 2]), np.cos(placed[:, 2])], axis=1)
+        placed[:, :2] += traits["across_mm"][:, None] * closing
+        return np.asarray(placed)
+
+
+EXACT = Placing(0.0, 0.0)
+
+
+def placing_of(job: Job) -> Placing:
+    """How well a job's arm places the hand."""
+    return Placing(job.doubt.placement_mm, math.radians(job.doubt.placement_deg))
+
+
+def read_as(width_mm: Array, traits: Traits) -> Array:
+    """What an encoder with these traits (n,) makes of widths (n,), before noise and rounding."""
+    return np.asarray(width_mm * (1.0 + traits["gain"]) + traits["encoder_mm"])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
     """Direct simulation as the motion and sensor model."""
 
     simulator: Simulator
     encoder: Encoder
+    placing: Placing = EXACT
 
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """As `MotionModel.squeeze`, each particle rolled out by itself."""
 
-        def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
-            return self.simulator.roll_out(
-                poses, self.simulator.sample(len(case), rng).with_friction(friction)
-            )
+        def roll_out(poses: Array, case: IntArray, traits: Traits) -> RollOut:
+            return self.simulator.roll_out(poses, self.simulator.sample(len(case), rng, traits))
 
-        return squeezed_by(cases, roll_out, self.encoder, rng)
+        return squeezed_by(cases, roll_out, self.encoder, rng, self.placing)
 
 
 def squeezed_by(
     cases: list[Case],
-    roll_out: Callable[[Array, IntArray, Array], RollOut],
+    roll_out: Callable[[Array, IntArray, Traits], RollOut],
     encoder: Encoder,
     rng: np.random.Generator,
+    placing: Placing = EXACT,
 ) -> list[Squeezed]:
     """Squeezes all cases in one batch, and reads the widths.
 
     Args:
         cases: as given to the motion model, n particles in all.
         roll_out: squeezes poses (n, 3) in the hand frame [mm, mm, rad], given each one's case (n,) and the
-            friction it carries (n,), NaN for none.
+            traits it carries (n,).
         encoder: reads the widths.
-        rng: source of the readings' noise.
+        rng: source of the readings' noise, and of the hand's.
+        placing: how well the hand comes to where it is sent.
     """
     if not cases:
         return []
     size = [len(belief) for belief, _ in cases]
-    hand = np.concatenate([to_hand(belief.poses, placement) for belief, placement in cases])
-    friction = np.concatenate([belief.friction for belief, _ in cases])
-    rolled = roll_out(hand, np.repeat(np.arange(len(cases)), size), friction)
-    counts = encoder.read(rolled.width_mm, rng)
+    traits = np.concatenate([belief.traits for belief, _ in cases])
+    hand = placing.placed(np.repeat([placement for _, placement in cases], size, axis=0), traits, rng)
+    poses = np.concatenate([belief.poses for belief, _ in cases])
+    rolled = roll_out(to_hand(poses, hand.T), np.repeat(np.arange(len(cases)), size), traits)
+    counts = encoder.read(read_as(rolled.width_mm, traits), rng)
+    after = to_world(rolled.poses, hand.T)
     squeezed = []
     start = 0
-    for belief, placement in cases:
+    for belief, _ in cases:
         part = slice(start, start + len(belief))
         start = part.stop
-        after = Belief(to_world(rolled.poses[part], placement), belief.friction, counts[part])
+        found = Belief(after[part], belief.traits, counts[part])
         unstable = float(np.mean(rolled.status[part] == JAMMED))
-        squeezed.append(Squeezed(after, unstable, float(np.mean(rolled.width_mm[part]))))
+        squeezed.append(Squeezed(found, unstable, float(np.mean(rolled.width_mm[part]))))
     return squeezed
 
 

@@ -2,22 +2,23 @@
 
 import argparse
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.evaluation import text
-from planner.evaluation.cases import standard_cases
+from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.leaves import confusions, reliability, worst
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
-from planner.world import Worlds, supply
+from planner.world import ContactWorlds, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
@@ -25,6 +26,7 @@ from runtime.table import Table
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
+BELIEVED_TRIALS = 4_000  # in each world that the job believes in
 DEFAULT_PPM_TRIALS = 1_000_000
 
 
@@ -122,12 +124,14 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     with shell.progress(arguments.json) as report:
         trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
         evaluation = evaluate(table, real, world, trials, seed, scheduler, _disturbance(arguments), report)
+        believed = worst_of(_believed(table, job, scheduler, arguments))
     outcome = reliability(table, evaluation)
     confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
     if arguments.json:
         shell.print_json(
             {
                 **evaluation.summary(),
+                "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
                 "reliability": outcome.figures(),
                 "confusions": [row._asdict() for row in confused],
                 "worst": [row.figures() for row in mistakes],
@@ -135,12 +139,20 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         )
         return
     lines = [
+        *([text.worst_world(believed.case.name, believed.evaluation)] if believed else []),
         *text.overview(evaluation, _name_of_world(arguments)),
         *text.predictions(table, outcome),
         *text.taken_for(confused),
         *text.furthest(mistakes),
     ]
     print("\n".join(lines))
+
+
+def _believed(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> Iterator[Line]:
+    """The table in each world that its job believes in, where the contact world stands for them."""
+    cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
+    trials, seed = min(arguments.trials or BELIEVED_TRIALS, BELIEVED_TRIALS), arguments.seed
+    return sweep(table, job, cases, lambda real: ContactWorlds.of_job(real, seed), trials, seed, scheduler)
 
 
 def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:

@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.doubts import ROUGH, SLIPPERY
+from planner.errors import JobError
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
-from planner.part.outline import convex_hull, min_width
+from planner.part.outline import convex_hull, grown, min_width
 
 OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
 UNEVEN = 0.1  # a finger may make so much more or less of the closing motion than planned
@@ -50,20 +52,56 @@ class Case(NamedTuple):
 
 
 def standard_cases(job: Job) -> list[Case]:
-    """For `plan-evaluate --sweep`: pressure, friction, encoder, fingers, placement; first as planned."""
-    noise = 3.0 * job.gripper.encoder_noise_mm
+    """For `plan-evaluate --sweep`: pressure, friction, encoder, fingers, arm, outline; first as planned."""
+    gripper, low, high = job.gripper, job.friction.finger_part_min, job.friction.finger_part_max
+    share = gripper.upper_finger_share
     return [
         Case(PLANNED),
         *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
         on_three_feet(job),
-        *(friction(low, high) for low, high in ((0.15, 0.25), (0.2, 0.3), (0.6, 0.8))),
-        *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, -0.4, 0.4, 1.0)),
-        Case("encoder noise x 3", {"gripper": {"encoder_noise_mm": noise}}),
-        *(uneven(job, share, centred=False) for share in (0.49, 0.51)),
-        *(uneven(job, share, centred=True) for share in (0.4, 0.6)),
+        *_other_surface(job),
+        Case("10 degrees of freedom", {"pressure": {"wishart_dof": 10}}),
+        *(friction(*pair) for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))),
+        *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, 1.0)),
+        Case("encoder noise x 3", {"gripper": {"encoder_noise_mm": 3.0 * gripper.encoder_noise_mm}}),
+        *(uneven(job, other, centred=False) for other in _beside(share, 0.02)),
+        *(uneven(job, other, centred=True) for more in (0.1, 0.05) for other in _beside(share, more)),
         Case("placement 0.5 mm, 0.5 deg", disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5)),
         Case("arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
+        *(outline_off(job, mm) for mm in (-0.3, 0.3)),
     ]
+
+
+def believed_cases(job: Job) -> list[Case]:
+    """For the first row of a report: each thing that the job doubts, at the ends of its interval."""
+    doubt, share = job.doubt, job.gripper.upper_finger_share
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    cases = [uneven(job, share + off, centred=True) for off in doubt.finger_share if off]
+    across = [Disturbance(across_mm=off) for off in doubt.middle_mm if off]
+    cases += [Case(f"fingers meet {cell.across_mm:+g} mm off", disturbance=cell) for cell in across]
+    cases += [Case(f"encoder {off:+g} mm", disturbance=Disturbance(off)) for off in doubt.encoder_mm if off]
+    cases += [outline_off(job, sign * job.part.tolerance_mm) for sign in (-1, 1) if job.part.tolerance_mm]
+    if job.friction.doubt:
+        cases += [friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))]
+    if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
+        cases.append(on_three_feet(job))
+    if doubt.least_dof:
+        change = {"pressure": {"wishart_dof": doubt.least_dof}}
+        cases.append(Case(f"{doubt.least_dof} degrees of freedom", change))
+    if doubt.placement_mm or doubt.placement_deg:
+        arm = Disturbance(placement_mm=doubt.placement_mm, placement_deg=doubt.placement_deg)
+        name = f"placement {doubt.placement_mm:g} mm, {doubt.placement_deg:g} deg"
+        cases.append(Case(name, disturbance=arm))
+    return [case for case in cases if _stands(case, job)]
+
+
+def _stands(case: Case, job: Job) -> bool:
+    """Whether there is such a job: a share beyond 1 or an outline too thin for its tolerance is none."""
+    try:
+        case.job(job)
+    except JobError:
+        return False
+    return True
 
 
 def stress_cases(job: Job) -> list[Case]:
@@ -172,6 +210,26 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     }
     name = f"upper finger moves {share:.0%}" + (", centred" if centred else "")
     return Case(name, changes, Disturbance(across_mm=-off) if centred else NONE)
+
+
+def outline_off(job: Job, mm: float) -> Case:
+    """The part is larger than planned, all around by so much."""
+    outline = grown(job.part.outline_mm, mm)
+    return Case(f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}})
+
+
+def _beside(share: float, more: float) -> list[float]:
+    """The shares a little less and a little more than one, if they are any."""
+    return [round(other, 6) for other in (share - more, share + more) if 0.0 <= other <= 1.0]
+
+
+def _other_surface(job: Job) -> list[Case]:
+    """The limit surface of the other form, fitted to the same pressure, if it is fitted to any."""
+    form = job.pressure.limit_surface
+    if form is None:
+        return []
+    other = "quartic" if form == "ellipsoid" else "ellipsoid"
+    return [Case(f"{other}, not {form}", {"pressure": {"limit_surface": other}})]
 
 
 def _pressure(kind: str) -> Case:

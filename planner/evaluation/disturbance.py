@@ -6,6 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.doubts import traits_of
+from planner.belief.transition import Placing
+from planner.job.model import Job
+from planner.mechanics.traits import Traits, as_planned
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,18 +22,34 @@ class Disturbance:
     bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
     bias_deg: float = 0.0  # constant error of its angle
     across_mm: float = 0.0  # constant error of its place along the closing direction
+    believed: bool = False  # whether each part has traits as the job doubts them, besides these errors
 
-    def placed(self, placements: Array, rng: np.random.Generator) -> Array:
-        """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad].
+    @property
+    def bias(self) -> Array:
+        """How the arm's frame lies in the world (3,) [mm, mm, rad].
 
-        As many numbers are drawn whatever the errors are, so that trials compare one by one.
+        Every motion has this error: what a table says is meant in the arm's frame, which the next one uses.
         """
-        spread = np.array([self.placement_mm, self.placement_mm, math.radians(self.placement_deg)])
-        bias = np.array([*self.bias_mm, math.radians(self.bias_deg)])
-        placed = placements + bias + spread * rng.standard_normal((len(placements), 3))
-        closing = np.stack([-np.sin(placed[:, 2]), np.cos(placed[:, 2])], axis=1)
-        placed[:, :2] += self.across_mm * closing
-        return np.asarray(placed)
+        return np.array([*self.bias_mm, math.radians(self.bias_deg)])
+
+    def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
+        """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad]."""
+        placing = Placing(self.placement_mm, math.radians(self.placement_deg))
+        return placing.placed(placements + self.bias, traits, rng)
+
+    def traits(self, job: Job, n: int, rng: np.random.Generator) -> Traits:
+        """The traits of n parts in this cell."""
+        traits = traits_of(job, n, rng) if self.believed else as_planned(n)
+        traits["encoder_mm"] += self.encoder_offset_mm
+        traits["across_mm"] += self.across_mm
+        return traits
 
 
 NONE = Disturbance()  # a cell as the plan believes it to be
+
+
+def as_doubted(job: Job) -> Disturbance:
+    """A cell in which whatever the job doubts may be off."""
+    return Disturbance(
+        placement_mm=job.doubt.placement_mm, placement_deg=job.doubt.placement_deg, believed=True
+    )

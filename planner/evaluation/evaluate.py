@@ -3,7 +3,7 @@
 The trials run the table as the runtime does; nothing of the planner's belief enters.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -99,3 +99,8 @@ def sweep(
         report("worlds", number, len(cases))
         real = case.job(job)
         yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
+
+
+def worst_of(lines: Iterable[Line]) -> Line | None:
+    """The case with most confident wrong answers; None of no case."""
+    return max(lines, key=lambda line: line.evaluation.wrong.sum(), default=None)

@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.mechanics.traits import Traits
 from runtime.table import wilson_interval
 
 REJECTED = -1
@@ -26,8 +27,9 @@ class Evaluation:
     error_mm: Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
     within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
     resolved: BoolArray  # (n,) whether the leaf claims to know the pose
-    poses: Array  # (n, 3) true final poses in the world
+    poses: Array  # (n, 3) true final poses, in the arm's frame
     initial: Array  # (n, 3) true poses before the first squeeze
+    traits: Traits  # (n,) what each part and its cell are like
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
     counts: IntArray  # (n, d) the encoder's reading at each of them, then `NOWHERE`
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`

@@ -31,6 +31,7 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
 from planner.evaluation.trials import DISMISSED, Program, crashing, step
 from planner.job.model import Job
+from planner.mechanics.traits import Traits
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.shell import strict_json
@@ -129,23 +130,25 @@ class Study:
     def looked_into(self, chunk: int) -> tuple[Sums, Wrong]:
         """The sums of a chunk, and its parts that were answered wrongly."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
-        return self._run(initial(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
+        poses = initial(self.job, CHUNK, rng)
+        return self._run(poses, self.disturbance.traits(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
 
-    def _run(self, poses: Array, world: World, rng: np.random.Generator) -> tuple[Sums, Wrong]:
+    def _run(
+        self, poses: Array, traits: Traits, world: World, rng: np.random.Generator
+    ) -> tuple[Sums, Wrong]:
         program, encoder = self.program, encoder_of(self.job)
         parts, leaves = len(poses), len(program.table.leaves)
         part, node = np.arange(parts), np.zeros(parts, np.int64)
         ends: list[tuple[IntArray, IntArray, Array, Array, IntArray]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
-            placement = self.disturbance.placed(program.placement[node], rng)
+            placement = self.disturbance.placed(program.placement[node], traits[part], rng)
             stopped = crashing(program, node, poses, placement, world, self.job)
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]
             weight = 1.0 / self.copies[node]
-            offset_mm = self.disturbance.encoder_offset_mm
-            made = step(program, node, poses, placement, world, encoder, rng, offset_mm)
+            made = step(program, node, poses, placement, world, encoder, rng, traits[part])
             squeezes += float(weight.sum())
             rejected += float(weight[made.target == DISMISSED].sum())
             ended = (made.target < 0) & (made.target != DISMISSED)
@@ -157,7 +160,7 @@ class Study:
             poses = np.repeat(made.released[on], times, axis=0)
         part, leaf, weight, poses, counts = (np.concatenate(column) for column in zip(*ends, strict=True))
         resolved = np.array([known.resolved for known in program.table.leaves])
-        wrong = resolved[leaf] & ~judge(program.table, leaf, poses).within
+        wrong = resolved[leaf] & ~judge(program.table, leaf, poses - self.disturbance.bias).within
         sums = Sums(
             parts=parts,
             visits=_sum(leaf, weight, leaves),

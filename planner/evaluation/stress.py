@@ -6,16 +6,17 @@ encoder that reads short or a finger that lags disturbs it there: the search the
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import BoolArray
+from planner.belief.doubts import certain
 from planner.belief.metric import Metric, Mode
-from planner.belief.particles import ROUGH, SLIPPERY, Belief
+from planner.belief.particles import Belief
 from planner.evaluation.cases import stress_cases
+from planner.evaluation.disturbance import as_doubted
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -51,16 +52,11 @@ def stressed(table: Table, job: Job, attempt: int, scheduler: Scheduler) -> list
 
 
 def beyond(table: Table, job: Job, trials: int, attempt: int, scheduler: Scheduler) -> list[Evaluation]:
-    """Runs a table where the plan goes beyond the stated world: with friction it doubts, and as `stressed`.
-
-    There are as many of the `trials` parts with doubted friction as the plan believes.
-    """
+    """Runs a table beyond the stated world: in cells that the job doubts, if it does, and as `stressed`."""
     runs, seed = [], job.seed + SEED_STRESS + attempt
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    each = math.ceil(0.5 * job.friction.doubt * trials)
-    for least, most in ((SLIPPERY * low, low), (high, ROUGH * high)) if each else ():
-        real = replace(job, friction=replace(job.friction, finger_part_min=least, finger_part_max=most))
-        runs.append(evaluate(table, real, ContactWorlds.of_job(real, seed), each, seed, scheduler))
+    if not certain(job):
+        worlds, cell = ContactWorlds.of_job(job, seed), as_doubted(job)
+        runs.append(evaluate(table, job, worlds, trials, seed, scheduler, cell))
     return [*runs, *stressed(table, job, attempt, scheduler)]
 
 

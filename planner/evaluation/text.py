@@ -30,6 +30,13 @@ def overview(evaluation: Evaluation, world: str) -> list[str]:
     ]
 
 
+def worst_world(world: str, evaluation: Evaluation) -> str:
+    """The worst of the worlds that the job believes in."""
+    figures = evaluation.summary()
+    rates = f"wrong {figures['wrong_rate']:.2%}, success {figures['success_rate']:.2%}"
+    return f"worst      {rates} of {figures['trials']} parts in the worst believed world: {world}"
+
+
 def _error(error_mm: dict[str, float] | None) -> list[str]:
     if error_mm is None:
         return []

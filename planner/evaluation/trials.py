@@ -11,12 +11,14 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
+from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import claimed, judge
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
+from planner.mechanics.traits import Traits, as_planned, ordinary
 from planner.world import World
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
@@ -88,7 +90,7 @@ class Step(NamedTuple):
 
 def step(
     program: Program, node: IntArray, poses: Array, placement: Array, world: World, encoder: Encoder,
-    rng: np.random.Generator, encoder_offset_mm: float = 0.0,
+    rng: np.random.Generator, traits: Traits | None = None,
 ) -> Step:  # fmt: skip
     """Squeezes parts once, reads, looks up and lets go, as the runtime would.
 
@@ -100,10 +102,11 @@ def step(
         world: squeezes them.
         encoder: reads the width.
         rng: of the encoder's noise.
-        encoder_offset_mm: added to every width before it is read.
+        traits: (n,) of the parts; as planned if None.
     """
-    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T))
-    counts = encoder.read(width_mm + encoder_offset_mm, rng)
+    own = as_planned(len(node)) if traits is None else traits
+    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), own)
+    counts = encoder.read(read_as(width_mm, own), rng)
     reading = counts + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
     drag = np.where(program.carries[node, reading][:, None], program.drag[node], 0.0)
     after = to_world(final, placement.T)
@@ -123,6 +126,7 @@ def run(
     """
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
+    traits = disturbance.traits(job, trials, rng)
     hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(
@@ -134,20 +138,21 @@ def run(
         resolved=np.zeros(trials, np.bool_),
         poses=poses.copy(),
         initial=poses,
+        traits=traits,
         path=np.full((trials, depth), NOWHERE, np.int64),
         counts=np.full((trials, depth), NOWHERE, np.int64),
         branch=np.full((trials, depth), NOWHERE, np.int64),
     )
     for _ in range(depth):
         members = np.flatnonzero(node >= 0)
-        placement = disturbance.placed(program.placement[node[members]], rng)
+        placement = disturbance.placed(program.placement[node[members]], traits[members], rng)
         stopped = crashing(program, node[members], found.poses[members], placement, world, job)
         found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
         members, placement = members[~stopped], placement[~stopped]
         if not len(members):
             break
-        at, lying, offset_mm = node[members], found.poses[members], disturbance.encoder_offset_mm
-        made = step(program, at, lying, placement, world, encoder, rng, offset_mm)
+        at, lying = node[members], found.poses[members]
+        made = step(program, at, lying, placement, world, encoder, rng, traits[members])
         found.poses[members] = made.released
         found.seconds[members] += _seconds(program, at, hand[members], made)
         hand[members] = program.placement[at, :2] + made.drag
@@ -158,6 +163,7 @@ def run(
         leaf = np.where(made.target == DISMISSED, REJECTED, ~made.target)
         found.leaf[members[ended]] = leaf[ended]
         node[members] = np.maximum(made.target, NOWHERE)
+    found.poses[:] -= disturbance.bias
     error, within = judge(program.table, found.leaf, found.poses)
     resolved = claimed(program.table, found.leaf)
     return replace(found, error_mm=error, within=within, resolved=resolved)
@@ -194,7 +200,7 @@ def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array
     return np.asarray((travel + lift) / (limits.arm_speed_um_s / 1e3) + stroke / program.speed_mm_s[node])
 
 
-def _squeeze_all(world: World, hand: Array) -> tuple[Array, Array, BoolArray]:
+def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
     """Squeezes (n, 3) poses in the hand frame, in a batch where the world offers one.
 
     Returns:
@@ -202,7 +208,7 @@ def _squeeze_all(world: World, hand: Array) -> tuple[Array, Array, BoolArray]:
     """
     many = getattr(world, "squeeze_many", None)
     if many is not None:
-        rolled = many(hand)
+        rolled = many(hand) if ordinary(traits).all() else many(hand, traits)
         return rolled.poses, rolled.width_mm, np.isin(rolled.status, (GRASPED, JAMMED))
     results = [world.squeeze((float(x), float(y), float(theta))) for x, y, theta in hand]
     final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)

@@ -13,6 +13,7 @@ from planner.part import outline, symmetry
 
 Values = dict[str, Any]
 
+LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
 LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 TIP_MARGIN_MM = 1.0
 """How far below the part's top the finger tips squeeze at least: the arm is off, a rim is rounded."""
@@ -80,6 +81,7 @@ def check_conflicts(values: Values) -> None:
     _check_dof(values["pressure"])
     _check_friction(values["friction"])
     _check_gripper(values["gripper"], values["cell"])
+    _check_doubt(values["doubt"], values["pressure"])
     _check_heights(values["part"]["height_mm"], values["cell"])
     _check_actions(values["actions"], values["cell"])
     _check_choices(values["actions"], values["gripper"], values["cell"])
@@ -96,11 +98,11 @@ def _check_symmetry(part: dict[str, Any]) -> None:
         raise _conflict("part", "symmetry", problem)
 
 
-def _check_dof(pressure: dict[str, Any]) -> None:
+def _check_dof(pressure: dict[str, Any], place: tuple[str, str] = ("pressure", "wishart_dof")) -> None:
     quartic = pressure.get("limit_surface") == "quartic" or pressure.get("quartic") is not None
     if quartic and pressure["wishart_dof"] < LEAST_QUARTIC_DOF:
         problem = f"must be at least {LEAST_QUARTIC_DOF} for a quartic, whose certificate is 9 x 9"
-        raise _conflict("pressure", "wishart_dof", problem)
+        raise _conflict(*place, problem)
 
 
 def _check_friction(friction: dict[str, Any]) -> None:
@@ -119,6 +121,18 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
         if gripper[key] > cell[limit]:
             problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
             raise _conflict("gripper", key, problem)
+
+
+def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
+    for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
+        low, high = doubt[key]
+        if low > high:
+            raise _conflict("doubt", key, f"is [{low:g}, {high:g}]; write the lower bound first")
+    least = doubt["least_dof"]
+    if 0 < least < LEAST_DOF:
+        raise _conflict("doubt", "least_dof", f"is {least}; write 0 for no doubt, or {LEAST_DOF} or more")
+    if least:
+        _check_dof({**pressure, "wishart_dof": least}, ("doubt", "least_dof"))
 
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:

@@ -34,6 +34,7 @@ class Job:
     friction: schema.Friction
     gripper: schema.Gripper
     release: schema.Release
+    doubt: schema.Doubt
     uncertainty: schema.Uncertainty
     actions: schema.Actions
     goal: schema.Goal
@@ -157,6 +158,8 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     job_checks.check_conflicts(values)
     for key in ("angles_deg", "openings_mm", "forces_n"):
         actions[key] = tuple(actions[key].tolist())
+    for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
+        values["doubt"][key] = tuple(values["doubt"][key].tolist())
     values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
     cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
     records = {name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()}

@@ -13,6 +13,9 @@ class GripperPreset(NamedTuple):
     finger_width_mm: float  # along it
     speed_mm_s: float  # closing speed to begin with, moderate
     force_n: float  # grip force to begin with, low
+    share_off: float = 0.11  # a finger may make so much more or less of the closing
+    middle_off_mm: float = 1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
+    encoder_off_mm: float = 1.1  # a width may read so much too much or too little: 3 counts
 
     @property
     def model(self) -> str:
@@ -39,8 +42,8 @@ GRIPPERS = {
     preset.model: preset
     for preset in (
         GripperPreset(PROFILES["robotiq-2f-85"], 27.5, 9.5, 60.0, 40.0),
-        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0),
-        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0),
+        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0, 0.11, 2.4, 1.85),
+        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0, 0.11, 0.8, 0.6),
     )
 }
 

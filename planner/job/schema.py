@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_type_hints
 
 from planner.arrays import Array
 from planner.job.fields import Field, Integer, Number, Numbers, Poses, Text
@@ -23,6 +23,8 @@ class Part:
     outline_mm: Annotated[Outline, Numbers(PLACE, columns=2)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
     symmetry: Annotated[int, Integer(1, 10_000, default="auto", word="auto")]
+    # How far contours lie off the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = not at all.
+    tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
     # From the table to the part's top where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
     # (3,) the drawing's datum: x, y [mm] and angle [deg] in the frame of the outline; None: not stated.
@@ -58,6 +60,37 @@ class Gripper:
     force_n: Annotated[float, Number(0, 10_000, above=True, default=40.0)]  # grip force
     # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
+
+
+Interval: TypeAlias = tuple[float, float]
+
+
+def _interval(low: float, high: float, default: tuple[float, float] = (0.0, 0.0)) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=list(default))
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """What may be off in a cell and stays so: intervals about what the rest of the job says.
+
+    With some probability one of them is off, anywhere in its interval and rather near the ends; the others
+    are at the middle of theirs. What changes from squeeze to squeeze is here, too, as a standard deviation.
+    """
+
+    chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
+    # Of the upper finger's share of the closing, beyond `upper_finger_share`.
+    finger_share: Annotated[Interval, _interval(-1, 1)]
+    # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
+    middle_mm: Annotated[Interval, _interval(-20, 20)]
+    encoder_mm: Annotated[Interval, _interval(-20, 20)]  # of what every width reads too much
+    # Of what it reads too much for each mm.
+    encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
+    # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.
+    pressure: Annotated[str, Text(("stated", "any"), default="stated")]
+    # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
+    least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
+    placement_mm: Annotated[float, Number(0, 10, default=0.0)]  # std of the hand's x and y, in each squeeze
+    placement_deg: Annotated[float, Number(0, 45, default=0.0)]  # and of its angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +223,7 @@ SECTIONS: Mapping[str, type[Any]] = {
     "friction": Friction,
     "gripper": Gripper,
     "release": Release,
+    "doubt": Doubt,
     "uncertainty": Uncertainty,
     "actions": Actions,
     "goal": Goal,
@@ -244,6 +278,6 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
     },
 }  # Further keys of [pressure], by its kind
 
-OPTIONAL_SECTIONS = ("pressure", "release", "search", "cell", "delivery")
+OPTIONAL_SECTIONS = ("pressure", "release", "doubt", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)
 """Optional sections that say nothing where they are left out: no defaults take their place."""

@@ -6,20 +6,21 @@ the one friction and limit surface it happened to have. So a roll-out serves one
 others that draw it are simulated.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, encoder_of
-from planner.belief.transition import Case, Squeezed, squeezed_by
+from planner.belief.transition import EXACT, Case, Placing, Squeezed, placing_of, squeezed_by
 from planner.job.model import Job
 from planner.learned.kcde import Kcde
 from planner.learned.rollouts import RollOuts, region_radius, roll_outs
 from planner.learned.store import Store
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED, UNTOUCHED
+from planner.mechanics.traits import Traits, as_planned, ordinary
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
 
@@ -39,6 +40,7 @@ class LearnedModel:
     motion: Kcde  # the estimate
     status: IntArray  # (n,) status of each of the estimate's roll-outs
     farthest_mm: float  # distance of the nearest roll-out up to which the estimate is used
+    placing: Placing = EXACT  # how well the hand comes to where it is sent
 
     @classmethod
     def fit(cls, simulator: Simulator, encoder: Encoder, order: int, rolled: RollOuts) -> Self:
@@ -54,22 +56,22 @@ class LearnedModel:
         return cls(simulator, encoder, motion, rolled.status, FARTHEST * spacing)
 
     def roll_out(
-        self, poses: Array, belief: IntArray, rng: np.random.Generator, friction: Array | None = None
+        self, poses: Array, belief: IntArray, rng: np.random.Generator, traits: Traits | None = None
     ) -> RollOut:
         """Squeezes poses (n, 3) in the hand frame, jaws open, as `Simulator.roll_out` does.
 
-        `belief` (n,) numbers the beliefs, from 0 on, that each is a particle of. `friction` (n,) is that of
-        particles that carry one and so are simulated, NaN of the others.
+        `belief` (n,) numbers the beliefs, from 0 on, that each is a particle of; those with `traits` (n,) of
+        their own are simulated.
         """
         drawn = self.motion.sample(poses, rng, self.simulator.workers)
         touched = drawn.source >= 0
         missed = np.where(drawn.width_mm > 0.0, JAMMED, UNTOUCHED)
         status = np.where(touched, self.status[drawn.source], missed)
         given_up = np.zeros(len(poses), np.int64)
-        carried = np.full(len(poses), np.nan) if friction is None else friction
-        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & np.isnan(carried)
+        own = as_planned(len(poses)) if traits is None else traits
+        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & ordinary(own)
         direct = np.flatnonzero(touched & ~covered)
-        parameters = self.simulator.sample(len(direct), rng).with_friction(carried[direct])
+        parameters = self.simulator.sample(len(direct), rng, own[direct])
         rolled = self.simulator.roll_out(poses[direct], parameters)
         drawn.poses[direct] = rolled.poses
         drawn.width_mm[direct] = rolled.width_mm
@@ -86,10 +88,10 @@ class LearnedModel:
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """As `MotionModel.squeeze`."""
 
-        def roll_out(poses: Array, case: IntArray, friction: Array) -> RollOut:
-            return self.roll_out(poses, case, rng, friction)
+        def roll_out(poses: Array, case: IntArray, traits: Traits) -> RollOut:
+            return self.roll_out(poses, case, rng, traits)
 
-        return squeezed_by(cases, roll_out, self.encoder, rng)
+        return squeezed_by(cases, roll_out, self.encoder, rng, self.placing)
 
 
 def learns(job: Job) -> bool:
@@ -115,4 +117,5 @@ def learned_model(
     """
     scheduler = scheduler or Threads(simulator.workers)
     rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler, report)
-    return LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled), rolled
+    model = LearnedModel.fit(simulator, encoder_of(job), job.part.symmetry, rolled)
+    return replace(model, placing=placing_of(job)), rolled

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 
 DIRECTIONS = 400  # Twists that friction is integrated over for a fit
 
@@ -116,8 +116,8 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     return _frozen((vectors * raised) @ vectors.T)
 
 
-def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
-    """Draws (n, D, D) Wishart matrices with `dof` >= D and a positive definite mean (D, D).
+def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
+    """Draws (n, D, D) Wishart matrices with `dof` >= D, one or (n,), and a positive definite mean (D, D).
 
     Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
     """
@@ -126,7 +126,7 @@ def wishart(mean: Array, dof: int, rng: np.random.Generator, n: int) -> Array:
     for row in range(size):
         bartlett[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n))
         bartlett[:, row, :row] = rng.standard_normal((n, row))
-    factor = np.linalg.cholesky(mean / dof) @ bartlett
+    factor = np.linalg.cholesky(mean) @ bartlett / np.sqrt(np.broadcast_to(dof, n))[:, None, None]
     return np.asarray(factor @ factor.transpose(0, 2, 1))
 
 

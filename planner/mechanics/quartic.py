@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.mechanics import limit_surface
 from planner.part.quartic_form import (
     CERTIFICATES,
@@ -83,7 +83,7 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
     return QuarticSurface(coefficients, certificate, rho_mm)
 
 
-def sample(surface: QuarticSurface, dof: int, rng: np.random.Generator, n: int) -> Array:
+def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws random convex quartics around a nominal one: their certificates (n, 9, 9), by Wishart.
 
     A Wishart draw with mean Q is positive definite, but 21 of its 45 dimensions belong to no quartic. They

@@ -3,7 +3,7 @@
 import math
 import os
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -13,9 +13,10 @@ from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
 from planner.mechanics.push import LOST, SLID, STUCK, Paths, push_many
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, grip_of, squeeze, squeeze_many
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, grip_of, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
+from planner.mechanics.traits import FRESH, Traits, as_planned, shapes
 from planner.part.outline import reach, simplified
 from planner.work.scheduler import Threads
 
@@ -33,10 +34,8 @@ class Parameters(NamedTuple):
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics, as `planner.mechanics.surface` makes them
     mu: Array  # (n, 2) friction at the upper and the lower finger
     release: Array | None = None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
-
-    def with_friction(self, friction: Array) -> Self:
-        """The same, with these coefficients (n,) at both fingers where they are not NaN."""
-        return self._replace(mu=np.where(np.isnan(friction)[:, None], self.mu, friction[:, None]))
+    share: Array | None = None  # (n,) of the closing that the upper finger makes; None: the gripper's
+    deviation: Array | None = None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
 
 
 class RollOut(NamedTuple):
@@ -65,6 +64,9 @@ class Simulator:
     jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing
     friction: tuple[float, float]  # bounds of the coefficient between finger and part
     wishart_dof: int  # degrees of freedom of the limit surface's scatter (paper, IV: n_df)
+    others: tuple[Surface, ...] = ()  # limit surfaces that a part may have instead: 1, 2, ... of its traits
+    # (m, N, 2) how the outline may deviate: none, or `planner.mechanics.traits.shapes`
+    shapes: Array = field(default_factory=lambda: np.zeros((0, 1, 2)))
     release: tuple[float, float, float] = (0.0, 0.0, 0.0)  # std of x, y [mm] and angle [rad] on opening
     step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
     workers: int = 1  # threads that share the roll-outs
@@ -72,9 +74,12 @@ class Simulator:
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
         """The simulator of a job, on all cores unless told otherwise."""
+        outline = np.array(simplified(job.part.outline_mm, SIMPLIFY_MM))
         return cls(
-            outline=np.array(simplified(job.part.outline_mm, SIMPLIFY_MM)),
+            outline=outline,
             surface=limit_surface.of_job(job),
+            others=limit_surface.others_of(job),
+            shapes=shapes(outline)[: None if job.part.tolerance_mm else 0],
             jaws=jaws_of(job.gripper),
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),
             wishart_dof=job.pressure.wishart_dof,
@@ -88,12 +93,22 @@ class Simulator:
         surface = limit_surface.nominal(self.surface)
         return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
 
-    def sample(self, n: int, rng: np.random.Generator) -> Parameters:
-        """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release."""
-        surfaces = limit_surface.sample(self.surface, self.wishart_dof, rng, n)
-        mu = rng.uniform(*self.friction, size=n)
+    def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
+        """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
+
+        What the `traits` (n,) of the parts say is not drawn.
+        """
+        own = as_planned(n) if traits is None else traits
+        dof = np.where(own["dof"] > 0, own["dof"], self.wishart_dof)
+        surfaces = limit_surface.sample(self.surface, dof, rng, n)
+        for number, other in enumerate(self.others, start=1):
+            rows = np.flatnonzero(own["surface"] == number)
+            surfaces[rows] = limit_surface.sample(other, dof[rows], rng, len(rows))
+        drawn = rng.uniform(*self.friction, size=n)
+        mu = np.where(own["friction"] == FRESH, drawn, own["friction"])
         release = rng.standard_normal((n, 3)) * np.array(self.release)
-        return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release)
+        share = np.clip(self.jaws[3] + own["share"], 0.0, 1.0)
+        return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release, share, own["deviation"])
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
         """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
@@ -116,13 +131,20 @@ class Simulator:
         n = len(final)
         width = np.zeros(n)
         status, given_up = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        share, deviation = parameters.share, parameters.deviation
+        each = Each(
+            parameters.surfaces,
+            parameters.mu,
+            np.full(n, self.jaws[3]) if share is None else share,
+            np.zeros((n, len(self.shapes))) if deviation is None else np.ascontiguousarray(deviation),
+        )
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
             squeeze_many(
-                self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part], self.jaws,
-                self.step_mm, final[part], width[part], status[part], given_up[part],
-                squeeze_workspace(),
+                self.outline, self.shapes, self.surface.rho_mm, self.jaws, self.step_mm,
+                Each(*(values[part] for values in each)), final[part], width[part], status[part],
+                given_up[part], squeeze_workspace(),
             )  # fmt: skip
 
         deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)

@@ -5,6 +5,8 @@ Where the LCP has no solution the part is held (paper, IV): *grasped* where no m
 the fingers close further, *jammed* where friction alone prevents it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from planner.arrays import Array, IntArray
@@ -41,6 +43,15 @@ HELD_PROBE = 0.005
 """How far the fingers are tried to close further, as a share of the reach."""
 LARGEST_ESCAPE = 1e4
 """Motion of the part in units of the fingers', beyond which a frictionless part counts as blocked."""
+
+
+class Each(NamedTuple):
+    """What is its own in each of n squeezes."""
+
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
+    mu: Array  # (n, 2) friction at the upper and the lower finger
+    share: Array  # (n,) of the closing that the upper finger makes
+    deviation: Array  # (n, m) of the outline, for each of the shapes that it may deviate by [mm]
 
 
 @kernel
@@ -158,14 +169,40 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
 
 @kernel
 def squeeze_many(
-    outline: Array, surfaces: Array, rho: float, mu: Array, jaws: Array, step: float, poses: Array,
+    outline: Array, shapes: Array, rho: float, jaws: Array, step: float, each: Each, poses: Array,
     width: Array, status: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
-    """`squeeze` for every row of `poses` (n, 3) with its own surface and mu (n, 2); outputs in place."""
+    """`squeeze` for every row of `poses` (n, 3), with what is its own; outputs in place.
+
+    `shapes` (m, N, 2) say how the vertices of the outline (N, 2) move for each of a part's deviations.
+    """
     n = outline.shape[0]
     scratch = Scratch(np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64), work)
-    reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
-    trace = np.zeros((0, 4))
+    own, own_jaws, trace = np.copy(outline), np.copy(jaws), np.zeros((0, 4))
+    reach = _reach(outline)
     for i in range(poses.shape[0]):
-        body, grip = Body(outline, reach, surfaces[i], rho), grip_of(mu[i], jaws, step)
+        if shapes.shape[0] > 0:
+            _deviate(outline, shapes, each.deviation[i], own)
+            reach = _reach(own)
+        own_jaws[3] = each.share[i]
+        body, grip = Body(own, reach, each.surfaces[i], rho), grip_of(each.mu[i], own_jaws, step)
         width[i], status[i], given_up[i], _ = squeeze(body, grip, poses[i], scratch, trace)
+
+
+@kernel
+def _reach(outline: Array) -> float:
+    """Largest distance of a vertex from the origin."""
+    farthest = 0.0
+    for i in range(outline.shape[0]):
+        farthest = max(farthest, outline[i, 0] ** 2 + outline[i, 1] ** 2)
+    return float(np.sqrt(farthest))
+
+
+@kernel
+def _deviate(outline: Array, shapes: Array, deviation: Array, own: Array) -> None:
+    """The outline of a part that deviates (m,) [mm] from it, into `own` (N, 2)."""
+    for i in range(outline.shape[0]):
+        for j in range(2):
+            own[i, j] = outline[i, j]
+            for k in range(shapes.shape[0]):
+                own[i, j] += deviation[k] * shapes[k, i, j]

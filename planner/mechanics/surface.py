@@ -1,19 +1,23 @@
 """Either limit surface, ellipsoid or convex quartic, in the form that the kernels take."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
-from planner.part.outline import radius_of_gyration
-from planner.part.pressure import support
+from planner.part.outline import convex_hull, radius_of_gyration
+from planner.part.pressure import Kind, Pressure, even, support
 from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
+
+FEET = 8  # how many sets of three feet, at corners of the hull, stand for all that a part may stand on
 
 
 def of_job(job: Job) -> Surface:
@@ -23,9 +27,26 @@ def of_job(job: Job) -> Surface:
         return QuarticSurface(pressure.quartic, pressure.certificate, pressure.rho_mm)
     if pressure.ellipsoid is not None and pressure.rho_mm is not None:
         return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
+    return _fit_of(pressure)(*support(pressure, outline), radius_of_gyration(outline))
+
+
+def _fit_of(pressure: Pressure) -> Callable[[Array, Array, float], Surface]:
+    """What fits a surface of the form that the job wants to points, their weights and rho."""
     quartic_wanted = pressure.limit_surface == "quartic"
-    fit = quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
-    return fit(*support(pressure, outline), radius_of_gyration(outline))
+    return quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
+
+
+def others_of(job: Job) -> tuple[Surface, ...]:
+    """The limit surfaces of the pressures that a part may press with instead, as the job doubts."""
+    pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
+    if job.doubt.pressure == "stated" or pressure.limit_surface is None:
+        return ()
+    corners = convex_hull(outline)
+    feet = [even(corners[rng.choice(len(corners), 3, replace=False)]) for _ in range(FEET)]
+    kinds: tuple[Kind, ...] = ("boundary", "uniform")
+    spread = [support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind]
+    fit = _fit_of(pressure)
+    return tuple(fit(*held, radius_of_gyration(outline)) for held in (*spread, *feet))
 
 
 def nominal(surface: Surface) -> Array:
@@ -33,7 +54,7 @@ def nominal(surface: Surface) -> Array:
     return surface.A if isinstance(surface, LimitSurface) else surface.hessian_table()
 
 
-def sample(surface: Surface, dof: int, rng: np.random.Generator, n: int) -> Array:
+def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)

@@ -176,6 +176,20 @@ def _check_simple(vertices: Outline) -> None:
     raise OutlineError(f"outline {verb} itself{where}; list the vertices in order around the part")
 
 
+def offsets(outline: Outline) -> Array:
+    """How each vertex (N, 2) moves for every mm that all edges move outwards: along the mitre."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    after = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    before = np.roll(after, 1, axis=0)
+    return np.asarray((before + after) / (1.0 + (before * after).sum(axis=1))[:, None])
+
+
+def grown(outline: Outline, mm: float) -> Outline:
+    """The outline with all edges moved outwards [mm], about its own centroid."""
+    larger = outline + mm * offsets(outline)
+    return np.asarray(larger - centroid(larger))
+
+
 def simplified(outline: Outline, tolerance_mm: float) -> Outline:
     """The outline without the vertices that lie within a tolerance of the rest (Douglas and Peucker 1973).
 

@@ -58,6 +58,11 @@ def support(pressure: Pressure, outline: Outline) -> Support:
     return pressure.points_mm, pressure.weights
 
 
+def even(points: Array) -> Support:
+    """The load shared evenly by some points (M, 2)."""
+    return _normalised(points, np.ones(len(points)))
+
+
 def _boundary_support(outline: Outline) -> Support:
     """Cuts each edge into equal pieces, two Gauss points each: exact up to third moments along an edge."""
     edges = np.roll(outline, -1, axis=0) - outline

@@ -15,8 +15,8 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
-from planner.evaluation.cases import assumption_cases
-from planner.evaluation.evaluate import evaluate, sweep
+from planner.evaluation.cases import assumption_cases, believed_cases
+from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.trials import Step
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
@@ -77,21 +77,28 @@ def page(
     }
     few = min(trials, SENSITIVITY_TRIALS)
     others = list(sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed))
-    worlds = [(line.case.name, line.evaluation.summary()) for line in others]
+    worlds = [_told(line) for line in others]
     if world is not None:
         judged = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed).summary()
         worlds.append((f"{world}, {judged['trials']} parts", judged))
+    believed = worst_of(sweep(table, job, believed_cases(job), lambda real: make(real, seed), few, seed))
     evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
     worst, summary = verdicts.weakest(others), _summary(table, evaluation)
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
         summary=summary, widths=_width_function(job), worst=worst,
+        believed=believed and _told(believed),
         verdict=verdicts.verdict(job, summary["figures"], worst),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
         colors=vars(canvas),
     )  # fmt: skip
+
+
+def _told(line: Line) -> tuple[str, dict[str, Any]]:
+    """A world's name and its figures."""
+    return line.case.name, line.evaluation.summary()
 
 
 def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:

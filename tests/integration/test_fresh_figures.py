@@ -37,9 +37,9 @@ def seeds(monkeypatch):
     used = []
 
     def recording(original, position):
-        def recorded(*arguments):
+        def recorded(*arguments, **named):
             used.append(arguments[position])
-            return original(*arguments)
+            return original(*arguments, **named)
 
         return recorded
 

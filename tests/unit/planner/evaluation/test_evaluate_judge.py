@@ -10,6 +10,7 @@ from sample_tables import random_table, small_table, with_leaf
 from planner.evaluation.judge import judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
 from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.mechanics.traits import as_planned
 from runtime.table import PPM, poses_of
 
 LEAF = 1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
@@ -81,7 +82,7 @@ def evaluation_of(table, leaf, poses):
     return Evaluation(
         leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
         resolved=np.where(leaf >= 0, known[leaf], False), poses=poses,
-        initial=poses + 1.0, path=path, counts=path + 100 * (path >= 0), branch=path,
+        initial=poses + 1.0, traits=as_planned(n), path=path, counts=path + 100 * (path >= 0), branch=path,
     )  # fmt: skip
 
 

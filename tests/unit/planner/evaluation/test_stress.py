@@ -20,6 +20,7 @@ from planner.evaluation.stress import (
     stressed,
 )
 from planner.job import model as job_file
+from planner.mechanics.traits import ordinary
 from planner.search.expand import TreeNode
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
@@ -88,7 +89,7 @@ def test_a_doubted_belief_is_joined_by_the_parts_that_were_wrong_there_so_many_t
     assert np.array_equal(leaf.belief.poses[:50], found.belief.poses)
     wrong = np.concatenate([r.poses[(r.leaf == 1) & ~r.within] for r in runs])
     joined = leaf.belief[50:]
-    assert np.isnan(joined.friction).all()
+    assert ordinary(joined.traits).all()
     assert {tuple(pose) for pose in joined.poses} == {tuple(pose) for pose in wrong}
     assert AMPLIFIED <= len(joined) / len(leaf.belief) < 2.0 * AMPLIFIED + 0.1
     assert leaf.mode.ratio == metric.mode(leaf.belief.poses).ratio

@@ -1,0 +1,100 @@
+"""What a job doubts, as traits of particles: drawn once for a part, and kept in all its squeezes."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.particles import Belief, initial
+from planner.job.model import Job
+from planner.job.schema import Interval
+from planner.mechanics.surface import others_of
+from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned
+from planner.part.outline import min_width
+
+SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
+"""How far doubted friction lies outside the job's bounds, in units of them."""
+WAVY = 0.5  # standard deviation of all the waves of a contour together, in units of the tolerance
+
+
+def believed(job: Job, n: int, rng: np.random.Generator) -> Belief:
+    """Draws n parts as the job believes in them: where they lie, and their traits."""
+    return Belief.of(initial(job, n, rng), traits=traits_of(job, n, rng))
+
+
+def certain(job: Job) -> bool:
+    """Whether a job doubts nothing."""
+    faults = job.doubt.chance > 0.0 and bool(_draws(job, np.random.default_rng(0)))
+    return not faults and job.friction.doubt == 0.0 and not job.doubt.placement_mm + job.doubt.placement_deg
+
+
+def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+    """Draws the traits (n,) of parts: with the job's chance one of the things doubted is off, any of them.
+
+    Friction is so by itself, for a share of the parts (`friction.doubt`).
+    """
+    traits, doubt, draws = as_planned(n), job.doubt, _draws(job, rng)
+    fault = np.where(rng.random(n) < doubt.chance, rng.integers(0, max(1, len(draws)), n), -1)
+    for number, (name, middle, draw) in enumerate(draws):
+        rows = np.flatnonzero(fault == number)
+        traits[name] = middle
+        traits[name][rows] = draw(len(rows))
+    # The hand is calibrated where the fingers meet on the part's narrowest side, but for `middle_mm`.
+    closing = job.gripper.opening_mm - min_width(job.part.outline_mm)
+    traits["across_mm"] += closing * traits["share"]
+    traits["friction"] = _friction(job, n, rng)
+    return traits
+
+
+def _draws(job: Job, rng: np.random.Generator) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
+    """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
+    doubt, others, tolerance_mm = job.doubt, len(others_of(job)), job.part.tolerance_mm
+    low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
+    intervals = {
+        "share": doubt.finger_share,
+        "across_mm": doubt.middle_mm,
+        "encoder_mm": doubt.encoder_mm,
+        "gain": doubt.encoder_gain,
+    }
+    draws: list[tuple[str, float, Callable[[int], Array | IntArray]]] = [
+        (name, 0.5 * sum(interval), partial(_within, interval, rng=rng))
+        for name, interval in intervals.items()
+        if any(interval)
+    ]
+    if others:
+        draws.append(("surface", 0, lambda n: rng.integers(1, 1 + others, n)))
+    if doubt.least_dof:
+        draws.append(("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64)))
+    if tolerance_mm:
+        draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
+    return draws
+
+
+def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:
+    """Friction (n,) outside the bounds for a share (`friction.doubt`) of the parts, `FRESH` for the others.
+
+    Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
+    bound and `ROUGH` times that.
+    """
+    low, high = job.friction.finger_part_min, job.friction.finger_part_max
+    slippery = rng.uniform(SLIPPERY * low, low, n)
+    rough = rng.uniform(high, ROUGH * high, n)
+    friction = np.where(rng.random(n) < 0.5, slippery, rough)
+    friction[rng.random(n) >= job.friction.doubt] = FRESH
+    return friction
+
+
+def _within(interval: Interval, n: int, rng: np.random.Generator) -> Array:
+    """Values (n,) by the arcsine law: faults that matter lie near the ends of their interval."""
+    low, high = interval
+    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5)))
+
+
+def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
+    """Deviations of outlines (n, SHAPES) [mm]: for half of them offset and scale, for the others waves."""
+    shapes = np.empty((n, SHAPES))
+    for k in range(2):
+        shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)
+    shapes[:, 2:] = tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2)) * rng.standard_normal((n, SHAPES - 2))
+    return shapes

@@ -1,0 +1,140 @@
+"""What a job doubts becomes traits that particles keep."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain
+from planner.belief.observation import encoder_of
+from planner.belief.particles import initial, replenish, subsample
+from planner.belief.transition import Simulation, placing_of
+from planner.evaluation.disturbance import Disturbance, as_doubted
+from planner.frames import to_hand, to_world
+from planner.job import model as job_file
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.traits import FRESH, as_planned, ordinary
+from planner.part.outline import min_width
+
+TREES = Path(__file__).parents[4] / "trees"
+LOW, HIGH = 0.4, 0.6
+DOUBTS = {
+    "finger_share": [-0.1, 0.1], "middle_mm": [0.2, 0.4], "encoder_mm": [-1, 1], "encoder_gain": [0, 0.02],
+    "pressure": "any", "least_dof": 10, "placement_mm": 0.2, "placement_deg": 0.3,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(TREES / "rectangle" / "job.toml").replaced(doubt={"chance": 0})
+
+
+@pytest.fixture(scope="module")
+def doubting(job):
+    return job.replaced(doubt={**DOUBTS, "chance": 0.7}, part={"tolerance_mm": 0.3})
+
+
+def squeezed(job, belief, rng, placement=(1.0, -2.0, 0.3)):
+    model = Simulation(Simulator.of_job(job, 1), encoder_of(job), placing_of(job))
+    return model.squeeze([(belief, np.array(placement))], rng)[0].belief
+
+
+def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
+    friction = believed(job, 40_000, np.random.default_rng(1)).traits["friction"]
+    own = friction[friction != FRESH]
+    assert abs(len(own) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
+    slippery, rough = own[own < LOW], own[own > HIGH]
+    assert len(slippery) + len(rough) == len(own)
+    assert abs(len(slippery) / len(own) - 0.5) < 4.0 * np.sqrt(0.25 / len(own))
+    assert SLIPPERY * LOW <= slippery.min() < 1.02 * SLIPPERY * LOW
+    assert 0.98 * ROUGH * HIGH < rough.max() <= ROUGH * HIGH
+
+
+def test_poses_are_those_of_a_belief_without_doubt(job, doubting):
+    poses = initial(job, 100, np.random.default_rng(2))
+    assert np.array_equal(believed(doubting, 100, np.random.default_rng(2)).poses, poses)
+    certain = job.replaced(friction={"doubt": 0})
+    assert ordinary(believed(certain, 100, np.random.default_rng(2)).traits).all()
+
+
+def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_middle(doubting):
+    n = 40_000
+    traits = believed(doubting, n, np.random.default_rng(3)).traits
+    closing = doubting.gripper.opening_mm - min_width(doubting.part.outline_mm)
+    values = {
+        "finger_share": traits["share"],
+        "middle_mm": traits["across_mm"] - closing * traits["share"],
+        "encoder_mm": traits["encoder_mm"],
+        "encoder_gain": traits["gain"],
+    }
+    off = [traits["surface"] > 0, traits["dof"] > 0, traits["deviation"].any(axis=1)]
+    for name, found in values.items():
+        low, high = DOUBTS[name]
+        assert low - 1e-9 <= found.min() < low + 0.01 * (high - low)
+        assert high - 0.01 * (high - low) < found.max() <= high + 1e-9
+        off.append(~np.isclose(found, 0.5 * (low + high), atol=1e-9))
+    assert np.max(np.sum(off, axis=0)) == 1
+    share = doubting.doubt.chance / len(off)
+    assert np.allclose(np.mean(off, axis=1), share, atol=5.0 * np.sqrt(share / n))
+    assert set(np.unique(traits["surface"])) == set(range(1 + len(Simulator.of_job(doubting, 1).others)))
+    assert traits["dof"][traits["dof"] > 0].min() >= 10
+
+
+def test_a_job_is_certain_that_doubts_nothing(job, doubting):
+    assert not certain(job)
+    sure = job.replaced(friction={"doubt": 0})
+    assert certain(sure)
+    assert certain(sure.replaced(doubt={"encoder_mm": [-1, 1], "chance": 0}))
+    assert not certain(doubting.replaced(friction={"doubt": 0}))
+
+
+def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
+    belief = believed(doubting, 300, np.random.default_rng(3))
+    own = {pose.tobytes(): row for pose, row in zip(belief.poses, belief.traits, strict=True)}
+    for other, n in ((subsample(belief, 70), 70), (replenish(belief, 500), 500)):
+        assert len(other) == len(other.traits) == n
+        for pose, row in zip(other.poses, other.traits, strict=True):
+            assert own[pose.tobytes()].tobytes() == row.tobytes()
+    after = squeezed(doubting, belief, np.random.default_rng(4))
+    assert after.traits.tobytes() == belief.traits.tobytes()
+
+
+def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
+    belief = believed(job.replaced(friction={"doubt": 0}), 2000, np.random.default_rng(5))
+    plain = squeezed(job, belief, np.random.default_rng(6))
+    belief.traits["encoder_mm"] = 3.0 * encoder_of(job).mm_per_count
+    off = squeezed(job, belief, np.random.default_rng(6))
+    assert np.array_equal(off.poses, plain.poses)
+    held = plain.reading < job.gripper.count_closed - 5
+    assert np.array_equal(plain.reading[held] - off.reading[held], np.full(held.sum(), 3))
+
+
+def test_a_displaced_hand_is_the_same_as_another_placement(job):
+    belief = believed(job.replaced(friction={"doubt": 0}), 500, np.random.default_rng(7))
+    hand = np.array([1.0, -2.0, 0.3])
+    moved = to_world(np.array([0.0, 2.5, 0.0]), hand)
+    there = squeezed(job, belief, np.random.default_rng(8), moved)
+    belief.traits["across_mm"] = 2.5
+    assert np.allclose(squeezed(job, belief, np.random.default_rng(8), hand).poses, there.poses, atol=1e-9)
+
+
+def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
+    """The rows that have a share of their own end as in a job whose gripper has that share."""
+    n = 400
+    poses = to_hand(initial(job, n, np.random.default_rng(9)), np.zeros(3))
+    part = Simulator.of_job(job, 1)
+    parameters = part.sample(n, np.random.default_rng(10))
+    half = parameters._replace(share=np.where(np.arange(n) % 2, 0.4, 0.5))
+    other = Simulator.of_job(job.replaced(gripper={"upper_finger_share": 0.4}), 1)
+    mixed, even = part.roll_out(poses, half), part.roll_out(poses, parameters)
+    uneven = other.roll_out(poses, parameters._replace(share=None))
+    assert np.array_equal(mixed.poses[1::2], uneven.poses[1::2])
+    assert np.array_equal(mixed.poses[::2], even.poses[::2])
+
+
+def test_parts_in_a_doubted_cell_have_traits_and_others_none(job, doubting):
+    rng = np.random.default_rng(11)
+    assert not ordinary(as_doubted(doubting).traits(doubting, 100, rng)).all()
+    assert np.array_equal(Disturbance(0.5).traits(doubting, 10, rng)["encoder_mm"], np.full(10, 0.5))
+    assert ordinary(Disturbance(0.5, across_mm=1.0).traits(doubting, 10, rng)).all()
+    assert ordinary(as_planned(5)).all()

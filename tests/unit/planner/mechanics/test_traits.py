@@ -1,0 +1,59 @@
+"""Deviations of outlines, and squeezes of parts that have them."""
+
+import numpy as np
+import problems
+import pytest
+import shapely
+from problems import OUTLINES
+
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.traits import SHAPES, shapes
+from planner.part.outline import grown, offsets, reach
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_an_outline_grown_by_a_little_has_the_area_of_its_rim_more(name):
+    outline, mm = OUTLINES[name](), 1e-4
+    polygon = shapely.Polygon(outline)
+    more = shapely.Polygon(outline + mm * offsets(outline)).area - polygon.area
+    assert more == pytest.approx(mm * polygon.length, rel=1e-3)
+    assert grown(outline, 0.0) == pytest.approx(outline, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_edges_of_a_grown_outline_are_parallel_and_as_far_off_as_stated(name):
+    outline = OUTLINES[name]()
+    larger = outline + 0.2 * offsets(outline)
+    for k in range(len(outline)):
+        edge = np.roll(outline, -1, axis=0)[k] - outline[k]
+        normal = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
+        assert (larger[k] - outline[k]) @ normal == pytest.approx(0.2, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_a_scaled_outline_is_similar_and_one_millimetre_larger_at_its_farthest(name):
+    outline = OUTLINES[name]()
+    larger = outline + shapes(outline)[1]
+    assert reach(larger) == pytest.approx(reach(outline) + 1.0)
+    assert larger == pytest.approx(outline * (1.0 + 1.0 / reach(outline)))
+    assert shapes(outline).shape == (SHAPES, len(outline), 2)
+
+
+def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():
+    n, rng = 300, np.random.default_rng(1)
+    part = problems.simulator(problems.rectangle())
+    poses = np.column_stack([rng.uniform(-8, 8, (n, 2)), rng.uniform(-np.pi, np.pi, n)])
+    deviation = 0.2 * rng.standard_normal(SHAPES)
+    own = part.outline + np.tensordot(deviation, shapes(part.outline), axes=1)
+
+    def rolled(outline, bases, off):
+        simulator = Simulator(
+            outline, part.surface, part.jaws, part.friction, part.wishart_dof, shapes=bases, workers=1
+        )
+        parameters = simulator.sample(n, np.random.default_rng(2))
+        return simulator.roll_out(poses, parameters._replace(deviation=np.tile(off, (n, 1))))
+
+    drawn = rolled(own, np.zeros((0, len(own), 2)), np.zeros(0))
+    deviating = rolled(part.outline, shapes(part.outline), deviation)
+    assert deviating.poses == pytest.approx(drawn.poses, abs=1e-6)
+    assert deviating.width_mm == pytest.approx(drawn.width_mm, abs=1e-6)
