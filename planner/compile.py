@@ -27,7 +27,7 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.part.outline import radius_of_gyration
-from planner.planning import PARAMS, SEED_RARE, Planning, better, judged, marked, no_plan, pruned, within
+from planner.planning import PARAMS, SEED_RARE, Planning, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
 from planner.search.anytime import Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
@@ -99,22 +99,20 @@ def compile_job(
     ahead: MotionModel = replace(reference, simulator=Simulator.of_job(job, workers, PARAMS.ahead_step_mm))
     if learns(job):
         ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growths = [_growth(job, simulator, ahead, reference, way) for way in range(len(PARAMS.astray) + 1)]
-    mode = growths[0].objective.metric.mode(belief.poses)
+    growth = _growth(job, simulator, ahead, reference)
+    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
 
     work = scheduler or Threads(simulator.workers)
 
-    def planning(growth: Growth, hasty: bool = False) -> Planning:
-        root = TreeNode(belief, 1.0, mode)
+    def planning(top: TreeNode, hasty: bool) -> Planning:
         anytime = Anytime(growth, limit, hasty)
-        top = hasty_root(root) if hasty else root
         return Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
 
     judge = partial(judged, job, trials, simulator.workers)
-    if limit.bounded:
-        planned = within(planning(growths[0], hasty=True), planning(growths[0]), judge)
-    else:
-        planned = better([planning(growth) for growth in growths]).run(judge)
+    careful = planning(root, False)
+    planned = (
+        within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
+    )
     table, untried = planned.by.finished(planned, judge)
     plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
     if not plan.evaluation.success.any():
@@ -165,18 +163,18 @@ def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
     recut(squeezed.belief, squeezed.belief, rule)
 
 
-def objective_of(job: Job, way: int = 0) -> Objective:
-    """What a job's plan is to reach; `way` says how readings are cut (`SearchParams.rule`)."""
+def objective_of(job: Job) -> Objective:
+    """What a job's plan is to reach."""
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
-    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), way)
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)))
     return Objective(rule, costs, PARAMS)
 
 
-def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel, way: int) -> Growth:
+def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
-    objective = objective_of(job, way)
+    objective = objective_of(job)
     ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -15,7 +15,7 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
-from planner.evaluation.disturbance import NONE, Disturbance, as_doubted
+from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
@@ -30,17 +30,13 @@ from planner.search.improve import improve
 from planner.search.params import SearchParams
 from planner.work.progress import Report
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorld, ContactWorlds
+from planner.world import ContactWorld
 from runtime.table import Table, refuted
 
 PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
-SEED_WORTH = 0x574F5254
-WORTH_TRIALS = (
-    4  # trials that tell which of two trees is better: those of the last evaluation, divided by this
-)
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 # Share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on.
 TIGHT = 0.3
@@ -64,24 +60,6 @@ class Planned(NamedTuple):
         return float(
             self.evaluation.success.mean() - growth.objective.costs.least * self.evaluation.squeezes.mean()
         )
-
-
-def better(rivals: list[Planning]) -> Planning:
-    """Of trees to plan the one that is worth most once it is grown, with other squeezes tried.
-
-    Where the first is large it is the only one.
-    """
-    first, *others = rivals
-    first.sprout()
-    if sum(bool(node.children) for node in breadth_first(first.root)) > PARAMS.rival_nodes:
-        others = []
-    for rival in others:
-        rival.sprout()
-        if rival.anytime.cut:
-            return first
-    best = max([first, *others], key=Planning.worth) if others else first
-    best.mend()
-    return best
 
 
 def within(hasty: Planning, careful: Planning, judge: Judge) -> Planned:
@@ -189,44 +167,20 @@ class Planning:
         """Grows the tree, without a look at what becomes of it."""
         self._grow(0)
 
-    def sprout(self) -> None:
-        """Grows the tree from its root.
-
-        Raises:
-            NoPlanError: no first squeeze gains anything.
-        """
-        self.anytime.grow(self.root, [self.job.seed, 0], self._watch)
+    def _grow(self, attempt: int) -> None:
+        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
+        seed = [self.job.seed, attempt]
+        if attempt == 0:
+            self.anytime.grow(self.root, seed, self._watch)
+        else:
+            grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
         if not self.root.children:
             raise NoPlanError(
                 f"{self.job.part.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
-
-    def mend(self) -> None:
-        """Tries other squeezes for the nodes that matter most."""
-        self.improve([self.job.seed, 0], self._late)
-
-    def worth(self) -> float:
-        """Success less what squeezes cost, and what an encoder that is off would do, as likely as that is."""
-        table, seed = lower(self.root, self.job), self.job.seed + SEED_WORTH
-        worlds, trials = ContactWorlds.of_job(self.job, seed), max(1, self.trials // WORTH_TRIALS)
-        planned, *off = [
-            evaluate(table, self.job, worlds, trials, seed, self.work, Disturbance(mm))
-            for mm in (0.0, -PARAMS.off_mm, PARAMS.off_mm)
-        ]
-        spent = self.growth.objective.costs.least * planned.squeezes.mean()
-        harm = sum(run.wrong.mean() + PARAMS.rejection * run.rejected.mean() for run in off)
-        return float(planned.success.mean() - spent - PARAMS.doubt * harm)
-
-    def _grow(self, attempt: int) -> None:
-        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
-        if attempt:
-            seed = [self.job.seed, attempt]
-            grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
-            return
-        self.sprout()
-        if not self.anytime.hasty:
-            self.mend()
+        if attempt == 0 and not self.anytime.hasty:
+            self.improve(seed, self._late)
 
     def improve(self, seed: list[int], late: Callable[[], bool]) -> None:
         """Tries other squeezes for the nodes that matter most, until it is late."""

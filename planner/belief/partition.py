@@ -23,7 +23,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers
-from planner.belief.observation import COUNTS, HOLE, Partition, Resolution, cut, describe
+from planner.belief.observation import COUNTS, Partition, Resolution, describe
 from planner.kernel import kernel
 
 CANDIDATES = 48
@@ -68,7 +68,6 @@ class Rule(NamedTuple):
     astray: float  # cost of one that strays into a branch that is squeezed again [squeezes]
     branch: float  # cost of an interval [squeezes of one particle]
     reach: float  # how near a cut is near [counts]
-    by_width: bool = False  # cut by k-means, whatever the poses: wide branches
 
     def prices(self) -> Array:
         """(4,) doubt, astray, branch, reach: for kernels."""
@@ -86,15 +85,10 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     metric, weight = rule.metric, np.bincount(counts, minlength=COUNTS)
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
-    if rule.by_width:
-        free, apart = rule.resolution.free, rule.resolution.apart
-        bounds, _ = cut(weight, free, SPREAD * apart, 0.0, apart, HOLE * apart)
-        k = len(bounds) - 1
-    else:
-        k = _cut(
-            np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-            metric.modes, np.array(rule.estimate), rule.prices(), bounds,
-        )  # fmt: skip
+    k = _cut(
+        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
+        metric.modes, np.array(rule.estimate), rule.prices(), bounds,
+    )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
     describe(weight, bounds[: k + 1], label, mean, low, high, size)

@@ -34,8 +34,6 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     Returns:
         The first counts of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    if rule.by_width:
-        return np.empty(0, np.int64)
     metric, first = rule.metric, np.argsort(old.reading, kind="stable")
     order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
     made = _recut(

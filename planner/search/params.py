@@ -47,15 +47,8 @@ class SearchParams:
     """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
     doubt: float = 0.05
     """Chance that a part near a cut strays: more makes fewer wrong if encoders are off, and more squeezes."""
-    astray: tuple[float, ...] = (1.0, 0.15)
-    """Squeezes that such a part costs in a branch that is squeezed again: likewise. A tree is grown with each
-    price, and trials with the encoder right and off tell which stays."""
-    rival_nodes: int = 60
-    """Nodes of the first tree up to which others are grown: more takes longer and may save squeezes."""
-    off_mm: float = 1.0
-    """How far they are off."""
-    rejection: float = 0.2
-    """What a part costs that is rejected then, in parts that are answered wrongly: it can be tried again."""
+    astray: float = 0.15
+    """Squeezes that such a part costs in a branch that is squeezed again: likewise."""
     reach: float = 2.7
     """Counts from a cut that are near it: more asks for wider gaps between branches."""
     branch: float = 8.0
@@ -98,13 +91,9 @@ class SearchParams:
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
-    def rule(self, metric: Metric, estimate: Estimate, resolution: Resolution, way: int = 0) -> Rule:
-        """How readings are cut for a goal, given J of a belief and what an encoder tells apart.
-
-        `way` is the number of the price in `astray`; after the last comes k-means.
-        """
-        price, by_width = self.astray[min(way, len(self.astray) - 1)], way == len(self.astray)
-        return Rule(metric, estimate, resolution, self.doubt, price, self.branch, self.reach, by_width)
+    def rule(self, metric: Metric, estimate: Estimate, resolution: Resolution) -> Rule:
+        """How readings are cut for a goal, given J of a belief and what an encoder tells apart."""
+        return Rule(metric, estimate, resolution, self.doubt, self.astray, self.branch, self.reach)
 
 
 class Objective(NamedTuple):
