@@ -26,8 +26,7 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     traits["friction"] = _friction(job, n, rng)
     traits["share"] = _drawn(doubt.finger_share, doubt.chance, n, rng)
     # The hand is calibrated where the fingers meet on the part's narrowest side, but for `middle_mm`.
-    closing = job.gripper.opening_mm - min_width(job.part.outline_mm)
-    traits["across_mm"] = closing * traits["share"] + _drawn(doubt.middle_mm, doubt.chance, n, rng)
+    traits["across_mm"] = closing_mm(job) * traits["share"] + _drawn(doubt.middle_mm, doubt.chance, n, rng)
     traits["encoder_mm"] = _drawn(doubt.encoder_mm, doubt.chance, n, rng)
     traits["gain"] = _drawn(doubt.encoder_gain, doubt.chance, n, rng)
     traits["surface"] = rng.integers(1, 1 + max(1, len(others_of(job))), n)
@@ -70,3 +69,18 @@ def _deviations(tolerance_mm: float, chance: float, n: int, rng: np.random.Gener
     shapes[:, 2:] = waves * rng.standard_normal((n, SHAPES - 2))
     shapes[rng.random(n) >= chance, 2:] = 0.0
     return shapes
+
+
+def stated(job: Job, n: int) -> Traits:
+    """The traits (n,) of parts where nothing is off: each doubt in the middle of its interval."""
+    traits, doubt = as_planned(n), job.doubt
+    traits["share"] = 0.5 * sum(doubt.finger_share)
+    traits["across_mm"] = closing_mm(job) * traits["share"] + 0.5 * sum(doubt.middle_mm)
+    traits["encoder_mm"] = 0.5 * sum(doubt.encoder_mm)
+    traits["gain"] = 0.5 * sum(doubt.encoder_gain)
+    return traits
+
+
+def closing_mm(job: Job) -> float:
+    """How far the jaws close on the part's narrowest side."""
+    return float(job.gripper.opening_mm - min_width(job.part.outline_mm))

@@ -1,4 +1,4 @@
-"""plan-refit: a job and the journals of its table in, what they tell of the cell out, and a job that says so."""
+"""plan-refit: a job and journals of its table in, what they tell of the cell out, and a job that says so."""
 
 import argparse
 import csv
@@ -42,8 +42,9 @@ def parser() -> Parser:
     """The command's arguments."""
     made = shell.parser(
         NAME,
-        "Learn from a cell's own journals what is off in it: how the fingers share the closing, where they meet, "
-        "what widths read too much, friction, pressure. Writes the job with doubts as narrow as the data allow.",
+        "Learn from a cell's own journals what is off in it: how the fingers share the closing, where they "
+        "meet, what widths read too much, friction, pressure. Writes the job with doubts as narrow as the "
+        "data allow.",
         f"{NAME} lever.toml --journal monday.jsonl tuesday.jsonl -o lever2.toml",
         f"{NAME} lever.toml --journal run.jsonl --audit parts.csv -o lever2.toml --json",
     )
@@ -55,7 +56,7 @@ def parser() -> Parser:
     )  # fmt: skip
     add(
         "--audit", type=Path, nargs="+", default=[], action="extend", metavar="A.csv",
-        help="measured poses, as grasp-audit report --export writes them, one for each journal in their order",
+        help="measured poses, as grasp-audit report --export writes them, one for each journal",
     )  # fmt: skip
     add("-o", "--output", type=Path, required=True, metavar="JOB2.toml", help="the job that was learned")
     add("--seed", type=natural, default=0, help="of what is simulated (default: %(default)s)")
@@ -145,9 +146,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
         target: int | None = 0
         for (node, count, target), width_um in zip(part.squeezes, part.widths_um, strict=True):
             # A calibrated gripper's widths, as the linear encoder of the simulated one would read them.
-            read = (
-                count if width_um is None or width_um == 0 else round(gripper.count_closed - width_um * span)
-            )
+            read = round(gripper.count_closed - width_um * span) if width_um else count
             counts[node, read] += 1
             if target is None or target < 0:
                 break

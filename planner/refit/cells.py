@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray
-from planner.belief.doubts import traits_of
+from planner.belief.doubts import closing_mm, traits_of
 from planner.evaluation.cases import on_three_feet
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
@@ -17,7 +17,7 @@ from planner.mechanics import surface as limit_surface
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import Traits, as_planned
-from planner.part.outline import convex_hull, min_width
+from planner.part.outline import convex_hull
 from planner.world import ContactWorld
 from runtime.table import Table
 
@@ -100,11 +100,6 @@ def _on_feet(job: Job) -> list[Surface]:
     random = (np.round(hull[rng.choice(len(hull), 3, replace=False)], 6).tolist() for _ in range(FEET))
     stood = (job.replaced(pressure={"kind": "points", "points_mm": feet}) for feet in random)
     return [limit_surface.of_job(other) for other in (on_three_feet(job).job(job), *stood)]
-
-
-def closing_mm(job: Job) -> float:
-    """How far the jaws close on the part's narrowest side."""
-    return float(job.gripper.opening_mm - min_width(job.part.outline_mm))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.belief.doubts import closing_mm
 from planner.job.model import Job
 from planner.mechanics.limit_surface import LimitSurface
-from planner.refit.cells import Cells, Quantity, closing_mm
+from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
 TOLD = 0.6  # of the prior's standard deviation: what is not known better than that was not told by the data
@@ -78,8 +79,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
             f"friction with the table scatters by {ends} degrees of freedom, not {job.pressure.wishart_dof}"
         )
     end, stated = ("least", job.friction.finger_part_min), ("greatest", job.friction.finger_part_max)
-    name, told = end if key == "finger_part_min" else stated
-    agrees = f", as stated ({told:g})" if low <= told <= high else f", not {told:g}"
+    name, believed = end if key == "finger_part_min" else stated
+    agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
     return f"the {name} friction between finger and part is {low:.2f} to {high:.2f}{agrees}"
 
 
@@ -105,13 +106,9 @@ def _pressed(found: Posterior) -> Finding:
     if stated > 0.95:
         sentence = "parts press on the table as the job says"
     elif stated < 0.05:
-        sentence = (
-            "parts do not press on the table as the job says: they may stand on a few feet or lie on a rim"
-        )
+        sentence = "parts do not press on the table as the job says: they may stand on feet or on a rim"
     else:
-        sentence = (
-            f"the journals do not tell how parts press on the table (as stated: {100.0 * stated:.0f} %)"
-        )
+        sentence = f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
     return Finding("pressure", stated, stated, best, told, sentence)
 
 

@@ -1,8 +1,8 @@
 """How likely the readings of a cell's parts are in another cell, by parts simulated there.
 
 A reading's probability is taken to depend on those before it through the node that they led to alone:
-P(counts) = product over squeezes of P(count | node). A node stands for the branches that led there, so what is
-left out is where within its branch each count lay.
+P(counts) = product over squeezes of P(count | node). A node stands for the branches that led there, so what
+is left out is where within its branch each count lay.
 """
 
 from typing import NamedTuple

@@ -1,8 +1,8 @@
 """The posterior of a cell, given what was seen in it: population Monte Carlo, then an emulated likelihood.
 
 Rounds of cells are drawn nearer and nearer to those that explain what was seen (Cappe et al. 2004, with
-tempered weights). A simulated likelihood is noisy. A Gaussian process over all cells near the best averages the
-noise out; the posterior is drawn from it.
+tempered weights). A simulated likelihood is noisy. A Gaussian process over all cells near the best averages
+the noise out; the next round, and at last the posterior, are drawn from it.
 """
 
 import warnings
@@ -49,6 +49,9 @@ class Effort(NamedTuple):
         return max(self.parts, round(self.parts_for_each * seen.parts))
 
 
+USUAL = Effort()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
     """Cells (n, d + 1) as likely as each other, and how surely the best of them explains what was seen."""
@@ -62,7 +65,7 @@ class Posterior:
 
 
 def posterior(
-    cells: Cells, seen: Seen, seed: int, scheduler: Scheduler, effort: Effort = Effort(),
+    cells: Cells, seen: Seen, seed: int, scheduler: Scheduler, effort: Effort = USUAL,
     report: Report = silent,
 ) -> Posterior:  # fmt: skip
     """Draws cells from the posterior, given what was seen."""
@@ -159,7 +162,7 @@ def _chains(
 
 
 def _features(cells: Cells, tried: Array, weights: Array) -> Callable[[Array], Array]:
-    """What the process is a function of: the quantities in units of their spread, and what surfaces are like."""
+    """What the process is a function of: quantities in units of their spread, and what surfaces are like."""
     centre = np.average(tried[:, :-1], axis=0, weights=weights)
     spread = np.sqrt(np.average((tried[:, :-1] - centre) ** 2, axis=0, weights=weights)) + 1e-12
     entries = cells.surface_entries()
