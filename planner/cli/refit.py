@@ -103,7 +103,8 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
         InputFileError: a journal or an audit cannot be used.
     """
     loaded = run_log.table_of(arguments.journal[0])
-    if loaded.table.job_digest != job.digest():
+    told = loaded.table.job
+    if job_file.from_canonical(told) != job if told else loaded.table.job_digest != job.digest():
         problem = f"is of a table of another job than {arguments.job}; name the job that it was compiled from"
         raise InputFileError(problem, where=str(arguments.journal[0]))
     runs = [run_log.read(path, loaded.digest) for path in arguments.journal]

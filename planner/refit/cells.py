@@ -108,7 +108,7 @@ class Off(Disturbance):
 
     all_alike: Traits | None = None  # (1,)
 
-    def traits(self, job: Job, n: int, rng: np.random.Generator) -> Traits:
+    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
         """The traits of n parts."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:

@@ -11,7 +11,7 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
-TOLD = 0.6  # of the prior's standard deviation: what is not known better than that was not told by the data
+TOLD = 0.4  # of the prior's standard deviation: what is not known better than that was not told by the data
 ENDS = (0.05, 0.95)  # the interval that sentences and jobs name
 KEPT_DOUBT = 0.1  # share of particles with friction beyond the bounds that were learned
 SURE = 0.8  # probability from which the limit surface of another pressure takes the place of the job's
