@@ -48,7 +48,7 @@ def _finding(quantity: Quantity, found: Posterior, job: Job) -> Finding:
     mean, spread = float(values.mean()), float(values.std())
     low, high = (float(end) for end in np.quantile(values, ENDS))
     prior = (quantity.high - quantity.low) / np.sqrt(18.0 if "finger_part" in quantity.key else 12.0)
-    told = spread < TOLD * prior
+    told = bool(spread < TOLD * prior)
     sentence = _sentence(quantity.key, mean, low, high, job) if told else _untold(quantity.key)
     return Finding(quantity.key, mean, low, high, told, sentence)
 
@@ -102,7 +102,7 @@ def _untold(key: str) -> str:
 def _pressed(found: Posterior) -> Finding:
     shares = surface_shares(found)
     stated, best = float(shares[0]), float(shares.max())
-    told = stated > 0.95 or stated < 0.05
+    told = bool(stated > 0.95 or stated < 0.05)
     if stated > 0.95:
         sentence = "parts press on the table as the job says"
     elif stated < 0.05:
