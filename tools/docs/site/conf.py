@@ -68,6 +68,7 @@ tools/docs/performance
 :caption: In the cell
 
 tools/docs/commissioning
+tools/docs/refit
 tools/docs/controllers
 runtime/OUTCOMES
 drivers/abb/README

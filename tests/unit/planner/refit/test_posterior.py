@@ -40,6 +40,7 @@ def drawn(monkeypatch, measured, seed, surface_gain=0.0):
         return float(-0.5 * off @ off + surface_gain * point[3] + noise)
 
     monkeypatch.setattr(refit, "_likelihood", likelihood)
+    monkeypatch.setattr(refit, "DRAWN", 300)
     return posterior(Plain(), NOTHING, seed, Threads(1), Effort(cells=50)).cells
 
 
@@ -48,14 +49,14 @@ def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):
     cells = drawn(monkeypatch, measured, 1, surface_gain=6.0)
     assert cells[:, :3].mean(axis=0) == pytest.approx(measured, abs=0.6 * SIGMA.max())
     spread = cells[:, :3].std(axis=0) / SIGMA
-    assert (spread > 0.6).all()
-    assert (spread < 1.5).all()
+    assert (spread > 0.9).all()  # sqrt(2) by the tempered likelihood
+    assert (spread < 2.2).all()
     assert np.mean(cells[:, 3] == 1.0) > 0.9
 
 
 def test_ranks_of_the_truth_are_uniform(monkeypatch):
     rng, ranks = np.random.default_rng(5), []
-    for number in range(16):
+    for number in range(8):
         truth = SPACE.draw(1, rng)[0, :3]
         measured = truth + SIGMA * rng.standard_normal(3)
         ranks.append((drawn(monkeypatch, measured, number)[:, :3] < truth).mean(axis=0))
