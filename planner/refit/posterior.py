@@ -86,6 +86,9 @@ def posterior(
         if turn + 1 < effort.rounds:
             points = _next(cells, tried, found, effort.cells, rng)
     report("weighing", 0, 0)
+    # Fewer parts make a likelihood another, not just noisier: the last word is that of the fine rounds.
+    coarse = effort.cells * (1 + effort.rounds // 2) if effort.rounds > 1 else 0
+    tried, found = tried[coarse:], found[coarse:]
     return Posterior(_emulated(cells, tried, found, TEMPER, DRAWN, rng), cells.space)
 
 
