@@ -12,11 +12,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.doubts import stated
+from planner.belief.transition import read_as
 from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
-from planner.mechanics.traits import Traits
+from planner.mechanics.traits import Traits, as_planned
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 Pose = tuple[float, float, float]
@@ -51,30 +53,36 @@ class ContactWorld:
 
     def __init__(self, job: Job, seed: int, workers: int | None = None) -> None:
         self._simulator = Simulator.of_job(job, workers)
+        self._stated = stated(job, 1)
         self._rng = np.random.default_rng([seed, SEED_WORLD])
 
     @classmethod
     def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
         """The world of a simulator that exists already, with a random stream of its own."""
         world = cls.__new__(cls)
-        world._simulator = simulator
+        world._simulator, world._stated = simulator, as_planned(1)
         world._rng = np.random.default_rng([*seed, SEED_WORLD])
         return world
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
 
+        The cell is as the job states it: what it doubts is in the middle of its interval.
+
         Returns:
-            The final pose in the hand frame, the true width [mm] and the status.
+            The final pose in the hand frame, the width [mm] that an encoder like the job's tells, the status.
 
         Raises:
             ValueError: the pose is not finite.
         """
         if not all(map(math.isfinite, pose_hand)):
             raise ValueError(f"the pose {pose_hand} is not finite; a world squeezes parts that lie somewhere")
-        rolled = self.squeeze_many(np.array([pose_hand], dtype=np.float64))
-        x, y, theta = rolled.poses[0]
-        return (float(x), float(y), float(theta)), float(rolled.width_mm[0]), STATUS_NAMES[rolled.status[0]]
+        own = self._stated
+        off = np.array([0.0, own["across_mm"][0], 0.0])
+        rolled = self.squeeze_many(np.array([pose_hand], dtype=np.float64) - off, own)
+        x, y, theta = rolled.poses[0] + off
+        width = float(read_as(rolled.width_mm, own)[0]) if rolled.width_mm[0] > 0.0 else 0.0
+        return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
         """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch."""

@@ -41,8 +41,7 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
         traits[name] = middle
         traits[name][rows] = draw(len(rows))
     # The hand is calibrated where the fingers meet on the part's narrowest side, but for `middle_mm`.
-    closing = job.gripper.opening_mm - min_width(job.part.outline_mm)
-    traits["across_mm"] += closing * traits["share"]
+    traits["across_mm"] += closing_mm(job) * traits["share"]
     traits["friction"] = _friction(job, n, rng)
     return traits
 
@@ -98,3 +97,18 @@ def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
         shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)
     shapes[:, 2:] = tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2)) * rng.standard_normal((n, SHAPES - 2))
     return shapes
+
+
+def stated(job: Job, n: int) -> Traits:
+    """The traits (n,) of parts where nothing is off: each doubt in the middle of its interval."""
+    traits, doubt = as_planned(n), job.doubt
+    traits["share"] = 0.5 * sum(doubt.finger_share)
+    traits["across_mm"] = closing_mm(job) * traits["share"] + 0.5 * sum(doubt.middle_mm)
+    traits["encoder_mm"] = 0.5 * sum(doubt.encoder_mm)
+    traits["gain"] = 0.5 * sum(doubt.encoder_gain)
+    return traits
+
+
+def closing_mm(job: Job) -> float:
+    """How far the jaws close on the part's narrowest side."""
+    return float(job.gripper.opening_mm - min_width(job.part.outline_mm))

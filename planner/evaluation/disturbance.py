@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.doubts import traits_of
+from planner.belief.doubts import stated, traits_of
 from planner.belief.transition import Placing
 from planner.job.model import Job
 from planner.mechanics.traits import Traits, as_planned
@@ -37,9 +37,10 @@ class Disturbance:
         placing = Placing(self.placement_mm, math.radians(self.placement_deg))
         return placing.placed(placements + self.bias, traits, rng)
 
-    def traits(self, job: Job, n: int, rng: np.random.Generator) -> Traits:
-        """The traits of n parts in this cell."""
-        traits = traits_of(job, n, rng) if self.believed else as_planned(n)
+    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
+        """The traits of n parts in this cell; a foreign world brings what is off in it itself."""
+        usual = as_planned(n) if foreign else stated(job, n)
+        traits = traits_of(job, n, rng) if self.believed else usual
         traits["encoder_mm"] += self.encoder_offset_mm
         traits["across_mm"] += self.across_mm
         return traits

@@ -19,7 +19,7 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, ordinary
-from planner.world import World
+from planner.world import ContactWorld, World
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
@@ -126,7 +126,7 @@ def run(
     """
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
-    traits = disturbance.traits(job, trials, rng)
+    traits = disturbance.traits(job, trials, rng, foreign=not isinstance(world, ContactWorld))
     hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(

@@ -4,6 +4,7 @@ JSON lines, each with the SHA-256 of itself without that field and that of the l
 Whether every decision follows from its counts is what `grasp-journal replay` tells.
 """
 
+import base64
 import hashlib
 from collections import Counter
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple
 
 from planner.errors import InputFileError
 from runtime.shell import strict_json
+from runtime.table import TableError, TableFile, loads
 
 GENESIS = "0" * 64
 MARK = b',"digest":"'
@@ -26,10 +28,12 @@ class PartLog:
     part: int
     # Of each squeeze the node, the settled encoder count read there, the target (None where rejected).
     squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
+    widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
     outcome: str = "cut short"
     leaf: int | None = None
     reason: str = ""
     audit: str | None = None
+    residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
 
     @property
     def failed(self) -> bool:
@@ -81,15 +85,35 @@ def read(path: Path, table_sha256: str) -> RunLog:
     return RunLog(parts, runs, others, str(entries[0]["time"]), str(entries[-1]["time"]))
 
 
+def table_of(path: Path) -> TableFile:
+    """The table that the first run of a journal was made with.
+
+    Raises:
+        InputFileError: the journal cannot be read or does not verify, or holds no table.
+    """
+    header = _entries(path)[0]
+    try:
+        data = base64.b64decode(str(header["table_base64"]), validate=True)
+        return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
+    except (KeyError, ValueError, TableError) as error:
+        raise InputFileError("does not begin with a run and its table", where=str(path)) from error
+
+
 def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
     kind = entry["kind"]
     if kind == "part":
         parts.append(PartLog(int(entry["part"])))
     elif kind == "resume" and parts and entry["how"] == "restart":
         parts[-1].squeezes.clear()
+        parts[-1].widths_um.clear()
     elif kind == "squeeze":
         target = None if entry["target"] is None else int(entry["target"])
         parts[-1].squeezes.append((int(entry["node"]), int(entry["position_counts"]), target))
+        width = entry.get("width_um")
+        parts[-1].widths_um.append(None if width is None else int(width))
+    elif kind == "audit" and entry.get("residual_theta_rad") is not None:
+        x, y, theta = (float(entry[f"residual_{name}"]) for name in ("x_mm", "y_mm", "theta_rad"))
+        parts[-1].residual = (x, y, theta)
     elif kind == "outcome":
         part = parts[-1]
         part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")

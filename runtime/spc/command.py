@@ -11,7 +11,7 @@ from runtime.shell.files import usable, writing
 from runtime.spc import expectation
 from runtime.spc.history import RESIDUAL, History, Part, read
 from runtime.spc.page import page
-from runtime.spc.summary import Summary, summarise
+from runtime.spc.summary import REFIT, Summary, summarise
 
 EPILOG = """\
 example:
@@ -102,5 +102,6 @@ def _lines(summary: Summary) -> list[str]:
             f"predicted {summary.predicted:.4f}"
         )
     told.append(f"branches  p = {summary.tail:.3g} against the table")
+    told += [f"advice    {REFIT}"] * summary.refit
     told += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
     return told if summary.alarms else [*told, "charts    in control"]

@@ -6,7 +6,7 @@ from math import degrees
 from pathlib import Path
 from string import Template
 
-from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
+from runtime.spc.summary import REFIT, LeafRow, NodeRow, Series, Summary
 
 TEMPLATE = Path(__file__).parent / "report.html"
 
@@ -26,6 +26,7 @@ def page(title: str, summary: Summary) -> str:
     body = [
         *_verdict(summary),
         *_alarms(summary),
+        *([f"<p>{escape(REFIT.capitalize())}.</p>"] * summary.refit),
         *(part for chart in summary.charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
         "<h2>Residuals by leaf</h2>",
         _table(

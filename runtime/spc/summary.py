@@ -14,6 +14,9 @@ from runtime.spc.monitor import COORDINATES, Alarm, Monitor, branch_counts, bran
 from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
+LEAST_REFIT = 20  # parts that a refit learns anything from
+STRANGE = 1e-3  # probability of branches below which the cell is taken for another than planned
+REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
 GROUP = 50  # audited parts of one point of the p-chart
 
 
@@ -72,6 +75,12 @@ class Summary:
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
 
+    @property
+    def refit(self) -> bool:
+        """Whether the readings are not those of the cell that was planned for, so that a refit would pay."""
+        drifted = any(alarm.chart in ("widths", "branches", "readings", "rejects") for alarm in self.alarms)
+        return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
+
     def fields(self) -> dict[str, object]:
         """The summary as JSON holds it."""
         return {
@@ -84,6 +93,7 @@ class Summary:
             "success_predicted": self.predicted,
             "agrees": self.agrees,
             "branches_p": self.tail,
+            "refit_pays": self.refit,
             "alarms": [alarm._asdict() for alarm in self.alarms],
         }
 

@@ -75,6 +75,7 @@ tools/docs/performance
 tools/docs/commissioning
 tools/docs/arms
 tools/docs/grippers
+tools/docs/refit
 tools/docs/controllers
 tools/docs/serve
 tools/docs/drivers

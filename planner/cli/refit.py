@@ -1,0 +1,209 @@
+"""plan-refit: a job and journals of its table in, what they tell of the cell out, and a job that says so."""
+
+import argparse
+import csv
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from planner.cli import shell
+from planner.errors import InputFileError, UsageError
+from planner.evaluation.outcome import Evaluation
+from planner.job import documents
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.refit.cells import Cells
+from planner.refit.findings import changes, findings
+from planner.refit.likelihood import Seen
+from planner.refit.posterior import Effort, Posterior, posterior
+from planner.report import run_log
+from planner.report.run_log import PartLog
+from planner.work.scheduler import Scheduler, scheduler_of
+from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.files import usable, writing
+from runtime.table import COUNTS, Table, TableFile
+
+NAME = "plan-refit"
+LEAST_PARTS = 20
+RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
+PREVIEW = (16, 400)  # cells of the posterior that the table is tried in, and parts in each
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    return shell.run(parser(), argv, _refit)
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    made = shell.parser(
+        NAME,
+        "Learn from a cell's own journals what is off in it: how the fingers share the closing, where they "
+        "meet, what widths read too much, friction, pressure. Writes the job with doubts as narrow as the "
+        "data allow.",
+        f"{NAME} lever.toml --journal monday.jsonl tuesday.jsonl -o lever2.toml",
+        f"{NAME} lever.toml --journal run.jsonl --audit parts.csv -o lever2.toml --json",
+    )
+    add = made.add_argument
+    add("job", type=Path, metavar="JOB.toml", help="the job that the table was compiled from")
+    add(
+        "--journal", type=Path, nargs="+", required=True, action="extend", metavar="J",
+        help="of runs of one table of this job; audits in them count, too",
+    )  # fmt: skip
+    add(
+        "--audit", type=Path, nargs="+", default=[], action="extend", metavar="A.csv",
+        help="measured poses, as grasp-audit report --export writes them, one for each journal",
+    )  # fmt: skip
+    add("-o", "--output", type=Path, required=True, metavar="JOB2.toml", help="the job that was learned")
+    add("--seed", type=natural, default=0, help="of what is simulated (default: %(default)s)")
+    add(
+        "--cells", type=positive_int, default=Effort().cells,
+        help="cells to simulate in each round: more take longer and tell finer (default: %(default)s)",
+    )  # fmt: skip
+    shell.add_scheduler(made)
+    return made
+
+
+def _refit(arguments: argparse.Namespace) -> int:
+    usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
+    text, job = documents.read(arguments.job), job_file.load(arguments.job)
+    loaded, parts = _parts(arguments, job)
+    seen = seen_of_parts(parts, loaded.table)
+    if seen.parts < LEAST_PARTS:
+        raise UsageError(
+            f"the journals hold {seen.parts} squeezed parts, too few to learn from; run {LEAST_PARTS} or more"
+        )
+    cells = Cells.of(job, loaded.table)
+    with (
+        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+        shell.progress(arguments.json) as report,
+    ):
+        effort = Effort(cells=arguments.cells)
+        found = posterior(cells, seen, arguments.seed, scheduler, effort, report)
+        tried = _preview(cells, found, arguments.seed, scheduler)
+    changed = changes(found, cells)
+    learned = edited(text, changed)
+    refitted = job_file.parse(learned, str(arguments.output))
+    if refitted != job.replaced(str(arguments.output), **changed):
+        raise InputFileError("its text cannot be edited; write each section once", where=str(arguments.job))
+    with writing(arguments.output) as draft:
+        draft.write_text(learned, encoding="utf-8")
+    _print(arguments, seen, found, cells, tried, changed)
+    return 0
+
+
+def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
+    """The table of the journals and all their parts, with what audits tell of them.
+
+    Raises:
+        InputFileError: a journal or an audit cannot be used.
+    """
+    loaded = run_log.table_of(arguments.journal[0])
+    told = loaded.table.job
+    if job_file.from_canonical(told) != job if told else loaded.table.job_digest != job.digest():
+        problem = f"is of a table of another job than {arguments.job}; name the job that it was compiled from"
+        raise InputFileError(problem, where=str(arguments.journal[0]))
+    runs = [run_log.read(path, loaded.digest) for path in arguments.journal]
+    for path, run in zip(arguments.journal, runs, strict=True):
+        if run.others:
+            raise InputFileError(
+                "holds runs of another table, too; refit one table at a time", where=str(path)
+            )
+    if arguments.audit and len(arguments.audit) != len(runs):
+        raise UsageError(f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each")
+    for path, run in zip(arguments.audit, runs, strict=False):
+        _measured(path, [part for part in run.parts if part.outcome != "cut short"])
+    return loaded, [part for run in runs for part in run.parts]
+
+
+def _measured(path: Path, parts: Sequence[PartLog]) -> None:
+    """Adds to parts the residuals that a table of audited parts tells."""
+    rows = list(csv.DictReader(documents.read(path).splitlines()))
+    try:
+        for row in rows:
+            if all(row[name] for name in RESIDUAL):
+                x, y, theta = (float(row[name]) for name in RESIDUAL)
+                parts[int(row["index"])].residual = (x, y, theta)
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        problem = "is no table of its journal's parts; make it with grasp-audit report --export"
+        raise InputFileError(problem, where=str(path)) from error
+
+
+def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
+    """What was read at each node, until each part's first leaf or rejected reading.
+
+    What follows after one of these is another attempt, on a part that does not lie as a new one would.
+    """
+    counts, squeezed = np.zeros((len(table.nodes), COUNTS), np.int64), 0
+    leaves, residuals = [], []
+    gripper = table.gripper
+    span = (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    for part in parts:
+        squeezed += bool(part.squeezes)
+        target: int | None = 0
+        for (node, count, target), width_um in zip(part.squeezes, part.widths_um, strict=True):
+            # A calibrated gripper's widths, as the linear encoder of the simulated one would read them.
+            read = round(gripper.count_closed - width_um * span) if width_um else count
+            counts[node, read] += 1
+            if target is None or target < 0:
+                break
+        if part.residual is not None and part.leaf is not None and target == ~part.leaf:
+            leaves.append(part.leaf)
+            residuals.append(part.residual)
+    return Seen(counts, squeezed, np.array(leaves, np.int64), np.array(residuals).reshape(-1, 3))
+
+
+def _preview(cells: Cells, found: Posterior, seed: int, scheduler: Scheduler) -> tuple[float, float]:
+    """Shares of wrong and of rejected parts that the table gives in the cell, as it was learned."""
+    number, parts = PREVIEW
+    jobs = [(cells, point, parts, seed + k) for k, point in enumerate(found.cells[:number])]
+    tried = list(scheduler.map(_run, jobs))
+    return float(np.mean([t.wrong for t in tried])), float(np.mean([t.rejected for t in tried]))
+
+
+def _run(job: tuple[Cells, Any, int, int]) -> Evaluation:
+    cells, point, parts, seed = job
+    return cells.run(point, parts, seed)
+
+
+def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
+    """The text of a job file with other values; all else, comments too, stays as it was written."""
+    document = tomlkit.parse(text)
+    for section, values in changed.items():
+        if section not in document:
+            document[section] = tomlkit.table()
+        table: Any = document[section]
+        if values.get("kind"):
+            for key in set(table) - {"wishart_dof"}:
+                del table[key]
+        for key, value in values.items():
+            table[key] = value
+    return tomlkit.dumps(document)
+
+
+def _print(
+    arguments: argparse.Namespace, seen: Seen, found: Posterior, cells: Cells, tried: tuple[float, float],
+    changed: Mapping[str, Mapping[str, Any]],
+) -> None:  # fmt: skip
+    learned, (wrong, rejected) = findings(found, cells), tried
+    if arguments.json:
+        shell.print_json({
+            "parts": seen.parts, "squeezes": int(seen.readings.sum()), "audited": len(seen.leaves),
+            "findings": [finding.fields() for finding in learned], "changes": changed,
+            "wrong_rate_as_learned": wrong, "reject_rate_as_learned": rejected,
+            "written": str(arguments.output),
+        })  # fmt: skip
+        return
+    print(f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:")
+    for finding in sorted(learned, key=lambda finding: not finding.told):
+        print(f"  {finding.sentence}")
+    print(f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %")
+    print(f"wrote {arguments.output}; next: plan-compile {arguments.output}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

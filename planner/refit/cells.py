@@ -1,0 +1,166 @@
+"""The cells that a refit considers: what may be off in one, over which ranges, and trials in it."""
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray
+from planner.belief.doubts import closing_mm, traits_of
+from planner.evaluation.cases import on_three_feet
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import Program, run
+from planner.job.model import Job
+from planner.job.schema import MOST_FRICTION
+from planner.mechanics import surface as limit_surface
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.surface import Surface
+from planner.mechanics.traits import Traits, as_planned
+from planner.part.outline import convex_hull
+from planner.world import ContactWorld
+from runtime.table import Table
+
+LEAST_FRICTION, SLIPPERY, ROUGH = 0.05, 1.0 / 3.0, 1.5  # ends of the range, the latter of the job's bounds
+UNEVEN = 0.1  # how far off the fingers' share may be where the job states less, either way
+FEET = 20  # sets of three feet that parts may stand on, besides those that plans doubt
+OFFSET_MM = 1.5  # the same for what widths read too much
+
+
+class Quantity(NamedTuple):
+    """What may be off, by the key of [doubt] or [friction] that states it, over an interval."""
+
+    key: str
+    low: float
+    high: float
+
+
+class Space(NamedTuple):
+    """The quantities of a cell, and on which of how many limit surfaces its parts stand."""
+
+    quantities: tuple[Quantity, ...]
+    surfaces: int
+
+    @classmethod
+    def of(cls, job: Job, surfaces: int) -> Self:
+        """All that may be off about a job: its doubts, and no less than is usual."""
+        doubt, friction = job.doubt, job.friction
+        usual = {
+            "finger_share": UNEVEN, "middle_mm": UNEVEN * closing_mm(job), "encoder_mm": OFFSET_MM,
+            "encoder_gain": 0.0,
+        }  # fmt: skip
+        found = []
+        for key, most in usual.items():
+            low, high = getattr(doubt, key)
+            found.append(Quantity(key, min(low, -most), max(high, most)))
+        if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
+            low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
+            found.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
+        least = max(min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min)
+        most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
+        found += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
+        return cls(tuple(quantity for quantity in found if quantity.high > quantity.low), surfaces)
+
+    @property
+    def bounds(self) -> Array:
+        """Lower and upper ends (2, d)."""
+        return np.array([[q.low for q in self.quantities], [q.high for q in self.quantities]])
+
+    def column(self, key: str) -> int:
+        """Where a quantity stands among the others."""
+        return [quantity.key for quantity in self.quantities].index(key)
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """Points (n, d + 1) of the prior, uniform; the last column is the number of the surface.
+
+        Half of the cells stand as the job states.
+        """
+        low, high = self.bounds
+        points = rng.uniform(low, high, (n, len(low)))
+        bounds = [self.column("finger_part_min"), self.column("finger_part_max")]
+        points[:, bounds] = np.sort(points[:, bounds], axis=1)
+        surface = np.where(rng.random(n) < 0.5, 0, rng.integers(1, max(2, self.surfaces), n))
+        return np.column_stack([points, surface if self.surfaces > 1 else np.zeros(n)])
+
+    def density(self, points: Array) -> Array:
+        """The prior's density (n,) at points, but for a factor."""
+        low, high = self.bounds
+        inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1) & self._ordered(points)
+        share = np.where(points[:, -1] == 0, 0.5, 0.5 / max(1, self.surfaces - 1))
+        return np.where(inside, share, 0.0)
+
+    def _ordered(self, points: Array) -> BoolArray:
+        low, high = self.column("finger_part_min"), self.column("finger_part_max")
+        return np.asarray(points[:, low] <= points[:, high])
+
+
+def _on_feet(job: Job) -> list[Surface]:
+    """Limit surfaces of parts on three feet: the lopsided one of the standard worlds, and random ones."""
+    hull, rng = convex_hull(job.part.outline_mm), np.random.default_rng(FEET)
+    random = (np.round(hull[rng.choice(len(hull), 3, replace=False)], 6).tolist() for _ in range(FEET))
+    stood = (job.replaced(pressure={"kind": "points", "points_mm": feet}) for feet in random)
+    return [limit_surface.of_job(other) for other in (on_three_feet(job).job(job), *stood)]
+
+
+@dataclass(frozen=True, slots=True)
+class Off(Disturbance):
+    """A cell in which the traits of all parts are the same, but for their outlines."""
+
+    all_alike: Traits | None = None  # (1,)
+
+    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
+        """The traits of n parts."""
+        traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
+        if job.part.tolerance_mm:
+            traits["deviation"] = traits_of(job, n, rng)["deviation"]
+        return traits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """Cells of one job that run one table, by points of their space."""
+
+    job: Job
+    program: Program
+    simulator: Simulator
+    space: Space
+
+    @classmethod
+    def of(cls, job: Job, table: Table) -> Self:
+        """The cells of a job that run a table; their parts may press on the table in any way."""
+        any_pressure = job.replaced(doubt={"pressure": "any"})
+        simulator = Simulator.of_job(any_pressure, workers=1)
+        if simulator.others:
+            simulator = replace(simulator, others=(*simulator.others, *_on_feet(job)))
+        return cls(job, Program.of(table), simulator, Space.of(job, 1 + len(simulator.others)))
+
+    def run(self, point: Array, parts: int, seed: int) -> Evaluation:
+        """Sends parts through the table in the cell at a point (d + 1,)."""
+        told = self.told(point)
+        simulator = replace(self.simulator, friction=(told["finger_part_min"], told["finger_part_max"]))
+        world = ContactWorld.of_simulator(simulator, [seed])
+        rng = np.random.default_rng([seed, 0x524546])
+        cell = Off(
+            placement_mm=self.job.doubt.placement_mm, placement_deg=self.job.doubt.placement_deg,
+            all_alike=self._traits(told, int(point[-1])),
+        )  # fmt: skip
+        return run(self.program, self.job, world, parts, rng, cell)
+
+    def told(self, point: Array) -> dict[str, Any]:
+        """The quantities at a point, by key."""
+        return {quantity.key: value for quantity, value in zip(self.space.quantities, point, strict=False)}
+
+    def surface_entries(self) -> Array:
+        """The nominal limit surfaces, entry by entry (surfaces, k)."""
+        surfaces = (self.simulator.surface, *self.simulator.others)
+        return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
+
+    def _traits(self, told: dict[str, Any], surface: int) -> Traits:
+        traits = as_planned(1)
+        traits["share"] = told.get("finger_share", 0.0)
+        traits["across_mm"] = closing_mm(self.job) * traits["share"] + told.get("middle_mm", 0.0)
+        traits["encoder_mm"] = told.get("encoder_mm", 0.0)
+        traits["gain"] = told.get("encoder_gain", 0.0)
+        traits["dof"] = int(np.exp(told["least_dof"])) if "least_dof" in told else 0
+        traits["surface"] = surface
+        return traits

@@ -1,0 +1,159 @@
+"""What a posterior says of a cell: a sentence for each quantity, and the job that follows from it."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.belief.doubts import closing_mm
+from planner.job.model import Job
+from planner.mechanics.limit_surface import LimitSurface
+from planner.refit.cells import Cells, Quantity
+from planner.refit.posterior import Posterior
+
+TOLD = 0.4  # of the prior's standard deviation: what is not known better than that was not told by the data
+ENDS = (0.05, 0.95)  # the interval that sentences and jobs name
+KEPT_DOUBT = 0.1  # share of particles with friction beyond the bounds that were learned
+SURE = 0.8  # probability from which the limit surface of another pressure takes the place of the job's
+OFF_MM = 0.5  # fingers that meet farther off than that want mending
+OFF = 0.02  # a share of the fingers that is off by more than that is a fault of the gripper
+
+
+class Finding(NamedTuple):
+    """What was learned of one quantity; `told` is whether the data say more than was believed before."""
+
+    key: str
+    mean: float
+    low: float
+    high: float
+    told: bool
+    sentence: str
+
+    def fields(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {
+            "quantity": self.key, "mean": self.mean, "low_5": self.low, "high_95": self.high,
+            "told": self.told, "sentence": self.sentence,
+        }  # fmt: skip
+
+
+def findings(found: Posterior, cells: Cells) -> list[Finding]:
+    """All quantities of the cell, in the order of its space."""
+    made = [_finding(quantity, found, cells.job) for quantity in found.space.quantities]
+    return made + ([_pressed(found)] if found.space.surfaces > 1 else [])
+
+
+def _finding(quantity: Quantity, found: Posterior, job: Job) -> Finding:
+    values = found.of(quantity.key)
+    mean, spread = float(values.mean()), float(values.std())
+    low, high = (float(end) for end in np.quantile(values, ENDS))
+    prior = (quantity.high - quantity.low) / np.sqrt(18.0 if "finger_part" in quantity.key else 12.0)
+    told = bool(spread < TOLD * prior)
+    sentence = _sentence(quantity.key, mean, low, high, job) if told else _untold(quantity.key)
+    return Finding(quantity.key, mean, low, high, told, sentence)
+
+
+def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
+    half = 0.5 * (high - low)
+    if key == "finger_share":
+        share = 100.0 * (job.gripper.upper_finger_share + mean)
+        fault = min(abs(low), abs(high)) > OFF and low * high > 0.0
+        advice = ": have the gripper looked at" if fault else ""
+        return f"the upper finger makes {share:.1f} +- {100.0 * half:.1f} % of the closing{advice}"
+    if key == "middle_mm":
+        told = f"the fingers meet {mean:+.2f} +- {half:.2f} mm off the hand's middle on the narrowest side"
+        # Where the hand was never centred on them, an uneven share of the closing is what takes them there.
+        share = job.gripper.upper_finger_share - mean / closing_mm(job)
+        uneven = f"{100.0 * share:.1f} +- {100.0 * half / closing_mm(job):.1f} %"
+        fault = min(abs(low), abs(high)) > OFF_MM and low * high > 0.0
+        return told + (
+            f", as if the upper one made {uneven} of the closing: have the gripper looked at" * fault
+        )
+    if key == "encoder_mm":
+        return f"widths read {mean:+.2f} +- {half:.2f} mm too much"
+    if key == "encoder_gain":
+        return f"widths read {100.0 * mean:+.2f} +- {100.0 * half:.2f} % too much"
+    if key == "least_dof":
+        ends = f"{np.exp(low):.0f} to {np.exp(high):.0f}"
+        return (
+            f"friction with the table scatters by {ends} degrees of freedom, not {job.pressure.wishart_dof}"
+        )
+    end, stated = ("least", job.friction.finger_part_min), ("greatest", job.friction.finger_part_max)
+    name, believed = end if key == "finger_part_min" else stated
+    agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
+    return f"the {name} friction between finger and part is {low:.2f} to {high:.2f}{agrees}"
+
+
+NAMES = {
+    "finger_share": "how the fingers share the closing",
+    "middle_mm": "where the fingers meet",
+    "encoder_mm": "what widths read too much",
+    "encoder_gain": "the encoder's gain",
+    "least_dof": "how friction with the table scatters",
+    "finger_part_min": "the least friction between finger and part",
+    "finger_part_max": "the greatest friction between finger and part",
+}
+
+
+def _untold(key: str) -> str:
+    return f"the journals do not tell {NAMES[key]}; what the job says stays"
+
+
+def _pressed(found: Posterior) -> Finding:
+    shares = surface_shares(found)
+    stated, best = float(shares[0]), float(shares.max())
+    told = bool(stated > 0.95 or stated < 0.05)
+    if stated > 0.95:
+        sentence = "parts press on the table as the job says"
+    elif stated < 0.05:
+        sentence = "parts do not press on the table as the job says: they may stand on feet or on a rim"
+    else:
+        sentence = f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
+    return Finding("pressure", stated, stated, best, told, sentence)
+
+
+def surface_shares(found: Posterior) -> Any:
+    """How probable each limit surface is (surfaces,), the job's first."""
+    numbers = found.cells[:, -1].astype(np.int64)
+    return np.bincount(numbers, minlength=found.space.surfaces) / len(numbers)
+
+
+def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
+    """What the job has to say instead, by section and key; what the data do not tell stays as it is."""
+    told = {finding.key: finding for finding in findings(found, cells) if finding.told}
+    doubt: dict[str, Any] = {
+        key: [round(told[key].low, digits), round(told[key].high, digits)]
+        for key, digits in (("finger_share", 4), ("middle_mm", 3), ("encoder_mm", 3), ("encoder_gain", 5))
+        if key in told
+    }
+    if "least_dof" in told:
+        doubt["least_dof"] = max(3, int(np.exp(told["least_dof"].low)))
+    made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(told, cells.job)}
+    if "pressure" in told:
+        made["pressure"], doubt["pressure"] = _pressure(found, cells)
+    return {section: values for section, values in made.items() if values}
+
+
+def _friction(told: Mapping[str, Finding], job: Job) -> dict[str, Any]:
+    """Bounds of friction that were learned: where they may begin and where they may end."""
+    keys = ("finger_part_min", "finger_part_max")
+    if not any(key in told for key in keys):
+        return {}
+    low, high = (getattr(job.friction, key) for key in keys)
+    low = round(told[keys[0]].low, 3) if keys[0] in told else low
+    high = round(told[keys[1]].high, 3) if keys[1] in told else high
+    doubt = min(job.friction.doubt, KEPT_DOUBT) if all(key in told for key in keys) else job.friction.doubt
+    return {keys[0]: min(low, high), keys[1]: max(low, high), "doubt": doubt}
+
+
+def _pressure(found: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
+    """The keys of [pressure] that change, and which other pressures are still doubted."""
+    shares = surface_shares(found)
+    best = int(np.argmax(shares))
+    if best == 0:
+        return {}, "stated"
+    surface = cells.simulator.others[best - 1]
+    if shares[best] < SURE or not isinstance(surface, LimitSurface):
+        return {}, "any"
+    matrix = [[round(float(entry), 6) for entry in row] for row in surface.A]
+    return {"kind": "stated", "ellipsoid": matrix, "rho_mm": round(surface.rho_mm, 6)}, "stated"

@@ -1,0 +1,78 @@
+"""How likely the readings of a cell's parts are in another cell, by parts simulated there.
+
+A reading's probability is taken to depend on those before it through the node that they led to alone:
+P(counts) = product over squeezes of P(count | node). A node stands for the branches that led there, so what
+is left out is where within its branch each count lay.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import convolve1d, gaussian_filter1d
+
+from planner.arrays import Array, IntArray
+from planner.evaluation.expectation import readings
+from planner.evaluation.judge import metric_of_table
+from planner.evaluation.outcome import Evaluation
+from planner.frames import wrap
+from runtime.table import COUNTS, Table, predicted_pose
+
+NEAR = (0.08, 0.84, 0.08)  # a count's share of the two beside it
+BROAD = 3.0  # standard deviation, in counts, of what stands in where few were simulated
+BROAD_WEIGHT = 2.0  # and how many readings it counts for
+STRANGE = 1e-3  # share of readings that nothing explains
+EMPTY_UM = 2000  # widths up to that may be an empty hand's
+BLUR_MM = 0.4  # by which simulated poses are blurred, to compare with measured ones
+
+
+class Seen(NamedTuple):
+    """What a cell's journals hold."""
+
+    readings: IntArray  # (nodes, 256) how often each count was read at each node
+    parts: int  # how many parts were squeezed
+    leaves: IntArray  # (m,) the leaves of audited parts
+    residuals: Array  # (m, 3) measured less predicted poses there [mm, mm, rad]
+
+
+def pooled(counts: IntArray, table: Table) -> IntArray:
+    """Readings (nodes, 256) in which all that an empty hand may read is one count.
+
+    Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it tells nothing.
+    """
+    gripper = table.gripper
+    first = gripper.count_closed - round(
+        EMPTY_UM * (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    )
+    empty = np.array(counts)
+    empty[:, first + 1 :] = 0
+    empty[:, first] = counts[:, first:].sum(axis=1)
+    return empty
+
+
+def seen_of(found: Evaluation, nodes: int) -> Seen:
+    """What the journals of trials would hold."""
+    none = np.zeros(0, np.int64), np.zeros((0, 3))
+    return Seen(readings(found, nodes), len(found.leaf), *none)
+
+
+def log_likelihood(seen: Seen, found: Evaluation, table: Table) -> float:
+    """Logarithm of the probability of what was seen, in the cell that these trials were run in."""
+    simulated = pooled(readings(found, len(table.nodes)), table).astype(np.float64)
+    broad = gaussian_filter1d(simulated, BROAD, axis=1, mode="nearest") + 1e-3
+    broad /= broad.sum(axis=1, keepdims=True)
+    near = convolve1d(simulated, NEAR, axis=1, mode="nearest") + BROAD_WEIGHT * broad
+    shares = (1.0 - STRANGE) * near / near.sum(axis=1, keepdims=True) + STRANGE / COUNTS
+    total = float((pooled(seen.readings, table) * np.log(shares)).sum())
+    return total + sum(_of_residuals(seen, found, table, leaf) for leaf in np.unique(seen.leaves))
+
+
+def _of_residuals(seen: Seen, found: Evaluation, table: Table, leaf: int) -> float:
+    """Logarithm of the density of the audited poses at one leaf, by a kernel estimate (one for each mm^3)."""
+    metric = metric_of_table(table)
+    scale = np.array([1.0, 1.0, metric.rho_mm])
+    off = found.poses[found.leaf == leaf] - np.array(predicted_pose(table.leaves[leaf]))
+    off[:, 2] = wrap(off[:, 2], metric.order)
+    gaps = (seen.residuals[seen.leaves == leaf][:, None] - off[None]) * scale
+    weights = np.exp(-0.5 * (gaps**2).sum(axis=2) / BLUR_MM**2) / (2.0 * np.pi * BLUR_MM**2) ** 1.5
+    anywhere = STRANGE / metric.distance_mm**3
+    return float(np.log((weights.sum(axis=1) + anywhere) / (len(off) + 1.0)).sum())

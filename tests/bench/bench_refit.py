@@ -1,0 +1,69 @@
+"""Is plan-refit as sure as it may be? Simulation-based calibration (Talts et al. 2018) over hidden cells.
+
+Cells are drawn from the prior, parts are squeezed in each, and the rank of what is true among the draws of
+the posterior is noted: uniform if the posterior is right. A hidden cell takes about 10 s on a core:
+
+    python tests/bench/bench_refit.py trees/rectangle/rectangle.msgpack --hidden 200
+"""
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chisquare
+
+from planner.cli.shell import loaded
+from planner.refit.cells import Cells
+from planner.refit.likelihood import seen_of
+from planner.refit.posterior import Effort, posterior
+from planner.work.scheduler import Threads
+
+BINS, LEAST_P, COVERED = 10, 0.01, (0.85, 0.95)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tree", type=Path)
+    parser.add_argument("--job", default=None)
+    parser.add_argument("--hidden", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="number of the first hidden cell")
+    parser.add_argument("--parts", type=int, default=100)
+    parser.add_argument("--cells", type=int, default=60)
+    parser.add_argument("--simulated", type=int, default=400, help="parts in each cell")
+    options = parser.parse_args()
+    found, job = loaded(options)
+    cells = Cells.of(job, found.table)
+    keys = [quantity.key for quantity in cells.space.quantities]
+    effort = Effort(cells=options.cells, parts=options.simulated)
+    ranks, errors = [], []
+    for number in range(options.first, options.first + options.hidden):
+        begun = time.process_time()
+        truth = cells.space.draw(1, np.random.default_rng([number, 1]))[0]
+        seen = seen_of(cells.run(truth, options.parts, number), len(found.table.nodes))
+        drawn = posterior(cells, seen, number, Threads(1), effort).cells[:, :-1]
+        ranks.append((drawn < truth[:-1]).mean(axis=0))
+        errors.append(drawn.mean(axis=0) - truth[:-1])
+        told = {key: round(float(rank), 3) for key, rank in zip(keys, ranks[-1], strict=True)}
+        took = round(time.process_time() - begun, 1)
+        print(json.dumps({"hidden": number, "cpu_s": took, "ranks": told}), flush=True)
+    return judge(keys, np.array(ranks), np.array(errors))
+
+
+def judge(keys, ranks, errors) -> int:
+    bad = 0
+    for key, column, error in zip(keys, ranks.T, errors.T, strict=True):
+        histogram = np.histogram(column, BINS, (0.0, 1.0))[0]
+        p = float(chisquare(histogram).pvalue)
+        covered = float(np.mean((column >= 0.05) & (column <= 0.95)))
+        rms = float(np.sqrt(np.mean(error**2)))
+        print(f"{key}: ranks {histogram.tolist()}, p = {p:.3g}, 90 % cover {covered:.1%}, rms {rms:.3g}")
+        bad += p < LEAST_P or not COVERED[0] <= covered <= COVERED[1]
+    return min(bad, 1)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    raise SystemExit(main())

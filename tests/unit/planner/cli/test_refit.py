@@ -1,0 +1,122 @@
+"""plan-refit as a command: what it writes keeps the file's text, and what it refuses, in one line."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_logs import chained, header, part
+
+from planner.cli import refit
+from planner.job import model
+from planner.refit.cells import Cells
+from planner.report.run_log import PartLog
+from runtime.table import load
+
+TREES = Path(__file__).parents[4] / "trees"
+TREE = TREES / "rectangle" / "rectangle.msgpack"
+JOB = TREES / "rectangle" / "job.toml"
+
+
+def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
+    """Parts of a cell whose widths read 0.6 mm too much."""
+    loaded = load(TREE)
+    cells = Cells.of(model.from_canonical(loaded.table.job), loaded.table)
+    values = {"encoder_mm": 0.6, "finger_part_min": 0.4, "finger_part_max": 0.6}
+    point = np.array([*(values.get(quantity.key, 0.0) for quantity in cells.space.quantities), 0.0])
+    run, entries = cells.run(point, parts, seed), [header(table.read_bytes())]
+    for number in range(parts):
+        leaf = int(run.leaf[number]) if run.leaf[number] >= 0 else None
+        ways = [int(node) for node in run.path[number] if node >= 0]
+        ends = [*ways[1:], None if leaf is None else ~leaf]
+        steps = [(n, int(c), e) for n, c, e in zip(ways, run.counts[number], ends, strict=False)]
+        entries += part(number + 1, steps, "reject" if leaf is None else "leaf", leaf)
+    path.write_bytes(chained(entries))
+    return path
+
+
+def test_it_learns_the_encoder_and_keeps_the_text(tmp_path, capsys):
+    seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
+    command = [str(JOB), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
+    assert refit.main(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    found = {finding["quantity"]: finding for finding in told["findings"]}
+    assert found["encoder_mm"]["told"]
+    assert found["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
+    low, high = tomllib.loads(output.read_text())["doubt"]["encoder_mm"]
+    assert 0.4 < low < high < 0.8
+    kept = [line for line in JOB.read_text().splitlines() if line.strip().startswith("#")]
+    assert set(kept) <= set(output.read_text().splitlines())
+
+
+def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
+    text = "a = 1  # one\n[friction]  # two\nfinger_part_min = 0.4  # three\n"
+    changed = {"friction": {"finger_part_min": 0.3}, "doubt": {"encoder_mm": [0.1, 0.2]}}
+    made = refit.edited(text, changed)
+    assert tomllib.loads(made) == {"a": 1, **changed}
+    assert all(word in made for word in ("# one", "# two", "# three"))
+
+
+def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
+    table = load(TREE).table
+    ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 100, None), (0, 150, 1)]
+    parts = [PartLog(1, resqueezed, [None, None]), PartLog(2, [(0, 150, 1), (1, 140, ~ends)], [None, 21_000])]
+    seen = refit.seen_of_parts(parts, table)
+    assert seen.parts == 2
+    assert seen.readings.sum() == 3
+    assert seen.readings[0, [100, 150]].tolist() == [1, 1]
+    gripper = table.gripper
+    read = gripper.count_closed - 21_000 * (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    assert seen.readings[1, round(read)] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "word"),
+    [
+        (lambda d: ["--journal", str(d / "none.jsonl")], 3, "cannot be read"),
+        (lambda d: ["--journal", str(journal(d / "few.jsonl", 5))], 2, "too few"),
+        (lambda d: ["--journal", str(broken(d))], 3, "does not verify"),
+        (lambda d: [*other_job(d)], 3, "another job"),
+        (
+            lambda d: ["--journal", str(journal(d / "a.jsonl", 25)), "--audit", str(nonsense(d))],
+            3,
+            "no table",
+        ),
+    ],
+)
+def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, code, word):
+    arguments = change(tmp_path)
+    job = [] if arguments[0].endswith(".toml") else [str(JOB)]
+    output = tmp_path / "job2.toml"
+    assert refit.main([*job, *arguments, "-o", str(output)]) == code
+    told = capsys.readouterr().err.strip()
+    assert word in told
+    assert "\n" not in told
+    assert not output.exists()
+
+
+def test_it_does_not_overwrite_its_job(tmp_path, capsys):
+    job = tmp_path / "job.toml"
+    job.write_bytes(JOB.read_bytes())
+    assert refit.main([str(job), "--journal", str(tmp_path / "run.jsonl"), "-o", str(job)]) != 0
+    assert job.read_bytes() == JOB.read_bytes()
+    assert "\n" not in capsys.readouterr().err.strip()
+
+
+def broken(folder: Path) -> Path:
+    path = journal(folder / "broken.jsonl", 25)
+    path.write_bytes(path.read_bytes().replace(b'"outcome":"leaf"', b'"outcome":"lear"', 1))
+    return path
+
+
+def nonsense(folder: Path) -> Path:
+    path = folder / "a.csv"
+    path.write_text("index,x\n1,2\n")
+    return path
+
+
+def other_job(folder: Path) -> list[str]:
+    path = folder / "other.toml"
+    path.write_text(JOB.read_text().replace("finger_part_max = 0.6", "finger_part_max = 0.7"))
+    return [str(path), "--journal", str(journal(folder / "run.jsonl", 25))]

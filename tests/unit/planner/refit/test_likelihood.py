@@ -1,0 +1,59 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.job import model
+from planner.refit.cells import Cells
+from planner.refit.likelihood import log_likelihood, pooled, seen_of
+from runtime.table import load, predicted_pose
+
+TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+
+
+@pytest.fixture(scope="module")
+def cells():
+    table = load(TREE).table
+    return Cells.of(model.from_canonical(table.job), table)
+
+
+def at(cells, **told):
+    usual = dict.fromkeys(("finger_share", "middle_mm", "encoder_mm"), 0.0)
+    values = usual | {"finger_part_min": 0.4, "finger_part_max": 0.6} | told
+    return np.array([*(values[quantity.key] for quantity in cells.space.quantities), 0.0])
+
+
+def test_what_happened_is_likelier_where_it_happened(cells):
+    table = cells.program.table
+    true = at(cells, encoder_mm=0.6, finger_part_min=0.25, finger_part_max=0.35)
+    seen = seen_of(cells.run(true, 100, 1), len(table.nodes))
+    best = log_likelihood(seen, cells.run(true, 600, 2), table)
+    for other in (at(cells), at(cells, encoder_mm=0.8, finger_part_min=0.25, finger_part_max=0.35)):
+        assert best - log_likelihood(seen, cells.run(other, 600, 2), table) > 10.0
+
+
+def test_measured_poses_tell_where_the_fingers_meet(cells):
+    """The widths of a centred rectangle do not (they stay what they are when the part is moved)."""
+    table = cells.program.table
+    true = at(cells, middle_mm=2.0)
+    run = cells.run(true, 60, 3)
+    resolved = np.flatnonzero(run.resolved)
+    poses = np.array([predicted_pose(table.leaves[leaf]) for leaf in run.leaf[resolved]])
+    off = run.poses[resolved] - poses
+    off[:, 2] -= np.pi * np.round(off[:, 2] / np.pi)
+    seen = seen_of(run, len(table.nodes))
+    audited = seen._replace(leaves=run.leaf[resolved], residuals=off)
+    for told, least in ((audited, 20.0), (seen, -10.0)):
+        gain = log_likelihood(told, cells.run(true, 600, 4), table) - log_likelihood(
+            told, cells.run(at(cells), 600, 4), table
+        )
+        assert gain > least
+    assert gain < 20.0
+
+
+def test_what_an_empty_hand_reads_is_one_reading(cells):
+    counts = np.arange(256)[None].repeat(2, axis=0)
+    one = pooled(counts, cells.program.table)
+    assert (one.sum(axis=1) == counts.sum(axis=1)).all()
+    assert np.array_equal(one[:, :220], counts[:, :220])
+    assert np.count_nonzero(one[0, 220:]) < np.count_nonzero(counts[0, 220:])
