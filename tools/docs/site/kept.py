@@ -25,6 +25,7 @@ TABLES = (
     *("table1", "zoo", "worlds", "squeeze-speed", "squeeze-convergence", "squeeze-goldberg", "kcde"),
     *("push_forward", "rollouts", "runtime", "mutation", "robustness", "camera"),
     *("audit-loop", "audit-drift", "bound", "pushes", "pushes-runs", "gym-speed", "gym-policies"),
+    *("zoo500", "second_opinion", "push_first"),
 )
 
 
