@@ -28,12 +28,12 @@ class PartLog:
     part: int
     # Of each squeeze the node, the settled encoder count read there, the target (None where rejected).
     squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
-    widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
     outcome: str = "cut short"
     leaf: int | None = None
     reason: str = ""
     audit: str | None = None
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
+    widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
 
     @property
     def failed(self) -> bool:
