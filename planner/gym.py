@@ -36,7 +36,10 @@ except ImportError as missing:
 NAME = "SqueezeLocalize-v0"
 RECTANGLE = """
 seed = 1
-part = {name = "rectangle", outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]], height_mm = 16.0, tolerance_mm = 0.33}
+part.name = "rectangle"
+part.outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]]
+part.height_mm = 16.0
+part.tolerance_mm = 0.33
 friction = {finger_part_min = 0.4, finger_part_max = 0.6}
 gripper = {finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 85.0}
 uncertainty = {radius_mm = 12.75, orientation = "unknown"}
