@@ -77,7 +77,7 @@ def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed)
 
 
 def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds):
-    job = replace(quick(), friction=replace(quick().friction, doubt=0.0))
+    job = quick().replaced(friction={"doubt": 0.0}, doubt={"chance": 0.0}, part={"tolerance_mm": 0.0})
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
     rows = list(table.leaves)

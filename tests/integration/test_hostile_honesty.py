@@ -110,7 +110,7 @@ def tree_of(table: Table, target: int = 0) -> TreeNode:
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)
-        clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size, np.empty((0, 2)))
+        clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size)
         node.squeeze = PlannedSqueeze(np.zeros(3), 85.0, 0.0, clusters)
         node.children = [tree_of(table, branch.target) for branch in branches]
     return node

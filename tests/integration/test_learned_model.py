@@ -42,7 +42,7 @@ def test_push_forwards_are_as_near_the_simulator_as_it_is_to_itself(name, rectan
     belief = random_poses(np.random.default_rng(1), 250, RADII_MM[name])
     reference = Simulation(model.simulator, ENCODER)
     order, rho = model.motion.order, model.motion.rho_mm
-    compared = compare(model, reference, [belief] * 16, FIXED, rho, order, np.random.default_rng(2))
+    compared = compare(model, reference, [belief] * 32, FIXED, rho, order, np.random.default_rng(2))
     assert [c.squeezes for c in compared] == [1, 2, 3]
     for comparison in compared:
         assert comparison.ratio < LOOSER
