@@ -168,7 +168,8 @@ def objective_of(job: Job) -> Objective:
     metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
-    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)))
+    carried = job.doubt.chance > 0.0 and any(job.doubt.encoder_mm)
+    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), carried=carried)
     return Objective(rule, costs, PARAMS)
 
 
