@@ -16,7 +16,7 @@ from runtime.execution import calibration
 from runtime.table import wilson_interval
 
 TIMED = re.compile(
-    r"^(?:(Can it .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
+    r"^(?:(Can .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
 )
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 
