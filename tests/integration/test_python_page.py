@@ -17,10 +17,10 @@ NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
 QUICK = {"goal": {"stress_trials": 0}, "search": {"particles": 500, "search_particles": 50}}
 PAGE = (DOCS / "python.md").read_text()
 CALLS = {
-    "Belief.of": "poses",
+    "Belief.of": "poses, reading, traits",
     "ContactWorld": "job, seed, workers",
     "ContactWorld.squeeze": "self, pose_hand",
-    "ContactWorld.squeeze_many": "self, poses_hand",
+    "ContactWorld.squeeze_many": "self, poses_hand, traits",
     "Job.load": "path, changes",
     "Job.replaced": "self, where, changes",
     "Limit": "budget_s, clock",
@@ -33,7 +33,7 @@ CALLS = {
     "Simulator.nominal": "self, n, mu",
     "Simulator.of_job": "job, workers, step_mm",
     "Simulator.roll_out": "self, poses, parameters",
-    "Simulator.sample": "self, n, rng",
+    "Simulator.sample": "self, n, rng, traits",
     "Table.load": "path",
     "Table.lookup": "self, nodes, counts",
     "Table.of": "record",
