@@ -313,7 +313,7 @@ def test_a_second_ctrl_c_in_the_middle_of_a_compile_leaves_nothing_behind(tmp_pa
     while not process.stderr.readline().startswith(("search", "improve", "evaluate", "worlds")):
         assert process.poll() is None
     process.send_signal(signal.SIGINT)  # keeps the tree, if there is one: its five million trials take long
-    time.sleep(0.5)
+    time.sleep(5.0)  # two requests that wait for one kernel are one
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
