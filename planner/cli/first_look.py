@@ -119,6 +119,8 @@ class Answer(NamedTuple):
 
 def _try(arguments: argparse.Namespace) -> int:
     started = time.monotonic()
+    if arguments.output is not None:
+        usable(arguments.output, arguments.drawing)
     imported, notes = _imported(arguments)
     answers, taken = _defaults(arguments, imported)
     rectangle = smallest_rectangle(imported.outline_mm)

@@ -205,12 +205,14 @@ def test_a_file_that_the_job_names_is_an_input(
     desk: Desk, refuses: Callable[[Command, Path], int], record_property: Record
 ) -> None:
     """The surface that plan-identify measured; and a second output in the place of the first."""
-    surface = desk.folder / "surface.toml"
+    surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
     stated = 'kind = "boundary"'
     text = desk.files["job"].read_text()
     assert stated in text
-    desk.files["job"].write_text(text.replace(stated, 'kind = "identified"\nsurface_file = "surface.toml"'))
+    desk.files["job"].write_text(
+        text.replace(stated, 'kind = "identified"\nsurface_file = "surface.msgpack"')
+    )
     record_property("exit_code", refuses(COMMANDS["plan-compile"], surface))
     twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
     refuses(twice, desk.folder / "s.svg")

@@ -305,13 +305,13 @@ def test_a_damaged_table_is_refused(tmp_path):
 
 
 def test_a_second_ctrl_c_in_the_middle_of_a_compile_leaves_nothing_behind(tmp_path):
-    call = "import sys, planner.cli.compile as c; print('begun', flush=True); sys.exit(c.main())"
+    call = "import sys, planner.cli.compile as c; sys.exit(c.main())"
     words = [sys.executable, "-c", call, JOB, "-o", tmp_path / "out.msgpack", "--trials", "5000000"]
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout.readline()  # its many modules are imported
-    time.sleep(2.0)
+    while not process.stderr.readline().startswith(("search", "improve", "evaluate", "worlds")):
+        assert process.poll() is None
     process.send_signal(signal.SIGINT)  # keeps the tree, if there is one: its five million trials take long
-    time.sleep(0.5)
+    time.sleep(5.0)  # two requests that wait for one kernel are one
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130

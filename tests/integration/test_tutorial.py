@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,9 @@ from planner.kernel import CACHE_VARIABLE, cache_folder
 from runtime.execution import calibration
 from runtime.table import wilson_interval
 
+TIMED = re.compile(
+    r"^(?:(Can .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
+)
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 
 
@@ -42,7 +46,10 @@ def test_the_tutorial_runs_as_written(work, environment):
 
 @pytest.mark.slow
 def test_the_readme_runs_as_written(work, environment):
-    """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test."""
+    """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test.
+
+    How far the search of `squeezetree try` comes within its budget, and so its figures, is up to the machine.
+    """
     found = [
         block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])
         for block in blocks(ROOT / "README.md")
@@ -51,10 +58,13 @@ def test_the_readme_runs_as_written(work, environment):
     assert len(found) >= 2
     (work / "out").mkdir()
     shutil.copytree(RECTANGLE.parent, work / "trees" / "rectangle")
+    (work / "tools" / "docs").mkdir(parents=True)
+    shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")
     home = {"HOME": str(work), CACHE_VARIABLE: str(cache_folder())}  # completion writes into it
     printed = run(found, work, environment | home)
     for block, lines in zip(found, printed, strict=False):
-        assert matches(block.printed, lines)
+        timed = block.commands[0].startswith("squeezetree try ")
+        assert matches([TIMED.sub(r"\1...", line) if timed else line for line in block.printed], lines)
 
 
 def calibrate(path: Path) -> None:

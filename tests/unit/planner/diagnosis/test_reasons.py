@@ -63,7 +63,7 @@ def test_without_a_plan_the_part_is_blamed_before_the_search_and_a_cut_search_be
     cut, bent = NoPlanError("x: no leaf comes within 3.0 mm"), job_of(l_shape().tolist())
     assert no_plan(bent, cut).kind == reasons.ALIKE
     assert no_plan(job_of(notched(6.0)), cut).kind == reasons.REACH
-    cut.cut = True
+    cut.cut_short = True
     assert no_plan(bent, cut).kind == reasons.TIME
     assert no_plan(job_of(notched(6.0)), cut).kind == reasons.TIME
     assert no_plan(job_of(notched(0.1)), cut).kind == reasons.BELOW
