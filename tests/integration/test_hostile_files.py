@@ -210,9 +210,8 @@ def test_a_file_that_the_job_names_is_an_input(
     stated = 'kind = "boundary"'
     text = desk.files["job"].read_text()
     assert stated in text
-    desk.files["job"].write_text(
-        text.replace(stated, 'kind = "identified"\nsurface_file = "surface.msgpack"')
-    )
+    stated_by = 'kind = "identified"\nsurface_file = "surface.msgpack"'
+    desk.files["job"].write_text(text.replace(stated, stated_by))
     record_property("exit_code", refuses(COMMANDS["plan-compile"], surface))
     twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
     refuses(twice, desk.folder / "s.svg")
