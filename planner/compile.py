@@ -108,7 +108,7 @@ def compile_job(
         anytime = Anytime(growth, limit, hasty)
         return Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
 
-    judge = partial(judged, job, trials, simulator.workers)
+    judge = partial(judged, job, trials, simulator.workers, report=say)
     careful = planning(root, False)
     planned = (
         within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
@@ -128,7 +128,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table = lower(root, job)
-    evaluation = judged(job, trials, workers, table, 0)
+    evaluation = judged(job, trials, workers, table, 0, say)
     table, untried = pruned(job, root, marked(job, table, evaluation, []), [evaluation])
     work = Threads() if workers is None else Threads(workers)
     return _stated(job, root, table, untried, trials, work, say)
@@ -145,7 +145,7 @@ def _stated(
     """
     others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
     seed = job.seed + SEED_FIGURES
-    evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work)
+    evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
     table, evaluation = with_figures(table, evaluation, others, job)
     wrong, limit = None, job.goal.wrong_ppm
     if limit is not None:

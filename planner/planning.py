@@ -28,7 +28,7 @@ from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
 from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
 from planner.search.improve import improve
 from planner.search.params import SearchParams
-from planner.work.progress import Report
+from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorld
 from runtime.table import Table, refuted
@@ -66,7 +66,7 @@ def within(hasty: Planning, careful: Planning, judge: Judge) -> Planned:
     """The better of a hasty plan and, if there is time for it, a careful one."""
 
     def decide(table: Table, attempt: int) -> Evaluation:
-        return judged(hasty.job, hasty.deciding, hasty.workers, table, attempt)
+        return judged(hasty.job, hasty.deciding, hasty.workers, table, attempt, hasty.say)
 
     found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
@@ -152,7 +152,6 @@ class Planning:
                 self._grow(attempt)
             settle(doubts, self.growth.objective.confidence)
             table = lower(self.root, self.job)
-            self.say("evaluate", attempt, PARAMS.refinements + 1)
             began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
@@ -240,7 +239,9 @@ class Planning:
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
 
 
-def judged(job: Job, trials: int, workers: int | None, table: Table, attempt: int) -> Evaluation:
+def judged(
+    job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
+) -> Evaluation:
     """Squeezes fresh parts as a table says, in a cell in which what the job doubts may be off.
 
     The paper's methods doubt nothing.
@@ -248,7 +249,7 @@ def judged(job: Job, trials: int, workers: int | None, table: Table, attempt: in
     world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
     seed = job.seed + SEED_EVALUATION + attempt
     cell = NONE if job.search.method in METHODS else as_doubted(job)
-    return evaluate(table, job, world, trials, seed, disturbance=cell)
+    return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
