@@ -62,6 +62,7 @@ GROUPS: dict[str, dict[str, Program]] = {
         ),
         "export": Program("plan-export", "planner.commands:export", "a table in C99, IEC 61131-3 or JSON"),
         "identify": Program("plan-identify", "planner.commands:identify", "how a part slides, from pushes"),
+        "refit": Program("plan-refit", "planner.commands:refit", "what is off in a cell, from its journals"),
         "completion": Program(
             "squeezetree-completion", "runtime.commands.completion:main", "completion by Tab in bash"
         ),

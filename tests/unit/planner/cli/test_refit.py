@@ -61,7 +61,10 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
 def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
     table = load(TREE).table
     ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 100, None), (0, 150, 1)]
-    parts = [PartLog(1, resqueezed, [None, None]), PartLog(2, [(0, 150, 1), (1, 140, ~ends)], [None, 21_000])]
+    parts = [
+        PartLog(1, resqueezed, widths_um=[None, None]),
+        PartLog(2, [(0, 150, 1), (1, 140, ~ends)], widths_um=[None, 21_000]),
+    ]
     seen = refit.seen_of_parts(parts, table)
     assert seen.parts == 2
     assert seen.readings.sum() == 3

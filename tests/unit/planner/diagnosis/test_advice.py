@@ -67,7 +67,7 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert worst.overlap
     assert worst.excess > 0.02
     assert worst.near <= 1.0
-    assert worst.lost <= 1.0 - run.success.mean()
+    assert worst.lost <= (~run.success).mean() + 1e-12
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
 
 

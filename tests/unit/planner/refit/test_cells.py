@@ -11,7 +11,8 @@ JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
 @pytest.fixture(scope="module")
 def job():
-    return model.load(JOB, {"doubt": {"encoder_mm": [-3.0, 0.0], "encoder_gain": [0.0, 0.01]}})
+    doubt = {"encoder_mm": [-3.0, 0.0], "encoder_gain": [0.0, 0.01], "finger_share": [0.0, 0.0]}
+    return model.load(JOB, {"doubt": doubt})
 
 
 def test_a_space_holds_what_the_job_doubts_and_no_less_than_is_usual(job):

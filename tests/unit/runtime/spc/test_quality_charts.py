@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from histories import drawn, history, table, watch
+from histories import SHIFT_UM, drawn, history, table, watch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
@@ -139,8 +139,8 @@ def test_a_healthy_cell_hardly_raises_an_alarm():
 @pytest.mark.parametrize(
     ("drift", "charts"),
     [
-        ({"width_shift_um": 1000.0}, {"widths"}),
-        ({"width_shift_um": -1000.0}, {"widths"}),
+        ({"width_shift_um": SHIFT_UM}, {"widths"}),
+        ({"width_shift_um": -SHIFT_UM}, {"widths"}),
         ({"shares": {0: [0.3, 0.6, 0.0, 0.1]}}, {"branches"}),
         ({"residual_shift": (0.8, 0.0, 0.0)}, {"residual x"}),
         ({"residual_shift": (0.0, -0.8, 0.0)}, {"residual y"}),

@@ -12,7 +12,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from histories import LESS, TREE, drawn, expectation_document, history, table
+from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history, table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import ArgumentsError, JournalError
@@ -234,7 +234,7 @@ class Balanced(HTMLParser):
 
 def test_page_is_whole_and_needs_no_network():
     rng = np.random.default_rng(4)
-    found = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=1000.0))
+    found = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM))
     text = page("a < b", summarise(found))
     parser = Balanced()
     parser.feed(text)
@@ -276,7 +276,7 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
 
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
     rng = np.random.default_rng(5)
-    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=1000.0, first=60)]
+    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM, first=60)]
     assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 13
     assert "calibrate the gripper" in capsys.readouterr().out
 
