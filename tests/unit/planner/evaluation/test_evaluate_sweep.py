@@ -27,7 +27,7 @@ from planner.world import ContactWorlds
 from runtime.table import load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
-NO_DOUBT = {"chance": 0} | dict.fromkeys(("finger_share", "middle_mm", "encoder_mm"), [0, 0])
+NO_DOUBT = {"chance": 0, "finger_share": [0, 0], "middle_mm": [0, 0], "encoder_mm": [0, 0]}
 
 
 @pytest.fixture(scope="module")
