@@ -3,7 +3,7 @@
 Cells are drawn from the prior, parts are squeezed in each, and the rank of what is true among the draws of
 the posterior is noted: uniform if the posterior is right. A hidden cell takes about 10 s on a core:
 
-    python tests/bench/bench_refit.py trees/rectangle/rectangle.msgpack --hidden 200
+    python tests/bench/bench_refit.py --hidden 200
 """
 
 import argparse
@@ -21,12 +21,13 @@ from planner.refit.likelihood import seen_of
 from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
 
+TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
 BINS, LEAST_P, COVERED = 10, 0.01, (0.85, 0.95)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tree", type=Path)
+    parser.add_argument("tree", type=Path, nargs="?", default=TREE)
     parser.add_argument("--job", default=None)
     parser.add_argument("--hidden", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="number of the first hidden cell")
