@@ -49,23 +49,18 @@ def read(path: Path, job_digest: str) -> Models:
     Raises:
         InputFileError: it is missing, too large, no such file, or about another job.
     """
-    where = str(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputFileError(f"is larger than {MAX_BYTES >> 20} MiB; {WRITE}", where=where)
-        told = strict_json.parse(path.read_bytes())
-    except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; {WRITE}", where=where) from error
-    except ValueError as error:
-        raise InputFileError(f"is {error}; {WRITE}", where=where) from error
+
+    def refused(problem: str) -> InputFileError:
+        return InputFileError(f"{problem}; {WRITE}", where=str(path))
+
+    told = strict_json.load(path, refused, MAX_BYTES)
     try:
         models: Models = _shaped(told.get("models", told), SHAPE)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputFileError(f"does not tell the quality of models; {WRITE}", where=where) from error
+        raise refused("does not tell the quality of models") from error
     digest = models["job_digest"]
     if digest != job_digest:
-        problem = f"is about another job ({digest[:12]}, the table's is {job_digest[:12]}); {WRITE}"
-        raise InputFileError(problem, where=where)
+        raise refused(f"is about another job ({digest[:12]}, the table's is {job_digest[:12]})")
     return models
 
 

@@ -13,11 +13,9 @@ from typing import Any, NamedTuple
 
 from planner.errors import InputFileError
 from runtime.shell import strict_json
+from runtime.shell.sealed_lines import GENESIS, is_intact
 from runtime.table import TableError, TableFile, loads
 
-GENESIS = "0" * 64
-MARK = b',"digest":"'
-TAIL = len(MARK) + 64 + len(b'"}\n')
 MAX_BYTES = 256 << 20
 
 
@@ -143,9 +141,7 @@ def _entries(path: Path) -> list[dict[str, Any]]:
 
 
 def _checked(line: bytes, previous: str) -> dict[str, Any] | None:
-    body = line[:-TAIL] + b"}"
-    digest = hashlib.sha256(body).hexdigest()
-    if line[-TAIL:] != MARK + digest.encode("ascii") + b'"}\n':
+    if not is_intact(line):
         return None
     try:
         entry = strict_json.parse(line)

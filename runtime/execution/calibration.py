@@ -1,6 +1,5 @@
 """A gripper's own count-to-width table, made with gauge blocks; one JSON file a gripper."""
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -21,7 +20,6 @@ from runtime.traversal.decision import CLOSING_CONTACT
 FORMAT = 1
 COUNTS = 256
 LEAST_BLOCKS = 3
-MAX_FILE_BYTES = 1 << 20
 
 
 class Gauge(NamedTuple):
@@ -140,7 +138,7 @@ def save(calibration: GripperCalibration, path: Path) -> None:
         CalibrationError: it cannot be written.
     """
     body = _body(calibration)
-    text = json.dumps({**body, "sha256": _digest(body)}, indent=1) + "\n"
+    text = json.dumps({**body, "sha256": strict_json.digest(body)}, indent=1) + "\n"
     try:
         with writing(path) as draft:
             draft.write_text(text, encoding="ascii")
@@ -154,26 +152,22 @@ def load(path: Path) -> GripperCalibration:
     Raises:
         CalibrationError: it cannot be read, was changed by hand, or is not monotone.
     """
-    try:
-        with path.open("rb") as file:
-            told = strict_json.parse(file.read(MAX_FILE_BYTES))
-    except OSError as error:
-        raise CalibrationError(f"calibration {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise CalibrationError(f"calibration {path}: is {error}; measure again") from error
+
+    def refused(problem: str) -> CalibrationError:
+        return CalibrationError(f"calibration {path}: {problem}; make it again with grasp-calibrate width")
+
+    told = strict_json.load(path, refused)
     try:
         return _parsed(told)
     except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
-        raise CalibrationError(
-            f"calibration {path}: {error}; make it again with grasp-calibrate width"
-        ) from error
+        raise refused(str(error)) from error
 
 
 def _parsed(told: object) -> GripperCalibration:
     if not isinstance(told, dict) or told.get("format") != FORMAT:
         raise CalibrationError(f"is no calibration of format {FORMAT}")
     body = {name: value for name, value in told.items() if name != "sha256"}
-    if told.get("sha256") != _digest(body):
+    if told.get("sha256") != strict_json.digest(body):
         raise CalibrationError("does not have its digest: it was changed after it was measured")
     gauges = tuple(Gauge(float(row["width_mm"]), tuple(row["counts"])) for row in told["gauges"])
     tips, current = told["tips_mm"], told["current_ma"]
@@ -192,10 +186,6 @@ def _parsed(told: object) -> GripperCalibration:
 def _body(calibration: GripperCalibration) -> dict[str, object]:
     gauges = [gauge._asdict() for gauge in calibration.gauges]
     return {"format": FORMAT, **asdict(calibration), "gauges": gauges}
-
-
-def _digest(body: dict[str, object]) -> str:
-    return hashlib.sha256(json.dumps(body, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 class Curve:

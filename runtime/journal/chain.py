@@ -25,9 +25,9 @@ from typing import BinaryIO, NamedTuple, Self
 from runtime.errors import JournalError, TornError
 from runtime.shell import strict_json
 from runtime.shell.files import bring_to_disk, oddity
+from runtime.shell.sealed_lines import GENESIS, is_intact, sealed
 
 VERSION = 1
-GENESIS = "0" * 64
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
 MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
@@ -119,8 +119,7 @@ class Journal:
         end = self._end
         frame = {"seq": end.records, "time": self._stamp(), "kind": kind, **fields, "previous": end.head}
         body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
-        digest = hashlib.sha256(body).hexdigest()
-        line = body[:-1] + _tail(digest)
+        line, digest = sealed(body)
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
@@ -251,10 +250,10 @@ def _is_begun(line: bytes, number: int) -> bool:
 def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
     if _is_begun(line, number) or (line.startswith(OPENING) and not line.endswith(b"\n")):
         raise TornError(path, "cut short; the run ended while it was written", number)
-    if b',"digest":"' not in line[-len(_tail(GENESIS)) :]:
+    intact = is_intact(line)
+    if intact is None:
         raise JournalError(path, "is no record of a journal", number)
-    body = line[: -len(_tail(GENESIS))] + b"}"
-    if line != body[:-1] + _tail(hashlib.sha256(body).hexdigest()):
+    if not intact:
         raise JournalError(path, "does not have its digest; it was changed after it was written", number)
     try:
         entry = strict_json.parse(line)
@@ -283,11 +282,6 @@ def _check_header(path: Path, number: int, entry: Mapping[str, object]) -> None:
         raise JournalError(path, "the embedded table is not base64", number) from None
     if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
         raise JournalError(path, "the embedded table is not the one of its digest", number)
-
-
-def _tail(digest: str) -> bytes:
-    """What ends a line: its digest, in place of the body's closing brace."""
-    return f',"digest":"{digest}"}}\n'.encode("ascii")
 
 
 def _write_all(file: int, data: bytes) -> None:

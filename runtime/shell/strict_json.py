@@ -1,11 +1,15 @@
-"""A strict parser for JSON of unknown origin: finite numbers, short integers, limited nesting."""
+"""A strict parser for JSON of unknown origin: finite numbers, short integers, limited nesting and size."""
 
+import hashlib
 import json
 import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NoReturn
 
 MOST_LEVELS = 64
 MOST_DIGITS = 19
+MOST_BYTES = 4 << 20  # of a file
 
 
 def parse(text: str | bytes) -> Any:
@@ -29,6 +33,36 @@ def parse(text: str | bytes) -> Any:
         except UnicodeEncodeError:
             raise ValueError("not usable: it holds half a character") from None
     return value
+
+
+def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> Any:
+    """What a file holds.
+
+    Args:
+        path: the file.
+        refused: makes an error of a sentence, which reads on after the file's name.
+        most_bytes: size from which on it is not read.
+
+    Raises:
+        Exception: what `refused` makes, where the file cannot be read, is too large, or is no such JSON.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(most_bytes + 1)
+    except OSError as error:
+        raise refused(f"cannot be read: {error.strerror}") from error
+    if len(text) > most_bytes:
+        raise refused(f"is larger than {most_bytes >> 20} MiB")
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise refused(f"is {error}") from error
+
+
+def digest(document: Mapping[str, Any]) -> str:
+    """SHA-256 of the canonical text: sorted keys, no spaces."""
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _is_deep(value: Any) -> bool:

@@ -88,18 +88,15 @@ def load(path: Path) -> Expectation:
     Raises:
         ArgumentsError: it cannot be read, or is something else.
     """
-    try:
-        told = strict_json.parse(path.read_bytes())
-    except OSError as error:
-        raise ArgumentsError(f"--expected {path}: {error.strerror}; make it with plan-expect") from error
-    except ValueError as error:
-        raise ArgumentsError(f"--expected {path}: is {error}; make it with plan-expect") from error
+
+    def refused(problem: str) -> ArgumentsError:
+        return ArgumentsError(f"--expected {path}: {problem}; make it with plan-expect")
+
+    told = strict_json.load(path, refused)
     try:
         return _checked(told)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise ArgumentsError(
-            f"--expected {path}: does not hold {KIND} of version {VERSION}; make it with plan-expect"
-        ) from error
+        raise refused(f"does not hold {KIND} of version {VERSION}") from error
 
 
 def _checked(told: dict[str, Any]) -> Expectation:

@@ -2,9 +2,9 @@
 
     python tests/bench/bench_bound.py [--only rectangle t-bolt] [--parts 50000] [--dense]
 
-Compiles each job of `trees/`, or takes the table that an earlier run left in `out/bound`, and proves how many
-squeezes any plan as good takes at least. Prints figures and writes `results/bound.json` beside this file;
-rows of jobs that are not measured again stay.
+Compiles each job of `trees/`, or takes the table there or the one that an earlier run left in
+`out/tables`, and proves how many squeezes any plan as good takes at least. Prints figures and writes
+`results/bound.json` beside this file; rows of jobs that are not measured again stay.
 """
 
 from __future__ import annotations
@@ -17,27 +17,21 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+
+from tree_tables import NAMES, TREES, table_of  # noqa: E402
 
 from planner.bound.certificate import PARTS, certify  # noqa: E402
-from planner.compile import compile_job  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
-from runtime.table import dump, load  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "bound.json"
-TABLES = ROOT / "out" / "bound"
-TREES = ROOT / "trees"
 TABLE1 = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 
 
 def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
     """One job: its plan and its bound."""
     job = job_file.load(TREES / name / "job.toml")
-    path = TABLES / f"{name}.msgpack"
-    if not path.exists():
-        TABLES.mkdir(parents=True, exist_ok=True)
-        dump(compile_job(job).table, path)
-    table = load(path).table
+    table = table_of(name).table
     start = time.process_time()
     found = certify(job, table, parts, dense)
     row = {"job": name, "mean_squeezes": found.mean, **found.figures()}
@@ -52,9 +46,8 @@ def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
 
 
 def main() -> None:
-    names = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--only", nargs="+", choices=names, default=[*TABLE1, *sorted({*names} - {*TABLE1})])
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=[*TABLE1, *sorted({*NAMES} - {*TABLE1})])
     parser.add_argument("--parts", type=int, default=PARTS)
     parser.add_argument("--dense", action="store_true")
     options = parser.parse_args()

@@ -1,8 +1,8 @@
 """Every table of trees/ in the rigid-body world, and how its squeezes differ from ours; not in the gate.
 
-    python tests/bench/bench_second_opinion.py [--parts ratchet ...] [--tables out/tables] [--trials 300]
+    python tests/bench/bench_second_opinion.py [--parts ratchet ...] [--trials 300]
 
-Needs the extra `mujoco`. A part without a table there or in trees/ is compiled first and the table kept. The
+Needs the extra `mujoco`. A part without a table in trees/ is compiled first and the table kept. The
 squeezes of the trials are made again in the contact world: nominally, and 20 times with its scatter. Prints
 figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
 """
@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
-from planner.compile import compile_job  # noqa: E402
+from tree_tables import NAMES, TREES, table_of  # noqa: E402
+
 from planner.evaluation.evaluate import evaluate  # noqa: E402
 from planner.evaluation.leaves import worst  # noqa: E402
 from planner.evaluation.mujoco import RigidWorld  # noqa: E402
@@ -30,10 +31,8 @@ from planner.job import model as job_file  # noqa: E402
 from planner.job.model import Job  # noqa: E402
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator  # noqa: E402
 from planner.work.scheduler import Threads  # noqa: E402
-from runtime.table import Table, dump, load  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "second_opinion.json"
-TREES = ROOT / "trees"
 SEED = 99
 DRAWS = 20
 NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
@@ -54,17 +53,6 @@ class Recorder:
         return end
 
 
-def table_of(part: str, folder: Path) -> Table:
-    """The kept table, or a fresh one, kept."""
-    for path in (TREES / part / f"{part}.msgpack", folder / f"{part}.msgpack"):
-        if path.exists():
-            return load(path)[0]
-    folder.mkdir(parents=True, exist_ok=True)
-    table = compile_job(job_file.load(TREES / part / "job.toml"), workers=1).table
-    dump(table, folder / f"{part}.msgpack")
-    return table
-
-
 def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
     """Which squeezes end alike in both worlds: place, angle by what it moves the rim by, and width."""
     off = ends[:, :3] - rolled.poses
@@ -73,9 +61,9 @@ def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
     return (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
 
 
-def bench(part: str, folder: Path, trials: int) -> dict[str, Any]:
+def bench(part: str, trials: int) -> dict[str, Any]:
     """One table's trials, and its squeezes in the contact world."""
-    job, table = job_file.load(TREES / part / "job.toml"), table_of(part, folder)
+    job, table = job_file.load(TREES / part / "job.toml"), table_of(part, workers=1).table
     world = Recorder(job)
     start = time.process_time()
     evaluation = evaluate(table, job, world, trials, SEED, Threads(1))
@@ -117,13 +105,11 @@ def bench(part: str, folder: Path, trials: int) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    names = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
-    parser.add_argument("--parts", nargs="+", choices=names, default=names, metavar="PART")
-    parser.add_argument("--tables", type=Path, default=ROOT / "out" / "tables", help="where tables are kept")
+    parser.add_argument("--parts", nargs="+", choices=NAMES, default=NAMES, metavar="PART")
     parser.add_argument("--trials", type=int, default=300, help="parts of each (default: %(default)s)")
     options = parser.parse_args()
     for part in options.parts:
-        row = bench(part, options.tables, options.trials)
+        row = bench(part, options.trials)
         rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
         rows = sorted([old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"])
         told = {"machine": platform.platform(), "rows": rows}

@@ -14,25 +14,28 @@ from exported import (
     STRICT,
     Oracle,
     built,
+    check_structured_text,
     code_bytes,
     compilers,
     executor,
+    rows_of,
     said,
     wide_table,
 )
 from sample_tables import every_field_table, random_table, small_table
 from structured_text import INPUT, OUTPUT, FunctionBlock
+from tree_tables import committed
 
 from planner.cli import export
-from planner.export.content import LEAF, NODE, UNRESOLVED
+from planner.export.content import NODE
 from planner.export.write import VECTORS
-from runtime.table import dump, load
+from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "tools" / "docs" / "controllers.md").read_text()
-SHIPPED = {path.stem: load(path).table for path in sorted((ROOT / "trees").glob("*/*.msgpack"))}
+COMMITTED = committed()
 TABLES = {
-    **SHIPPED,
+    **COMMITTED,
     "every field": every_field_table(),
     "sixty nodes": random_table(3, 60),
     "wide": wide_table(),
@@ -90,12 +93,6 @@ def folder(tmp_path_factory):
     return made
 
 
-def rows(path):
-    """The vectors of a folder as integers."""
-    with (path / VECTORS).open() as file:
-        return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
-
-
 def wild_rows(table, seed):
     """Arguments that no gripper gives, and what must come of them."""
     random, oracle = Random(seed), Oracle(table)
@@ -121,7 +118,7 @@ def test_c_gives_all_vectors_and_survives_any_arguments(name, folder):
         csv.writer(file).writerows([["node"], *wild])
     for compiler in compilers():
         program = built(compiler, out, *STRICT, *SANITIZERS)
-        assert int(said("check", out / VECTORS, program=program)) == len(rows(out))
+        assert int(said("check", out / VECTORS, program=program)) == len(rows_of(out))
         assert int(said("check", out / "wild.csv", program=program)) == len(wild)
         met = [int(word) for word in said("fuzz", FUZZED, 1, program=program).split()]
         assert sum(met) == FUZZED
@@ -177,26 +174,14 @@ def test_the_guide_s_program_follows_the_tree(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*SHIPPED, "every field", "wide"])
+@pytest.mark.parametrize("name", [*COMMITTED, "every field", "wide"])
 def test_structured_text_gives_all_vectors(name, folder):
     table, out = TABLES[name], folder(name, "st")
     block = FunctionBlock((out / "squeezetree_table.st").read_text())
     assert block.names[INPUT] == ["restart", "node", "count", "object_flag"]
-    vectors = rows(out)
+    vectors = rows_of(out)
     assert len(vectors) == 512 * len(table.nodes)
-    for row in (*vectors, *wild_rows(table, 2)):
-        said_ = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
-        outcome, index = said_["outcome"], said_["index"]
-        assert (outcome, index, said_["release_x_um"], said_["release_y_um"]) == row[3:]
-        names = block.names[OUTPUT]
-        if outcome == NODE:
-            first = names.index("hand_x_um")
-            assert tuple(said_[name] for name in names[first : first + 6]) == table.nodes[index].squeeze[:6]
-        if outcome in (LEAF, UNRESOLVED):
-            leaf, first = table.leaves[index], names.index("part_x_um")
-            success = leaf.success_ppm if leaf.trials else -1
-            wanted = (*leaf[:3], success, leaf.error_p95_um, len(leaf.alternatives))
-            assert tuple(said_[name] for name in names[first:]) == wanted
+    check_structured_text(block, table, (*vectors, *wild_rows(table, 2)))
     begun = block(restart=True, node=-7, count=300, object_flag=9)
     assert (begun["outcome"], begun["index"]) == (NODE, 0)
     assert begun["opening_um"] == table.nodes[0].squeeze.opening_um

@@ -3,18 +3,20 @@
 import signal
 import socket
 import time
+from collections.abc import Callable
+from math import degrees
 from pathlib import Path
 from random import Random
 
 import pytest
-from asking_robots import WAIT_S, Line, Served, SimulatedRobot, client, driven
+from asking_robots import WAIT_S, Controller, Line, Served, SimulatedRobot, client, driven
 from sample_tables import every_field_table, small_table
 from soaking import small_setting
 
 from runtime.execution.asked import ERRORS, MAX_LINE
 from runtime.journal.chain import Journal, records, verify
 from runtime.journal.replay import Replay
-from runtime.table import dump
+from runtime.table import Table, dump
 
 PARTS = 40
 
@@ -30,36 +32,59 @@ def findings(journal: Path) -> list[object]:
     return list(Replay().follow(records(journal)))
 
 
-def asked(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
-    """What the documented client is told of so many parts."""
-    module = client()
-    connection = module.Connection("127.0.0.1", served.port)
+def asked(locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int) -> list[object]:
+    """What a client is told of so many parts."""
     told = []
-    with connection.lines:
-        for _ in range(parts):
-            robot.cell.scene.next_part()
-            told.append(module.locate(connection, robot))
+    for _ in range(parts):
+        robot.cell.scene.next_part()
+        told.append(locate(robot))
     return told
 
 
-def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(tree: Path, tmp_path: Path) -> None:
-    table = small_table()
+def asked_in_python(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
+    """By the documented client in Python; of a leaf its number, too, comes first."""
+    module = client()
+    connection = module.Connection("127.0.0.1", served.port)
+    with connection.lines:
+        return asked(lambda robot: module.locate(connection, robot), robot, parts)
+
+
+def asked_in_structured_text(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
+    """By the documented client in structured text."""
+    with Line(served) as line:
+        return asked(Controller(line).locate, robot, parts)
+
+
+@pytest.mark.parametrize("ask", [asked_in_python, asked_in_structured_text])
+@pytest.mark.parametrize(
+    ("table", "outcomes"),
+    [(small_table(), {"leaf", "unresolved"}), (every_field_table(), {"leaf", "reject"})],
+    ids=["small", "with drags"],
+)
+def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(
+    ask: Callable[[Served, SimulatedRobot, int], list[object]],
+    table: Table,
+    outcomes: set[str],
+    tmp_path: Path,
+) -> None:
+    tree = tmp_path / "t.msgpack"
+    dump(table, tree)
     with Journal(tmp_path / "driven.jsonl", lambda: "") as journal:
         expected = driven(small_setting(), 5, table, PARTS, journal)
     with Served(tree, "--count", str(PARTS)) as served:
-        told = asked(served, SimulatedRobot(small_setting(), 5, table), PARTS)
+        told = ask(served, SimulatedRobot(small_setting(), 5, table), PARTS)
         code, parts, _ = served.ended()
     assert [{name: part[name] for name in expected[0]} for part in parts] == expected
-    assert {part["outcome"] for part in parts} >= {"leaf", "unresolved"}
+    assert {part["outcome"] for part in parts} >= outcomes
     assert code == max(part["exit_code"] for part in parts)
     for part, answer in zip(parts, told, strict=True):
         if part["outcome"] != "leaf":
             assert answer is None
             continue
         pose = part["predicted_pose"]
-        assert answer[:3] == (part["leaf"], pose["x_mm"], pose["y_mm"])
-        assert answer[3] == pytest.approx(pose["theta_rad"] * 57.29577951308232, abs=6e-6)
-        assert answer[4] == part["success_probability"]
+        expected_pose = (pose["x_mm"], pose["y_mm"], degrees(pose["theta_rad"]), part["success_probability"])
+        assert answer[-4:] == pytest.approx(expected_pose, abs=6e-6)
+        assert ask is asked_in_structured_text or answer[0] == part["leaf"]
     assert findings(tree.with_name("journal.jsonl")) == []
 
 

@@ -73,11 +73,26 @@ class AbbWithBase(Abb):
         return super().open(read_only=read_only, base=BASE)
 
 
-class Ur:
-    """The UR driver and a simulated controller."""
+class ModelRig:
+    """A driver and a simulated controller that moves an arm's model; a subclass makes `arm` and `now`."""
 
     far_mm = 900.0
     limits = "&reach=580"
+
+    @property
+    def moves(self):
+        return self.arm.moves
+
+    def truth(self):
+        flange = compose(BASE, self.arm.flange_at(self.now()))
+        return (*flange[:3], hand_angle(flange.rotation))
+
+    def open(self, *, read_only=False, **frames):
+        return opened(self.url, read_only, {"base": BASE, **frames}, self.limits)
+
+
+class Ur(ModelRig):
+    """The UR driver and a simulated controller."""
 
     def __init__(self):
         self.arm = ArmModel(BASE)
@@ -89,28 +104,19 @@ class Ur:
         self.rtde.start()
 
     @property
-    def moves(self):
-        return self.arm.moves
-
-    def truth(self):
-        flange = compose(BASE, self.arm.flange_at(self.now()))
-        return (*flange[:3], hand_angle(flange.rotation))
+    def url(self):
+        return f"ur://127.0.0.1:{self.rtde.port}"
 
     def silence(self):
         self.rtde.mute = True
-
-    def open(self, *, read_only=False, **frames):
-        return opened(f"ur://127.0.0.1:{self.rtde.port}", read_only, {"base": BASE, **frames}, self.limits)
 
     def close(self):
         self.rtde.close()
         self.script.close()
 
 
-class OmniCoreRig:
+class OmniCoreRig(ModelRig):
     """The OmniCore driver and a simulated controller."""
-
-    far_mm = 900.0
 
     def __init__(self, *, digest=False):
         self.arm = ArmModel(BASE)
@@ -120,18 +126,11 @@ class OmniCoreRig:
         self.server.start()
 
     @property
-    def moves(self):
-        return self.arm.moves
-
-    def truth(self):
-        flange = compose(BASE, self.arm.flange_at(self.now()))
-        return (*flange[:3], hand_angle(flange.rotation))
+    def url(self):
+        return self.server.url
 
     def silence(self):
         self.server.mute = True
-
-    def open(self, *, read_only=False, **frames):
-        return opened(self.server.url, read_only, {"base": BASE, **frames}, "&reach=580")
 
     def close(self):
         self.server.close()

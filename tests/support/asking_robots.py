@@ -9,6 +9,8 @@ from math import radians
 from pathlib import Path
 from types import ModuleType, TracebackType
 
+from structured_text import FunctionBlock
+
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.executor import Cell
@@ -19,13 +21,13 @@ from runtime.table import PPM, Branch, Node, Squeeze, Table
 from runtime.traversal.decision import CLOSING_CONTACT
 
 ROOT = Path(__file__).parents[2]
-CLIENT = ROOT / "tools" / "docs" / "clients" / "robot.py"
+CLIENTS = ROOT / "tools" / "docs" / "clients"
 WAIT_S = 60
 
 
 def client() -> ModuleType:
     """The documented client, which imports nothing of ours."""
-    spec = importlib.util.spec_from_file_location("robot", CLIENT)
+    spec = importlib.util.spec_from_file_location("robot", CLIENTS / "robot.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -65,6 +67,44 @@ class SimulatedRobot:
         assert self._plan is not None
         self._hand.release(self._plan)
         self._hand.retreat()
+
+
+class Controller:
+    """The documented client in structured text, as a PLC calls it, with a line to the server and a robot."""
+
+    ERROR = 4
+
+    def __init__(self, line: "Line") -> None:
+        self._line = line
+        self._block = FunctionBlock((CLIENTS / "robot.st").read_text())
+
+    def cycle(self, **changes: object) -> dict[str, object]:
+        """One call, with the inputs that are not named as they are while nothing happens."""
+        quiet = {"start": False, "answered": False, "answer": "", "placed": False}
+        return self._block(**{**quiet, "counts": 0, "held": False, "released": False, **changes})
+
+    def locate(self, robot: SimulatedRobot) -> tuple[float, ...] | None:
+        """Locate one part; returns x mm, y mm, angle deg and success, or None where it was not located.
+
+        Raises:
+            RuntimeError: the block moves nothing more.
+        """
+        told = self.cycle(start=True)
+        while told["state"] != 0:
+            if told["send"]:
+                told = self.cycle(answered=True, answer=self._line.ask(str(told["line"])))
+            elif told["state"] == 2:
+                robot.place(*(told[name] for name in ("x", "y", "angle", "opening")))
+                count, held = robot.squeeze(told["speed"], told["force"])
+                told = self.cycle(placed=True, counts=count, held=held)
+            elif told["state"] == 3:
+                if told["drag"]:
+                    robot.drag(told["drag_x"], told["drag_y"])
+                robot.release()
+                told = self.cycle(released=True)
+            else:
+                raise RuntimeError(f"state {told['state']}")
+        return tuple(told[name] for name in ("x", "y", "angle", "success")) if told["located"] else None
 
 
 class Results:

@@ -1,12 +1,17 @@
 """Exported tables: what the runtime says follows a reading, and the C executor, compiled and run."""
 
+import csv
 import shutil
 import subprocess
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from sample_tables import small_table
+from structured_text import OUTPUT, FunctionBlock
 
+from planner.export.content import LEAF, NODE, UNRESOLVED
+from planner.export.write import VECTORS
 from runtime.errors import GripperStateError
 from runtime.table import Branch, Calibration, Table, decision_map
 from runtime.table.model import MAX_BRANCHES
@@ -62,6 +67,33 @@ class Oracle:
         if state.outcome is None:
             return 0, state.node, x, y
         return NUMBERS[state.outcome], -1 if state.leaf is None else state.leaf, x, y
+
+
+def rows_of(path: Path) -> list[tuple[int, ...]]:
+    """The vectors of a folder as integers."""
+    with (path / VECTORS).open() as file:
+        return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
+
+
+def check_structured_text(block: FunctionBlock, table: Table, rows: Iterable[tuple[int, ...]]) -> None:
+    """Call the block with every row, and compare all its outputs.
+
+    Raises:
+        AssertionError: an output is another than the row or the table says.
+    """
+    names = block.names[OUTPUT]
+    hand, part = names.index("hand_x_um"), names.index("part_x_um")
+    for row in rows:
+        told = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
+        outcome, index = told["outcome"], told["index"]
+        assert (outcome, index, told["release_x_um"], told["release_y_um"]) == row[3:], row
+        if outcome == NODE:
+            assert tuple(told[name] for name in names[hand : hand + 6]) == table.nodes[index].squeeze[:6]
+        if outcome in (LEAF, UNRESOLVED):
+            leaf = table.leaves[index]
+            success = leaf.success_ppm if leaf.trials else -1
+            wanted = (*leaf[:3], success, leaf.error_p95_um, len(leaf.alternatives))
+            assert tuple(told[name] for name in names[part:]) == wanted
 
 
 def compilers() -> list[str]:

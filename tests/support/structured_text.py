@@ -1,10 +1,12 @@
-"""An interpreter of the structured text that plan-export writes, on the syntax tree of the parser blark.
+"""An interpreter of structured text, on the syntax tree of the parser blark.
 
-Only what those files use is understood, and it is stricter than a controller: both sides of AND and OR are
-computed, an index outside of its array, a number outside of 32 bits or an unknown name is an error.
+Only what plan-export writes and the client in tools/docs/clients use is understood, and it is stricter than a
+controller: both sides of AND and OR are computed; an index outside of its array, a number outside of its
+type, a text longer than its variable or an unknown name is an error.
 """
 
 import operator
+import struct
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -19,6 +21,18 @@ OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "<=": operator.le, ">": operator.gt, ">=": operator.ge, "AND": operator.and_, "OR": operator.or_,
 }  # fmt: skip
 INPUT, OUTPUT, LOCAL = "input", "output", "local"
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "CONCAT": lambda first, second: first + second,
+    "FIND": lambda text, sought: text.find(sought) + 1,
+    "LEFT": lambda text, length: text[:length],
+    "RIGHT": lambda text, length: text[len(text) - length :],
+    "LEN": len,
+    "STRING_TO_REAL": float,
+    "DINT_TO_STRING": str,
+}
+"""Of IEC 61131-3; positions count from 1, and 0 is nowhere."""
+INTEGERS = {"INT": 2**15, "DINT": 2**31}
+FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
 BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT, st.VariableDeclarations: LOCAL}
 
 
@@ -46,15 +60,16 @@ class FunctionBlock:
         assert isinstance(block, st.FunctionBlock)
         self.values: dict[str, Any] = {}
         self._constants: set[str] = set()
+        self._kinds: dict[str, str] = {}
         self.names: dict[str, list[str]] = {INPUT: [], OUTPUT: [], LOCAL: []}
         for declarations in block.declarations:
             self._declare(declarations)
         self._body = block.body
 
-    def __call__(self, **inputs: int) -> dict[str, Any]:
+    def __call__(self, **inputs: Any) -> dict[str, Any]:
         """Call the block; returns its outputs."""
         assert set(inputs) == set(self.names[INPUT])
-        self.values |= inputs
+        self.values |= {name: _fitted(self._kinds[name], value) for name, value in inputs.items()}
         self._run(self._body)
         return {name: self.values[name] for name in self.names[OUTPUT]}
 
@@ -64,25 +79,25 @@ class FunctionBlock:
             (declared,) = item.variables
             name = str(declared.variable.name).lower()
             assert name not in self.values, f"{name} is declared twice"
-            self.values[name] = self._first(item)
+            self._kinds[name], self.values[name] = self._first(item)
             self.names[kind].append(name)
             if declarations.attrs == st.VariableAttributes.constant:
                 self._constants.add(name)
 
-    def _first(self, item: Any) -> Any:
-        """The value that a variable begins with."""
+    def _first(self, item: Any) -> tuple[str, Any]:
+        """The type of a variable, or of an array's elements, and the value that it begins with."""
+        kind = str(item.init.spec.type)
+        first = FIRST[kind.partition("[")[0]]
         if isinstance(item, st.ArrayVariableInitDeclaration):
             (bounds,) = item.init.spec.subranges
-            values = [self._checked(self._value(each.element)) for each in item.init.value.elements]
-            assert str(item.init.spec.type.type_name) == "DINT"
             assert self._value(bounds.start) == 0
-            assert self._value(bounds.stop) == len(values) - 1, "as many values as the array has"
-            return values
-        kind = str(item.init.spec.type)
-        assert kind in ("BOOL", "DINT"), kind
-        if item.init.value is not None:
-            return self._checked(self._value(item.init.value))
-        return False if kind == "BOOL" else 0
+            size = self._value(bounds.stop) + 1
+            if item.init.value is None:
+                return kind, [first] * size
+            values = [_fitted(kind, self._value(each.element)) for each in item.init.value.elements]
+            assert len(values) == size, "as many values as the array has"
+            return kind, values
+        return kind, first if item.init.value is None else _fitted(kind, self._value(item.init.value))
 
     def _run(self, statements: Any) -> bool:
         """Execute a list of statements; whether it ended with EXIT."""
@@ -117,29 +132,38 @@ class FunctionBlock:
         assert statement.step is None
         name = str(statement.control.name).lower()
         for number in range(self._value(statement.from_), self._value(statement.to) + 1):
-            self.values[name] = self._checked(number)
+            self.values[name] = _fitted(self._kinds[name], number)
             if self._run(statement.statements):
                 return
 
     def _assign(self, statement: Any) -> None:
         (variable,) = statement.variables
-        name = str(variable.name).lower()
+        array = variable.name if isinstance(variable, st.MultiElementVariable) else None
+        name = str(array or variable.name).lower()
         assert name not in self._constants, f"{name} is constant"
         assert name not in self.names[INPUT], f"{name} is an input"
-        value = self._checked(self._value(statement.expression))
-        assert type(value) is type(self.values[name])
-        self.values[name] = value
+        value = _fitted(self._kinds[name], self._value(statement.expression))
+        if array is None:
+            assert not isinstance(self.values[name], list)
+            self.values[name] = value
+        else:
+            self.values[name][self._index(variable)] = value
 
     def _value(self, expression: Any) -> Any:
         if isinstance(expression, st.Integer):
             return int(expression.value)
+        if isinstance(expression, st.Boolean):
+            return str(expression.value).upper() == "TRUE"
+        if isinstance(expression, st.String):
+            return str(expression.value)[1:-1]
         if isinstance(expression, st.SimpleVariable):
             return self.values[str(expression.name).lower()]
         if isinstance(expression, st.MultiElementVariable):
-            ((subscript,),) = [element.subscripts for element in expression.elements]
-            index = self._value(subscript)
-            assert index >= 0, "an index below its array"
-            return self._value(expression.name)[index]
+            return self._value(expression.name)[self._index(expression)]
+        if isinstance(expression, st.FunctionCall):
+            return FUNCTIONS[str(expression.name)](
+                *(self._value(each.value) for each in expression.parameters)
+            )
         if isinstance(expression, st.ParenthesizedExpression):
             return self._value(expression.expr)
         if isinstance(expression, st.UnaryOperation):
@@ -148,11 +172,27 @@ class FunctionBlock:
         if isinstance(expression, st.BinaryOperation):
             left, right = self._value(expression.left), self._value(expression.right)
             assert type(left) is type(right)
-            return self._checked(OPERATORS[str(expression.op).upper()](left, right))
+            value = OPERATORS[str(expression.op).upper()](left, right)
+            return value if isinstance(value, bool) else _fitted("DINT", value)
         raise TypeError(f"{type(expression).__name__} is not in the subset")
 
-    @staticmethod
-    def _checked(value: Any) -> Any:
-        """The value, if a DINT holds it or it is a BOOL."""
-        assert isinstance(value, bool) or -(2**31) <= value < 2**31
-        return value
+    def _index(self, variable: Any) -> int:
+        """Of an element of an array."""
+        ((subscript,),) = [element.subscripts for element in variable.elements]
+        index = self._value(subscript)
+        assert index >= 0, "an index below its array"
+        return int(index)
+
+
+def _fitted(kind: str, value: Any) -> Any:
+    """The value as a variable of a type holds it."""
+    base, _, length = kind.partition("[")
+    assert type(value) is type(FIRST[base]), f"{value!r} is no {kind}"
+    if base in INTEGERS:
+        assert -INTEGERS[base] <= value < INTEGERS[base]
+    elif base == "STRING":
+        assert value.isascii()
+        assert len(value) <= int(length.rstrip("]")), f"{value!r} is longer than {kind}"
+    elif base == "REAL":
+        return struct.unpack("f", struct.pack("f", value))[0]
+    return value

@@ -3,11 +3,13 @@
 import pytest
 from exported import Oracle, wide_table
 from sample_tables import every_field_table, random_table, small_table
+from tree_tables import committed
 
 from planner.export.content import FELT, NOT_FELT, maps_of, runs_of, vectors
 from runtime.table import COUNTS, REJECT, by_count, decide
 
 TABLES = {
+    **committed(),
     "small": small_table(),
     "every field": every_field_table(),
     "forty": random_table(5, 40),

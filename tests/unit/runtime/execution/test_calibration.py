@@ -14,6 +14,7 @@ from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import ArgumentsError, CalibrationError, GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
+from runtime.shell import strict_json
 from runtime.table import PROFILES, Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
@@ -118,7 +119,7 @@ def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> 
     told = json.loads(path.read_text())
     del told["sha256"]
     told["widths_um"] = told["widths_um"][::-1]
-    told["sha256"] = calibration._digest(told)
+    told["sha256"] = strict_json.digest(told)
     path.write_text(json.dumps(told))
     with pytest.raises(CalibrationError, match="must not rise with the count"):
         load(path)

@@ -1,0 +1,29 @@
+"""Tables for tests and benchmarks: those that are committed, and one of every job in `trees/`."""
+
+from pathlib import Path
+
+from planner.compile import compile_job
+from planner.job import model as job_file
+from runtime.table import Table, TableFile, dump, load
+
+ROOT = Path(__file__).parents[2]
+TREES = ROOT / "trees"
+KEPT = ROOT / "out" / "tables"
+NAMES = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
+
+
+def committed() -> dict[str, Table]:
+    """The tables in `trees/` and the golden ones of the tests, by name."""
+    paths = [*sorted(TREES.glob("*/*.msgpack")), *sorted((ROOT / "tests" / "golden").glob("*.msgpack"))]
+    return {path.stem: load(path).table for path in paths}
+
+
+def table_of(name: str, workers: int | None = None) -> TableFile:
+    """The table of a job: the committed or kept one, where it is of this job; else a fresh one, then kept."""
+    job = job_file.load(TREES / name / "job.toml")
+    for path in (TREES / name / f"{name}.msgpack", KEPT / f"{name}.msgpack"):
+        if path.exists() and (found := load(path)).table.job_digest == job.digest():
+            return found
+    KEPT.mkdir(parents=True, exist_ok=True)
+    dump(compile_job(job, workers).table, path)
+    return load(path)
