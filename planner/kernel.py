@@ -30,7 +30,7 @@ def _fingerprint() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         text = source.read_bytes()
-        if b"@kernel" in text:
+        if b"planner.kernel import" in text:
             digest.update(text)
     return digest.hexdigest()[:16]
 
@@ -41,4 +41,14 @@ numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 def kernel(function: F) -> F:
     """Compiles a function closed over arrays: no Python objects, no lock, no exceptions, cached on disk."""
-    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _compiled(function, counting=True)
+
+
+def inner_kernel(function: F) -> F:
+    """`kernel` for what allocates nothing: references to arrays are not counted, two fifths of a squeeze."""
+    return _compiled(function, counting=False)
+
+
+def _compiled(function: F, *, counting: bool) -> F:
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": counting}
+    return cast(F, numba.njit(**options)(function))

@@ -14,7 +14,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray
 from planner.frames import wrap
 from planner.job.model import Job
-from planner.kernel import kernel
+from planner.kernel import inner_kernel, kernel
 
 CANDIDATES = 48
 REFINEMENTS = 4
@@ -127,7 +127,7 @@ def metric_of(job: Job, rho_mm: float) -> Metric:
     return Metric(goal.distance_mm, rho_mm, job.part.symmetry, goal.kind, tolerance, modes)
 
 
-@kernel
+@inner_kernel
 def inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Array) -> int:
     """Counts poses within the goal of `centre`; `mean` (3,) receives their mean, taken about it."""
     count = 0

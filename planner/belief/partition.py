@@ -24,7 +24,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers
 from planner.belief.observation import COUNTS, Partition, Resolution, describe
-from planner.kernel import kernel
+from planner.kernel import inner_kernel, kernel
 
 CANDIDATES = 48
 """Candidate poses of a belief, besides one of every count."""
@@ -95,7 +95,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     return Partition(label, mean, low, high, size)
 
 
-@kernel
+@inner_kernel
 def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
     """How likely a belief misses the goal, `hits` particles of `size` meeting it; the share that does not."""
     total = size + inside + outside
@@ -104,7 +104,7 @@ def missed(hits: float, size: float, confidence: float, inside: float, outside: 
     return 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
 
 
-@kernel
+@inner_kernel
 def squeezes_left(
     hits: float, size: float, confidence: float, failure: float, inside: float, outside: float
 ) -> float:
@@ -234,7 +234,7 @@ def least_cost(
     return float(least[m])
 
 
-@kernel
+@inner_kernel
 def within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
     """Fills in, for m rising counts, which are the first within reach below and the first beyond above."""
     for i in range(m + 1):
@@ -245,7 +245,7 @@ def within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: In
             high[i] += 1
 
 
-@kernel
+@inner_kernel
 def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
     """The counts below `stop` that occur, and how many readings lie below each, in place; returns m."""
     m = 0

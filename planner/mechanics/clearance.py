@@ -5,7 +5,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.frames import to_hand
 from planner.job.schema import Gripper
-from planner.kernel import kernel
+from planner.kernel import inner_kernel, kernel
 from planner.mechanics.contacts import place
 
 BEHIND_MM = 0.1
@@ -25,7 +25,7 @@ def jaws_of(gripper: Gripper) -> Array:
     )
 
 
-@kernel
+@inner_kernel
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
     """Distance a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
 
@@ -49,7 +49,7 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
     return nearest
 
 
-@kernel
+@inner_kernel
 def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: float) -> bool:
     """Whether a segment runs through the inside of the box |x| < half_x, |y| < half_y (Liang and Barsky)."""
     start, end = 0.0, 1.0
@@ -63,7 +63,7 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
     return end - start > 1e-9
 
 
-@kernel
+@inner_kernel
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
     """Whether part and finger box share any area: the finger cannot be set down there.
 
@@ -82,13 +82,13 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
     return inside
 
 
-@kernel
+@inner_kernel
 def stand(points: Array, top: float, bottom: float, h: float, thickness: float) -> bool:
     """`blocked` for either finger, with the inner faces at y = top and y = bottom [mm]."""
     return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
 
 
-@kernel
+@inner_kernel
 def free_closing(
     points: Array, top: float, bottom: float, h: float, top_share: float, bottom_share: float
 ) -> float:
@@ -105,7 +105,7 @@ def free_closing(
     return free
 
 
-@kernel
+@inner_kernel
 def _room(points: Array, opening: float, h: float, thickness: float) -> float:
     """Least distance along y between the open fingers and the part [mm]; -1 where one stands on it."""
     top = 0.5 * opening

@@ -7,14 +7,14 @@ Two contacts that both stick have one condition too many and are covered by thei
 """
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel
 from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
 
 
-@kernel
+@inner_kernel
 def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
     """F . A g for two wrenches given by their components."""
     return float(
@@ -24,7 +24,7 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
     )
 
 
-@kernel
+@inner_kernel
 def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
 
@@ -52,7 +52,7 @@ def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     return RAY
 
 
-@kernel
+@inner_kernel
 def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
     """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
     for p in range(4):
@@ -67,7 +67,7 @@ def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
             G[r, p] = G[p, r]
 
 
-@kernel
+@inner_kernel
 def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array) -> bool:
     """Contacts i and j slide with the senses si and sj."""
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
@@ -88,7 +88,7 @@ def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, s
     return True
 
 
-@kernel
+@inner_kernel
 def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
     """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
     v = 2 - o
@@ -113,7 +113,7 @@ def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: 
     return True
 
 
-@kernel
+@inner_kernel
 def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
     """Solves eqs 1-5 for contacts i and j, both pressed; as `one_contact`, with G, a (4, 4) workspace.
 
@@ -130,7 +130,7 @@ def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G
     return RAY
 
 
-@kernel
+@inner_kernel
 def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
     """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
     F0, F1, F2 = 0.0, 0.0, 0.0

@@ -7,7 +7,7 @@ Ties in the ratio test are broken lexicographically: flush grasps, which are deg
 """
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel
 
 SOLVED = 0
 RAY = 1
@@ -18,7 +18,7 @@ TIE = 1e-9  # Ratios nearer than this are equal, and the lexicographic order dec
 PIVOTS_PER_ROW = 50
 
 
-@kernel
+@inner_kernel
 def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
 
@@ -50,7 +50,7 @@ def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     return best
 
 
-@kernel
+@inner_kernel
 def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
     """Gauss-Jordan elimination of `column` on `row`; `tableau` is modified in place."""
     width = 2 * n + 2
@@ -69,7 +69,7 @@ def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
         tableau[i, column] = 0.0
 
 
-@kernel
+@inner_kernel
 def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array) -> int:
     """Solves w = M z + q, w >= 0, z >= 0, z . w = 0: `SOLVED`, `RAY` (no solution) or `PIVOT_LIMIT`.
 
@@ -115,7 +115,7 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array)
     return PIVOT_LIMIT
 
 
-@kernel
+@inner_kernel
 def residual(M: Array, q: Array, z: Array, n: int) -> float:
     """Largest violation of w >= 0, z >= 0 and z . w = 0 (the last divided by the larger of z and w, or 1)."""
     worst = 0.0

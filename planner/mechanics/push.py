@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel, kernel
 from planner.mechanics.contacts import GAP, N2, NX, NY, RX, RY, T2, UN, UT, find_points, place
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import event_fraction
@@ -41,7 +41,7 @@ class Paths(NamedTuple):
     shifts: Array  # (n, 2)
 
 
-@kernel
+@inner_kernel
 def moved_along(path: Path, share: float, start: Array, out: Array) -> None:
     """Where the pusher takes points (K, 2) in a share of its path, into `out` (K, 2)."""
     c, s = np.cos(share * path.angle), np.sin(share * path.angle)
@@ -51,7 +51,7 @@ def moved_along(path: Path, share: float, start: Array, out: Array) -> None:
         out[k, 1] = path.centre[1] + s * dx + c * dy + share * path.shift[1]
 
 
-@kernel
+@inner_kernel
 def _command(C: Array, count: int, rho: float, path: Path, done: float, share: float, q: Array) -> None:
     """Moments of all contacts and the pusher's displacements there, of a further share of the path.
 
@@ -66,7 +66,7 @@ def _command(C: Array, count: int, rho: float, path: Path, done: float, share: f
         C[k, UN], C[k, UT] = ux * nx + uy * ny, uy * nx - ux * ny
 
 
-@kernel
+@inner_kernel
 def _move(q: Array, dx: float, dy: float, angle: float) -> None:
     """Moves a pose (3,) by a constant twist: so a part that sticks keeps to the pusher's circle."""
     along, across = 1.0, 0.5 * angle
@@ -77,7 +77,7 @@ def _move(q: Array, dx: float, dy: float, angle: float) -> None:
     q[2] += angle
 
 
-@kernel
+@inner_kernel
 def _steps(path: Path, step: float) -> int:
     """How many steps the path has, if no point of the pusher is to go further than `step` in one."""
     farthest = 0.0

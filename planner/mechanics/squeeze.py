@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel, kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
@@ -54,7 +54,7 @@ class Each(NamedTuple):
     deviation: Array  # (n, m) of the outline, for each of the shapes that it may deviate by [mm]
 
 
-@kernel
+@inner_kernel
 def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
     n = outline.shape[0]
     for i in range(n):
@@ -62,7 +62,7 @@ def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
     contact.place(outline, q, scratch.points, scratch.placed, n)
 
 
-@kernel
+@inner_kernel
 def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
     """Closes the fingers up to the first touch of the whole outline; False where there is none."""
     _place_all(body.outline, q, scratch)
@@ -78,7 +78,7 @@ def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
     return True
 
 
-@kernel
+@inner_kernel
 def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
 
@@ -101,7 +101,7 @@ def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
     return JAMMED if status == SOLVED and not far else GRASPED
 
 
-@kernel
+@inner_kernel
 def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     """Writes pose and width into the trace, the last row again where it is full; returns the next row."""
     if trace.shape[0] == 0:
@@ -112,13 +112,13 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     return row + 1
 
 
-@kernel
+@inner_kernel
 def grip_of(mu: Array, jaws: Array, step: float) -> Grip:
     """How fingers close: `mu` (2,) at the upper and the lower one, `jaws` (4,) and a closing step [mm]."""
     return Grip(mu[0], mu[1], jaws[0], 0.5 * jaws[1], jaws[2], 2.0 * jaws[3], 2.0 * (1.0 - jaws[3]), step)
 
 
-@kernel
+@inner_kernel
 def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
@@ -189,7 +189,7 @@ def squeeze_many(
         width[i], status[i], given_up[i], _ = squeeze(body, grip, poses[i], scratch, trace)
 
 
-@kernel
+@inner_kernel
 def _reach(outline: Array) -> float:
     """Largest distance of a vertex from the origin."""
     farthest = 0.0
@@ -198,7 +198,7 @@ def _reach(outline: Array) -> float:
     return float(np.sqrt(farthest))
 
 
-@kernel
+@inner_kernel
 def _deviate(outline: Array, shapes: Array, deviation: Array, own: Array) -> None:
     """The outline of a part that deviates (m,) [mm] from it, into `own` (N, 2)."""
     for i in range(outline.shape[0]):

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel
 from planner.mechanics.closed_form import form, motion, one_contact, two_contacts
 from planner.mechanics.contacts import (
     CORNER,
@@ -74,7 +74,7 @@ One record is handed on as one pointer, without counting references (decision 00
 StepWork: TypeAlias = Any
 
 
-@kernel
+@inner_kernel
 def rotate_surface(A: Array, theta: float, out: Array) -> None:
     """A in the hand frame for a part turned by theta; `out` (3, 3) is modified in place."""
     c, s = np.cos(theta), np.sin(theta)
@@ -88,7 +88,7 @@ def rotate_surface(A: Array, theta: float, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = out[0, 2], out[1, 2], A[2, 2]
 
 
-@kernel
+@inner_kernel
 def directions(
     C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float
 ) -> None:
@@ -100,7 +100,7 @@ def directions(
         C[k, UN], C[k, UT] = advance * ny, advance * nx
 
 
-@kernel
+@inner_kernel
 def turn(
     C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float,
     thickness: float,
@@ -123,7 +123,7 @@ def turn(
             C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
 
 
-@kernel
+@inner_kernel
 def _assemble(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int
 ) -> None:
@@ -150,7 +150,7 @@ def _assemble(
         q[m + a], q[2 * m + a], q[3 * m + a] = -C[k, UT], C[k, UT], 0.0
 
 
-@kernel
+@inner_kernel
 def _judge(work: StepWork, m: int) -> int:
     """What Lemke's answer is worth: SOLVED, a ray in disguise, or nothing (PIVOT_LIMIT)."""
     for a in range(m):
@@ -159,7 +159,7 @@ def _judge(work: StepWork, m: int) -> int:
     return SOLVED if residual(work.M, work.q, work.z, 4 * m) <= RESIDUAL else PIVOT_LIMIT
 
 
-@kernel
+@inner_kernel
 def _all_touching(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
@@ -188,13 +188,13 @@ def _all_touching(
     return SOLVED
 
 
-@kernel
+@inner_kernel
 def _slack(C: Array, k: int, V: Array) -> float:
     """Gap of contact k after the displacement V [mm]."""
     return float(C[k, GAP] - C[k, UN] + C[k, NX] * V[0] + C[k, NY] * V[1] + C[k, N2] * V[2])
 
 
-@kernel
+@inner_kernel
 def _most_violated(C: Array, count: int, V: Array) -> int:
     """The touching contact that overlaps most after V; -1 where none does."""
     worst, found = -OVERLAP_MM, -1
@@ -206,7 +206,7 @@ def _most_violated(C: Array, count: int, V: Array) -> int:
     return found
 
 
-@kernel
+@inner_kernel
 def solve(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
@@ -248,7 +248,7 @@ def solve(
     return _all_touching(A, mu_top, mu_bottom, C, I, count, work, V)
 
 
-@kernel
+@inner_kernel
 def event_fraction(C: Array, count: int, V: Array) -> float:
     """Share of the step (linear in it) up to the first event; 1 without one.
 

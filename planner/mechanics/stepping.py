@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
@@ -92,7 +92,7 @@ class Scratch(NamedTuple):
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
-@kernel
+@inner_kernel
 def _midpoint(
     body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
 ) -> tuple[int, float]:
@@ -126,7 +126,7 @@ def _midpoint(
     return SOLVED, np.sqrt((V[0] - v0) ** 2 + (V[1] - v1) ** 2 + (V[2] - v2) ** 2)
 
 
-@kernel
+@inner_kernel
 def list_near(scratch: Scratch) -> None:
     """Lists the vertices near the fingers' faces, and those with their neighbours."""
     points, placed, near, work = scratch
@@ -152,7 +152,7 @@ def list_near(scratch: Scratch) -> None:
     work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
 
 
-@kernel
+@inner_kernel
 def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None:
     """Finds the contacts among the near vertices of a part at pose q (3,), gaps of at most `margin` [mm]."""
     points, near, work = scratch.points, scratch.near, scratch.work
@@ -162,7 +162,7 @@ def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None
     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, near, work = scratch.points, scratch.near, scratch.work
@@ -187,7 +187,7 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     return False
 
 
-@kernel
+@inner_kernel
 def try_step(
     body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:

@@ -8,7 +8,7 @@ at the wrench before, until the wrench's direction stands still: a fixed point o
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import kernel
+from planner.kernel import inner_kernel
 from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
 from planner.mechanics.lcp import PIVOT_LIMIT, SOLVED
 from planner.mechanics.step import StepWork, rotate_surface, solve
@@ -19,7 +19,7 @@ DAMPED_FROM = 8
 """From this iteration on the wrench moves half way: two modes of sliding may otherwise take turns."""
 
 
-@kernel
+@inner_kernel
 def local_matrix(table: Array, F: Array, out: Array) -> None:
     """A(F) = hess H(F) / 3 of a quartic into `out` (3, 3), for the wrench F (3,) in the part's frame.
 
@@ -34,7 +34,7 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
         out[j, i] = entry / 3.0
 
 
-@kernel
+@inner_kernel
 def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
     """Unit wrench of all contact forces in the part's frame into `F` (3,); returns its former length."""
     f0, f1, f2 = 0.0, 0.0, 0.0
@@ -50,7 +50,7 @@ def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
     return float(length)
 
 
-@kernel
+@inner_kernel
 def solve_surface(
     surface: Array, theta: float, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int,
     work: StepWork, A: Array, local: Array, F: Array, V: Array,
