@@ -39,7 +39,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
         return of_the_audit(words)
 
     return guarded(
-        calibrate_command.parser(), argv, lambda given: calibrate_command.run(given, connect.gripper)
+        calibrate_command.parser(), argv, lambda given: calibrate_command.measured(given, connect)
     )
 
 
