@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate`: measures the gripper's widths, where its fingers meet, and the audit's camera."""
+"""The command `grasp-calibrate`: measures the gripper, and the audit's camera."""
 
 import argparse
 import json

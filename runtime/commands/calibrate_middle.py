@@ -30,8 +30,8 @@ from runtime.table import Pose2, Table, load
 
 NAME = "middle"
 EXAMPLE = (
-    "grasp-calibrate middle --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --tree T.msgpack "
-    "--calibration gripper.json --block 30 --at 0,0 -o gripper2.json"
+    "grasp-calibrate middle --port /dev/ttyUSB0 --arm URL --tree T.msgpack --calibration G.json "
+    "--block 30 -o G2.json"
 )
 DESCRIPTION = """\
 Measure where the fingers meet, beside the hand's middle: clamp a block of known width to the table, its sides
@@ -49,7 +49,9 @@ def add_to(subcommands: Any, codes: str) -> None:
     add("--port", required=True, help="the gripper, as for grasp-runtime")
     add("--arm", required=True, metavar="URL", help="the arm, as for grasp-runtime")
     add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table that the cell will run")
-    add("--calibration", type=Path, required=True, metavar="F", help="of its widths, by grasp-calibrate width")
+    add(
+        "--calibration", type=Path, required=True, metavar="F", help="of its widths, by grasp-calibrate width"
+    )
     add("--block", type=number, required=True, metavar="MM", help="the block's width, near that of the part")
     add("--at", default="0,0", metavar="X,Y", help="its centre in mm, to within 4 mm (default: 0,0)")
     add("--angle", type=number, default=0.0, metavar="DEG", help="of the hand square to it (default: 0)")
@@ -59,9 +61,7 @@ def add_to(subcommands: Any, codes: str) -> None:
     add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
 
 
-def run(
-    arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]
-) -> int:
+def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
     """Measure and write as the arguments say; returns 0.
 
     Args:
@@ -113,9 +113,10 @@ def run(
 def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
     low_mm, high_mm = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
     return (
-        f"The hand will go to ({at[0]:g}, {at[1]:g}) mm at a height of {high_mm:g} mm, come down to {low_mm:g} mm "
-        f"28 times, close on the {arguments.block:g} mm block, and turn half round. See that the block is clamped "
-        "there, that the tips meet it at that height, and that nothing else is near. Keep clear and press Enter."
+        f"The hand will go to ({at[0]:g}, {at[1]:g}) mm at a height of {high_mm:g} mm, come down to "
+        f"{low_mm:g} mm 28 times, close on the {arguments.block:g} mm block, and turn half round. See that "
+        "the block is clamped there, that the tips meet it at that height, and that nothing else is near. "
+        "Keep clear and press Enter."
     )
 
 

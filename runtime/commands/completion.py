@@ -35,6 +35,7 @@ COMMANDS = {
     "plan-export": "planner.cli.export",
     "plan-identify": "planner.cli.identify",
     "plan-init": "planner.cli.init",
+    "plan-refit": "planner.cli.refit",
     "plan-report": "planner.cli.report",
     "grasp-runtime": "runtime.commands.arguments",
     "grasp-doctor": "runtime.commands.doctor",

@@ -28,9 +28,7 @@ class Way(NamedTuple):
     put: Pose2
 
 
-def check(
-    delivery: Delivery | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0
-) -> None:
+def check(delivery: Delivery | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0) -> None:
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
     Without a connected arm, which tells its reach and its wrist's range, only the areas are checked. The

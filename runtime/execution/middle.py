@@ -127,7 +127,7 @@ def gripping(table: Table, block_mm: float) -> Node:
     """
     profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
     opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
-    if not 0.0 < opening_um - 2000 * ROOM_MM or opening_um > widest_um:
+    if block_mm <= 0.0 or opening_um > widest_um:
         raise CalibrationError(
             f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
         )
@@ -180,7 +180,9 @@ def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
         )
     found = (below - above) / 4.0
     if abs(found) > NEAR_MM:
-        raise CalibrationError(f"the block stands about {found:+.1f} mm off, along the hand's y; correct --at")
+        raise CalibrationError(
+            f"the block stands about {found:+.1f} mm off, along the hand's y; correct --at"
+        )
     return found
 
 
@@ -196,7 +198,7 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
     hand.retreat()
     if reading.object_flag != CLOSING_CONTACT:
         raise GripperStateError(
-            f"the fingers closed at ({place[0]:.1f}, {place[1]:.1f}) mm without meeting the block; correct --at"
+            f"the fingers closed at ({place[0]:.1f}, {place[1]:.1f}) mm and met no block; correct --at"
         )
     return Grip(off_mm, width_mm)
 

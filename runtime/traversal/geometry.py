@@ -21,7 +21,7 @@ def compose(frame: Pose2, pose: Pose2) -> Pose2:
 
 
 def sent(hand: Pose2, middle_mm: float) -> Pose2:
-    """Where the arm is sent for the fingers to meet at `hand`; they meet so far off its own middle, along y."""
+    """Where the arm is sent for fingers to meet at `hand`, if they do so far off its middle, along y."""
     return compose(hand, (0.0, -middle_mm, 0.0))
 
 
