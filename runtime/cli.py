@@ -38,9 +38,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
         return of_the_audit(words)
 
-    return guarded(
-        calibrate_command.parser(), argv, lambda given: calibrate_command.run(given, connect.gripper)
-    )
+    return guarded(calibrate_command.parser(), argv, lambda given: calibrate_command.measured(given, connect))
 
 
 def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:

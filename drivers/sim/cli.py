@@ -14,8 +14,8 @@ from typing import Any
 from drivers.sim.cell import Cell
 from drivers.sim.errors import SimulationError
 from drivers.sim.faults import parse
-from drivers.sim.physics.scene import REHEARSAL, Setting, load, warm_up
-from runtime.shell.command import Parser, one_line, positive, run, tell
+from drivers.sim.physics.scene import REHEARSAL, Block, Setting, load, warm_up
+from runtime.shell.command import Parser, number, one_line, positive, run, tell
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
@@ -51,6 +51,10 @@ def parser() -> Parser:
     add("--time-scale", type=positive, default=1.0, metavar="S", help=scale)
     faults = "what goes wrong: seed:N for a random schedule, or a file (drivers/sim/FAULTS.md)"
     add("--faults", metavar="SCHEDULE", help=faults)
+    middle = "how far off the hand's middle the fingers meet, along its y (default: 0)"
+    add("--middle", type=number, default=0.0, metavar="MM", help=middle)
+    block = "a square block stands there, held fast, instead of parts: to measure that middle on"
+    add("--block", type=_block, metavar="MM,X,Y", help=block)
     add("--camera", action="store_true", help="serve what a camera under the table sees")
     views = "instead of serving, write the pictures to calibrate that camera from, and the commands for it"
     add("--camera-views", type=Path, metavar="DIR", help=views)
@@ -70,6 +74,7 @@ def serve(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
+    setting = setting._replace(middle_mm=options.middle, block=options.block)
     if options.world is None and not setting.truthful:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
@@ -101,6 +106,13 @@ def serve(options: argparse.Namespace) -> int:
     for failure in failures[:1]:
         tell("grasp-cell", f"stopped: {failure}")
     return 1 if failures else 0
+
+
+def _block(text: str) -> Block:
+    numbers = [number(word) for word in text.split(",")]
+    if len(numbers) not in (1, 3) or numbers[0] <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: write its width, or MM,X,Y with the place of its centre")
+    return Block(*numbers)
 
 
 def camera(setting: Setting) -> Any:

@@ -4,7 +4,7 @@ import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
-from drivers.planar import Pose2
+from drivers.planar import Pose2, compose
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -12,6 +12,7 @@ from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Desk, Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop
+from drivers.sim.physics.vice import Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
 
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach
@@ -33,7 +34,8 @@ class Workcell(Surroundings):
         geometry = setting.geometry
         self.now = now
         self.desk = Desk(faults or Listed())
-        self.table = TableTop(setting, seed, self.desk)
+        self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
+        self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
         self._low = False
         self._moves = 0
@@ -89,10 +91,10 @@ class Workcell(Surroundings):
             self.table.placed(hand, opening_mm)
 
     def _hand(self) -> tuple[Pose2 | None, bool]:
-        """Where an upright hand is, and whether it is down at the part."""
+        """Where the fingers of an upright hand meet, and whether it is down at the part."""
         x, y, z, rotation = self.arm.pose_at(self.now())
         try:
-            return (x, y, hand_angle(rotation)), z <= self.table.geometry.reach_mm
+            return compose((x, y, hand_angle(rotation)), self._middle), z <= self.table.geometry.reach_mm
         except ProtocolError:
             return None, False
 

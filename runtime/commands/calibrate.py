@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate`: measures the gripper's widths, and the audit's camera."""
+"""The command `grasp-calibrate`: measures the gripper, and the audit's camera."""
 
 import argparse
 import json
@@ -12,7 +12,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TextIO
 
-from drivers.ports import Gripper
+from drivers.ports import Drivers, Gripper
+from runtime.commands import calibrate_middle
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError
@@ -59,13 +60,16 @@ def parser() -> Parser:
         prog="grasp-calibrate", description="Measure what a cell has to know of itself.", epilog=EPILOG
     )
     built.add_debug()
-    subcommands = built.add_subparsers(required=True, metavar="width | camera | tag | pictures")
+    subcommands = built.add_subparsers(
+        required=True, dest="what", metavar="width | middle | camera | tag | pictures"
+    )
     width = subcommands.add_parser(
         "width",
         help="the gripper's counts as widths, with gauge blocks",
         description="Measure which width each encoder count of the gripper means, with gauge blocks.",
         epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
     )
+    calibrate_middle.add_to(subcommands, EXIT_CODES)
     # Those of the audit have a parser of their own, which is asked before this one.
     for name, told in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=told, add_help=False)
@@ -81,6 +85,14 @@ def parser() -> Parser:
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
     return built
+
+
+def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
+    """Measure what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
+    if arguments.what == calibrate_middle.NAME:
+        ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
+        return calibrate_middle.run(arguments, drivers, ask)
+    return run(arguments, drivers.gripper)
 
 
 def run(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
 from runtime.errors import ArgumentsError
-from runtime.execution import calibration, delivery
+from runtime.execution import calibration, delivery, middle
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Handling
@@ -112,10 +112,11 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
         calibration=None if measured is None else measured.table,
-        arc=_arc(arguments, table, measured),
+        arc=arc_of(arguments, table, measured),
         regulated=arguments.force == "regulated" and arguments.port != MANUAL,
         grip_current_ma=arguments.grip_current,
         current_ma=(measured and measured.current_ma) or CURRENT_MA,
+        middle_mm=0.0 if measured is None else middle.off_mm(measured.middle, table),
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that asks carries the part wherever it likes.
@@ -132,7 +133,7 @@ def _delivery(named: str, table: Table) -> delivery.Delivery | None:
     return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
 
 
-def _arc(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> TipArc | None:
+def arc_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> TipArc | None:
     """The tips' arc: as named, else as measured, else that of the model; none in a simulated cell."""
     taught_mm = table.gripper.opening_um / 1000
     if arguments.tips not in (None, "arc", "straight"):

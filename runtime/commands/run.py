@@ -15,7 +15,7 @@ from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError, CalibrationError
-from runtime.execution import carry, crash, dry_run, held, session
+from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import check_arc
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
     _check_fit(table, options)
-    carry.check(options.delivery, table)
+    carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
     with ExitStack() as stack:
         asked = _Asked(arguments, loaded, options, console, drivers, stack)
         if arguments.check:
@@ -82,7 +82,7 @@ class _Asked:
         journal, begun = self._look_back(clock, header)
         incidents = Incidents()
         devices = self._connect(incidents.record)
-        carry.check(self.options.delivery, table, devices.arm)
+        carry.check(self.options.delivery, table, devices.arm, self.options.handling.middle_mm)
         # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
         activate = arguments.activate or arguments.port == SIMULATED
         # What would be refused later is refused now: a run that never was leaves no record, and no file.
@@ -235,6 +235,7 @@ def _check_fit(table: Table, options: RunOptions) -> None:
     if problems:
         raise CalibrationError(problems[0])
     check_arc(options.handling.arc, table.limits, calibration)
+    middle.check(table, options.handling.middle_mm)
 
 
 def _headline(path: Path, table: Table) -> str:
@@ -265,5 +266,6 @@ def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, obj
         "tips": None if options.handling.arc is None else str(options.handling.arc),
         "calibration": None if arguments.calibration is None else str(arguments.calibration),
         "widths_um": None if measured is None else list(measured.widths_um),
+        "middle_um": round(1000 * options.handling.middle_mm),
         "declared_safe_state": DECLARED,
     }

@@ -27,7 +27,7 @@ from runtime.traversal.decision import (
     step_of,
 )
 from runtime.traversal.decision import decide as decision_of
-from runtime.traversal.geometry import placement
+from runtime.traversal.geometry import placement, sent
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
@@ -113,6 +113,7 @@ class AskedParts:
         self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
         self._policy, self._watch, self._count = options.policy, watch, count
         self._calibration = options.handling.widths(table)
+        self._middle_mm = options.handling.middle_mm
         self._maps = [decision_map(node, self._calibration) for node in table.nodes]
         self._part: _Part | None = None
         self.over = False  # whether no further part follows
@@ -242,7 +243,8 @@ class AskedParts:
             return self._follow(part)
         part.dragging = True
         self._watch(part.number, Phase.RELEASE, index)
-        return f"DRAG {point[0] / 1000:.3f} {point[1] / 1000:.3f}"
+        x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
+        return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
     def _check_possible(self, node: Node, decided: tuple[int, ...], reading: _Reading) -> None:
         count, flag = reading
@@ -267,7 +269,7 @@ class AskedParts:
         self._journal.record("placed", fields)
         self._watch(part.number, Phase.PLACE, part.traversal.node)
         part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, squeeze))
-        x_mm, y_mm, angle_rad = placement(squeeze)
+        x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
             f"SQUEEZE {part.traversal.node} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "
             f"{squeeze.opening_um / 1000:.3f} {squeeze.speed_um_s / 1000:.1f} {squeeze.force_mn / 1000:.1f}"

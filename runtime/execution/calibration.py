@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from drivers.ports import Gripper
 from runtime.errors import CalibrationError, GripperStateError, TableError
+from runtime.execution.middle import Middle
 from runtime.execution.reading import CLOSED_COUNTS, check_fresh
 from runtime.execution.safety import stroke
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
@@ -51,6 +52,7 @@ class GripperCalibration:
     tips_mm: tuple[float, float] | None = None
     # least and greatest current at rest on a part, where they were measured
     current_ma: tuple[int, int] | None = None
+    middle: Middle | None = None  # where the fingers meet, where that was measured
 
     @property
     def table(self) -> Calibration:
@@ -178,6 +180,7 @@ def _parsed(told: object) -> GripperCalibration:
         tuple(told["widths_um"]),
         None if tips is None else (float(tips[0]), float(tips[1])),
         None if current is None else (int(current[0]), int(current[1])),
+        Middle.parsed(told.get("middle")),
     )
     Calibration(made.widths_um)
     return made
@@ -185,7 +188,8 @@ def _parsed(told: object) -> GripperCalibration:
 
 def _body(calibration: GripperCalibration) -> dict[str, object]:
     gauges = [gauge._asdict() for gauge in calibration.gauges]
-    return {"format": FORMAT, **asdict(calibration), "gauges": gauges}
+    middle = None if calibration.middle is None else calibration.middle._asdict()
+    return {"format": FORMAT, **asdict(calibration), "gauges": gauges, "middle": middle}
 
 
 class Curve:

@@ -18,7 +18,7 @@ from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
-from runtime.traversal.geometry import compose, placement, same_turns
+from runtime.traversal.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
@@ -28,10 +28,11 @@ class Way(NamedTuple):
     put: Pose2
 
 
-def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> None:
+def check(delivery: Delivery | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0) -> None:
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
-    Without a connected arm, which tells its reach and its wrist's range, only the areas are checked.
+    Without a connected arm, which tells its reach and its wrist's range, only the areas are checked. The
+    fingers meet `middle_mm` off the hand's middle.
 
     Raises:
         MotionRefusedError: naming the first leaf from which no way leads there.
@@ -45,15 +46,18 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None) -> No
             if branch.target >= 0 or not table.leaves[~branch.target].resolved:
                 continue
             try:
-                choose(delivery, table, predicted_pose(table.leaves[~branch.target]), start, arm)
+                choose(delivery, table, predicted_pose(table.leaves[~branch.target]), start, arm, middle_mm)
             except MotionRefusedError as error:
                 raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
 
 
-def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None) -> Way:
+def choose(
+    delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None, middle_mm: float = 0.0
+) -> Way:
     """The path that turns the hand least, among equivalent ones, for a part at `pose` (mm, mm, rad).
 
     The hand comes from `start`; without an arm, which tells reach and wrist, only the areas are looked at.
+    Areas and reach are asked for where the arm is sent, `middle_mm` beside the places where fingers meet.
 
     Raises:
         MotionRefusedError: there is none; why the plainest one cannot be gone.
@@ -61,9 +65,10 @@ def choose(delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm
     refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
     found: list[tuple[float, Way]] = []
     for taken, put in _same(delivery, table, pose):
-        places = (*taken[:2], *put[:2])
+        to = Way(sent(taken, middle_mm), sent(put, middle_mm))
+        places = (*to.taken[:2], *to.put[:2])
         if places not in refusals:
-            refusals[places] = _refusal(delivery, table.limits, start, taken, put, arm)
+            refusals[places] = _refusal(delivery, table.limits, start, to, arm)
         if refusals[places]:
             continue
         for here, there in product(_turns(taken, start[3], arm), _turns(put, start[3], arm)):
@@ -91,7 +96,7 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
     """
     hand.retreat()
     try:
-        taken, put = choose(delivery, table, pose, hand.where(), hand.arm)
+        taken, put = choose(delivery, table, pose, hand.where(), hand.arm, hand.middle_mm)
     except MotionRefusedError as error:
         return f"the part was not taken: {error}"
     node = _grasp_node(table)
@@ -134,10 +139,9 @@ def _close_alike(table: Table) -> bool:
     return isinstance(gripper, dict) and gripper.get("upper_finger_share") == 0.5
 
 
-def _refusal(
-    delivery: Delivery, limits: Limits, start: PoseOfHand, taken: Pose2, put: Pose2, arm: Arm | None
-) -> str:
-    """Why a part cannot be taken there and put down there, or an empty string."""
+def _refusal(delivery: Delivery, limits: Limits, start: PoseOfHand, to: Way, arm: Arm | None) -> str:
+    """Why the arm cannot be sent to take a part there and put it down there, or an empty string."""
+    taken, put = to
     low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000
     carrying = _carrying(delivery, limits)
     for doing, (x_mm, y_mm, angle_rad), area in (

@@ -20,6 +20,7 @@ GIVEN_UP = {"exit_code": BrokenRunError.exit_code, "reason": "given up after a c
 SAME = {
     "table_sha256": "table",
     "widths_um": "calibration",
+    "middle_um": "middle of the fingers",
     "on_reject": "--on-reject",
     "on_unresolved": "--on-unresolved",
     "delivery": "--deliver",
@@ -73,7 +74,7 @@ def look(
         )
     now_told = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
     for name, what in SAME.items():
-        if broken.header.get(name) != now_told.get(name):
+        if (broken.header.get(name) or None) != (now_told.get(name) or None):
             raise BrokenRunError(
                 f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
             )

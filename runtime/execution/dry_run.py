@@ -6,7 +6,7 @@ from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
 from runtime.table import Table, profile_of
-from runtime.traversal.geometry import placement
+from runtime.traversal.geometry import placement, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
@@ -29,9 +29,14 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
     ]
     if (holds := held.look(seen, calibration)) is not None:
         told.append(f"{holds.sentence()}; a run would be refused")
+    if handling.middle_mm:
+        told.append(
+            f"the fingers meet {handling.middle_mm:+.2f} mm off the hand's middle, along its y: "
+            "the arm is sent as far beside every place"
+        )
     heights = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
     for index, node in enumerate(table.nodes):
-        x_mm, y_mm, angle_rad = placement(node.squeeze)
+        x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
         for height_mm in heights:
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
@@ -46,7 +51,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             f"close by position/speed/force {', '.join(requests)}"
         )
     if options.delivery is not None:
-        carry.check(options.delivery, table, arm)
+        carry.check(options.delivery, table, arm, handling.middle_mm)
         x_mm, y_mm, angle_rad = options.delivery.drop
         told.append(
             f"delivery: the part from every leaf to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"

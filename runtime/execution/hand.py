@@ -25,7 +25,7 @@ from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Limits, Node, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
-from runtime.traversal.geometry import same_turns
+from runtime.traversal.geometry import same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05
@@ -47,6 +47,7 @@ class Handling:
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
     current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
+    middle_mm: float = 0.0  # how far the fingers meet off the hand's middle, along its y, as measured
 
     def widths(self, table: Table) -> Calibration:
         """Counts to widths: as measured, else the linear map of the table's gripper."""
@@ -80,7 +81,8 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it.
+    acknowledged motion left it. All its places are those where the fingers meet: the arm is sent beside them
+    where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -92,6 +94,7 @@ class Hand:
         self.gripper, self.arm = gripper, arm
         self.limits = table.limits
         self.calibration = handling.widths(table)
+        self.middle_mm = handling.middle_mm
         self._profile = profile_of(table.gripper.model)
         self.arm_known = True
         self._clock = clock
@@ -114,10 +117,11 @@ class Hand:
     def where(self) -> PoseOfHand:
         """Read where the arm stands."""
         self.arm_known = False  # until it answers
-        pose = self.arm.pose()
+        x_mm, y_mm, z_mm, angle_rad = self.arm.pose()
         self.arm_known = True
-        self._angle_rad = pose[3]
-        return pose
+        self._angle_rad = angle_rad
+        x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), -self.middle_mm)
+        return x_mm, y_mm, z_mm, angle_rad
 
     def retreat(self) -> None:
         """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
@@ -250,7 +254,7 @@ class Hand:
 
     def _go_as_counted(self, target: PoseOfHand) -> None:
         """Go straight to a place, in several motions where the hand turns by about half a turn or more."""
-        safety.check_target(target, self.limits)
+        safety.check_target(self._sent(target), self.limits)
         motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
         if motions > 1:
             start = self.where()
@@ -272,9 +276,15 @@ class Hand:
 
     def _move_arm(self, target: PoseOfHand) -> None:
         self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
-        self.arm.move_linear(*target, self.limits.arm_speed_um_s / 1000)
-        safety.check_placed(self.arm, target)
+        beside = self._sent(target)
+        self.arm.move_linear(*beside, self.limits.arm_speed_um_s / 1000)
+        safety.check_placed(self.arm, beside)
         self.arm_known, self._angle_rad = True, target[3]
+
+    def _sent(self, target: PoseOfHand) -> PoseOfHand:
+        x_mm, y_mm, z_mm, angle_rad = target
+        x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), self.middle_mm)
+        return x_mm, y_mm, z_mm, angle_rad
 
     def _low_mm(self, advance_mm: float) -> float:
         return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)

@@ -20,6 +20,11 @@ def compose(frame: Pose2, pose: Pose2) -> Pose2:
     return frame[0] + c * x - s * y, frame[1] + s * x + c * y, frame[2] + theta
 
 
+def sent(hand: Pose2, middle_mm: float) -> Pose2:
+    """Where the arm is sent for fingers to meet at `hand`, if they do so far off its middle, along y."""
+    return compose(hand, (0.0, -middle_mm, 0.0))
+
+
 def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: float) -> list[float]:
     """The angles within a range that are whole turns off an angle, the nearest to another one first."""
     nearest = angle_rad + tau * round((near_rad - angle_rad) / tau)

@@ -75,11 +75,12 @@ def calibrate(path: Path) -> None:
 
 
 def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
-    """All but two blocks: the first names the reader's devices, for which the simulated ones stand here, and
-    the calibration needs gauge blocks between the fingers (the unit tests run that)."""
-    names, look, gauge, *others = blocks(DOCS / "commissioning.md")
+    """All but three blocks: the first names the reader's devices, for which simulated ones stand here, and
+    the calibrations need blocks between the fingers (other tests run those)."""
+    names, look, gauge, meet, *others = blocks(DOCS / "commissioning.md")
     assert [line.partition("=")[0] for line in names.commands] == ["port"]
     assert gauge.commands[0].startswith("grasp-calibrate width ")
+    assert meet.commands[0].startswith("grasp-calibrate middle ")
     shutil.copy(RECTANGLE, work)
     calibrate(work / "gripper.json")
     cell = [

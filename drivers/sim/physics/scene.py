@@ -43,6 +43,14 @@ class Geometry(NamedTuple):
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
 
+class Block(NamedTuple):
+    """A square block that is held fast, its sides along the axes."""
+
+    width_mm: float
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+
+
 class Setting(NamedTuple):
     """Everything a scene starts from: `subject` is the job, or the table for a rehearsal."""
 
@@ -50,6 +58,8 @@ class Setting(NamedTuple):
     geometry: Geometry
     world: str
     factory: Callable[[Any, int], World]
+    middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
+    block: Block | None = None  # what stands on the table instead of parts
 
     def make_world(self, seed: int) -> World:
         """The world of a seed; SimulationError where the factory fails, or what it returns cannot squeeze."""

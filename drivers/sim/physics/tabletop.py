@@ -31,7 +31,7 @@ class TableTop:
     """
 
     def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
-        self.geometry = setting.geometry
+        self.geometry, self._setting = setting.geometry, setting
         self.truthful = setting.truthful
         self._seed = seed
         self._desk = desk

@@ -1,0 +1,158 @@
+"""`grasp-calibrate middle`: measures where the fingers meet, with a block held fast on the table."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from math import radians
+from pathlib import Path
+from typing import Any
+
+from drivers.ports import Drivers
+from runtime.commands import options
+from runtime.commands.arguments import MANUAL, SIMULATED
+from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
+from runtime.errors import ArgumentsError, GripperStateError
+from runtime.execution import calibration, held, middle, safety
+from runtime.execution.calibration import GripperCalibration
+from runtime.execution.hand import Hand, Handling, check_arc
+from runtime.execution.middle import Middle
+from runtime.execution.reading import CURRENT_MA
+from runtime.execution.safe_state import fingers_stop, reach_safe_state
+from runtime.shell import interrupts
+from runtime.shell.command import number, say
+from runtime.shell.files import OutputError, usable
+from runtime.table import Pose2, Table, load
+
+NAME = "middle"
+EXAMPLE = (
+    "grasp-calibrate middle --port /dev/ttyUSB0 --arm URL --tree T.msgpack --calibration G.json "
+    "--block 30 -o G2.json"
+)
+DESCRIPTION = """\
+Measure where the fingers meet, beside the hand's middle: clamp a block of known width to the table, its sides
+square to the jaws. The hand closes on it gently from either side, turns half round, and does so again, 28
+times in all. What the table of --tree allows (area, heights, arm speed) holds here, too."""
+
+
+def add_to(subcommands: Any, codes: str) -> None:
+    """The arguments, as one of grasp-calibrate's commands."""
+    made = subcommands.add_parser(
+        NAME, help="where the fingers meet, with a block held fast", description=DESCRIPTION,
+        epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
+    )  # fmt: skip
+    add = made.add_argument
+    add("--port", required=True, help="the gripper, as for grasp-runtime")
+    add("--arm", required=True, metavar="URL", help="the arm, as for grasp-runtime")
+    add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table that the cell will run")
+    add(
+        "--calibration", type=Path, required=True, metavar="F", help="of its widths, by grasp-calibrate width"
+    )
+    add("--block", type=number, required=True, metavar="MM", help="the block's width, near that of the part")
+    add("--at", default="0,0", metavar="X,Y", help="its centre in mm, to within 4 mm (default: 0,0)")
+    add("--angle", type=number, default=0.0, metavar="DEG", help="of the hand square to it (default: 0)")
+    add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
+    add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
+    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
+
+
+def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
+    """Measure and write as the arguments say; returns 0.
+
+    Args:
+        arguments: parsed.
+        drivers: opens the devices, moving nothing.
+        ask: shows the operator a sentence and waits.
+
+    Raises:
+        Exception: any error of ours or of a device; each carries its `exit_code`.
+    """
+    at, known = _checked(arguments)
+    table = load(arguments.tree).table
+    safety.check_table(table)
+    handling = Handling(
+        calibration=known.table, arc=options.arc_of(arguments, table, known),
+        current_ma=known.current_ma or CURRENT_MA,
+    )  # fmt: skip
+    check_arc(handling.arc, table.limits, known.table)
+    node = middle.gripping(table, arguments.block)
+    height_mm = table.limits.retreat_height_um / 1000
+    for x_mm, y_mm, angle_rad in middle.places(at):
+        safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
+    tell = partial(say, file=sys.stderr) if arguments.json else say
+    with PortLock(arguments.port), PortLock(arguments.arm):
+        gripper = drivers.gripper(arguments.port)
+        with closing(gripper), closing(drivers.arm(arguments.arm)) as arm:
+            state = gripper.state()
+            if holds := held.look(state, known.table):
+                raise GripperStateError(f"{holds.sentence()}; take it out, open the fingers, start again")
+            ask(_warning(arguments, at, table))
+            if arguments.activate and safety.needs_activation(state):
+                with fingers_stop(gripper):
+                    gripper.activate()
+            safety.ready_gripper(gripper)
+            hand = Hand(gripper, arm, SystemClock(), table, handling)
+            try:
+                found = middle.measure(hand, node, arguments.block, at, tell)
+            except BaseException as error:
+                for note in reach_safe_state(gripper, arm, table.limits, arm_known=hand.arm_known):
+                    error.add_note(note)
+                raise
+    made = replace(known, middle=found)
+    interrupts.conclude()  # measured: a stop request would stop nothing
+    calibration.save(made, arguments.output)
+    _print(arguments, found, table)
+    return 0
+
+
+def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
+    low_mm, high_mm = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
+    return (
+        f"The hand will go to ({at[0]:g}, {at[1]:g}) mm at a height of {high_mm:g} mm, come down to "
+        f"{low_mm:g} mm 28 times, close on the {arguments.block:g} mm block, and turn half round. See that "
+        "the block is clamped there, that the tips meet it at that height, and that nothing else is near. "
+        "Keep clear and press Enter."
+    )
+
+
+def _print(arguments: argparse.Namespace, found: Middle, table: Table) -> None:
+    width_mm, leaves = middle.narrowest_mm(table), middle.left(found, table)
+    beside = middle.off_mm(found, table)
+    if arguments.json:
+        told = {"output": str(arguments.output), **found._asdict(), "narrowest_mm": width_mm}
+        say(json.dumps({**told, "beside_mm": beside, "doubt": leaves}))
+        return
+    say(
+        f"the fingers meet {found.across_mm:+.2f} +- {found.across_error_mm:.2f} mm off the hand's middle at "
+        f"{found.block_mm:g} mm, along the hand's y"
+    )
+    say(f"the finger at +y makes {100 * found.share:.1f} +- {100 * found.share_error:.1f} % of the closing")
+    say(f"on this table's part, {width_mm:.1f} mm, its places are corrected by {-beside:+.2f} mm")
+    say("what is left to doubt, for the job:")
+    say("[doubt]")
+    for key, (low, high) in leaves.items():
+        say(f"{key} = [{low:g}, {high:g}]")
+    say(f"written to {arguments.output}")
+
+
+def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
+    """Where the block stands, and what is known of the gripper; looked at before anything is opened."""
+    if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
+        raise ArgumentsError(
+            "the middle is measured with a gripper on an arm; name both by their addresses "
+            "(of a simulated cell: grasp-cell --block)"
+        )
+    try:
+        x_mm, y_mm = (number(word) for word in arguments.at.split(","))
+    except (ValueError, argparse.ArgumentTypeError):
+        raise ArgumentsError(f"--at {arguments.at!r}: write X,Y in mm, as --at 0,0") from None
+    try:
+        usable(arguments.output, arguments.calibration, arguments.tree)
+    except OutputError as error:
+        raise ArgumentsError(f"--output {error}") from error
+    return (x_mm, y_mm, radians(arguments.angle)), calibration.load(arguments.calibration)

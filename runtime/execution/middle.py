@@ -1,0 +1,248 @@
+"""Where the fingers meet: measured on a block held fast, by a hand that is turned half round in between.
+
+On a block that cannot give way the first finger that touches stops both. With h the hand's place and b the
+block's along the hand's y, W the block's width, m how far off the hand's middle the fingers meet on it, and s
+the upper finger's share of the closing, the jaws stop at a width w = W + v,
+
+    h = b - m - s v          where the upper finger touches first,
+    h = b - m + (1 - s) v    where the lower one does:
+
+one line for both sides, whose slope is s. A hand turned half round has -b for b and the same m.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import hypot, pi, sqrt
+from statistics import fmean, linear_regression
+from typing import NamedTuple, Self
+
+from runtime.errors import CalibrationError, GripperStateError
+from runtime.execution import safety
+from runtime.execution.hand import Hand
+from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of, profile_of
+from runtime.traversal.decision import CLOSING_CONTACT, release_point
+from runtime.traversal.geometry import compose, placement, sent
+
+ROOM_MM = 15.0  # between a block in the middle and each open finger
+COARSE_MM = 6.0  # beside its stated place where the block is looked for
+NEAR_MM = 4.0  # as far off it may be found
+FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)  # beside where it was found, on either side; rounding averages out
+ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
+MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
+EVEN = 0.5
+SURE = 2.0  # standard deviations that are left as a doubt
+
+
+class Middle(NamedTuple):
+    """Where the fingers meet, as measured; errors are standard deviations."""
+
+    block_mm: float  # width of the block
+    across_mm: float  # how far off the hand's middle they met on it, along the hand's y
+    across_error_mm: float
+    share: float  # what the finger at +y makes of the closing
+    share_error: float
+
+    @classmethod
+    def parsed(cls, told: object) -> Self | None:
+        """As a file holds it; None where it was not measured.
+
+        Raises:
+            TypeError, ValueError: it is none.
+        """
+        if told is None:
+            return None
+        if not isinstance(told, dict):
+            raise TypeError("has a middle that is none")
+        made = cls(**{name: float(value) for name, value in told.items()})
+        if not abs(made.across_mm) <= MOST_MM:
+            raise ValueError(f"has fingers that meet {made.across_mm:g} mm off the hand's middle")
+        return made
+
+    def at(self, width_mm: float) -> tuple[float, float]:
+        """How far off they meet at another width, and the error of that [mm]."""
+        further = width_mm - self.block_mm
+        across = self.across_mm + (self.share - EVEN) * further
+        return across, hypot(self.across_error_mm, self.share_error * further)
+
+
+class Grip(NamedTuple):
+    """The jaws closed on the block once."""
+
+    hand_mm: float  # place of the hand along its y, from where the block was said to be
+    width_mm: float  # at which they stopped
+
+
+def off_mm(measured: Middle | None, table: Table) -> float:
+    """How far beside its places the fingers of a table meet on the part's narrowest side, by a measurement.
+
+    What the table was planned with, an uneven share that its job states, is no error.
+    """
+    if measured is None:
+        return 0.0
+    width_mm = narrowest_mm(table)
+    planned = (EVEN - _planned_share(table)) * (table.gripper.opening_um / 1000 - width_mm)
+    return measured.at(width_mm)[0] - planned
+
+
+def left(measured: Middle, table: Table) -> dict[str, list[float]]:
+    """What correcting by a measurement leaves to doubt, as `[doubt]` of the table's job says it."""
+    error_mm = SURE * measured.at(narrowest_mm(table))[1]
+    more, spread = measured.share - _planned_share(table), SURE * measured.share_error
+    return {
+        "middle_mm": [-round(error_mm, 2), round(error_mm, 2)],
+        "finger_share": [round(more - spread, 3), round(more + spread, 3)],
+    }
+
+
+def narrowest_mm(table: Table) -> float:
+    """The least width at which a part of the table is expected to be held."""
+    expected = [branch.expected_um for node in table.nodes for branch in node.branches]
+    return min((width for width in expected if width >= HELD_UM), default=HELD_UM) / 1000
+
+
+def _planned_share(table: Table) -> float:
+    gripper = (job_of(table) or {}).get("gripper")
+    share = gripper.get("upper_finger_share", EVEN) if isinstance(gripper, dict) else EVEN
+    return float(share)
+
+
+def check(table: Table, middle_mm: float) -> None:
+    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
+
+    Raises:
+        MotionRefusedError: one of them lies outside the work area then.
+    """
+    height_mm = table.limits.retreat_height_um / 1000
+    for node in table.nodes:
+        for branch in range(len(node.branches)):
+            for place in (placement(node.squeeze), placement(node.squeeze, release_point(node, branch))):
+                x_mm, y_mm, angle_rad = sent(place, middle_mm)
+                safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
+
+
+def gripping(table: Table, block_mm: float) -> Node:
+    """A squeeze of the block: gentle, the jaws opened for it, and one outcome that any width is.
+
+    Raises:
+        CalibrationError: the block is too wide for the gripper.
+    """
+    profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
+    opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
+    if block_mm <= 0.0 or opening_um > widest_um:
+        raise CalibrationError(
+            f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
+        )
+    squeeze = table.nodes[0].squeeze._replace(
+        opening_um=opening_um, speed_um_s=profile.speed_um_s[0], force_mn=profile.force_mn[0]
+    )
+    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
+
+
+def places(at: Pose2) -> Iterator[Pose2]:
+    """The outermost places that the hand may be sent to about a block [mm, mm, rad]."""
+    most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
+    for turn in (0.0, pi):
+        for off in (-most, most):
+            yield compose((*at[:2], at[2] + turn), (0.0, off, 0.0))
+
+
+def measure(hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]) -> Middle:
+    """Grip a block that is held fast, from both sides, with the hand one way round and the other.
+
+    Args:
+        hand: retreated, with nothing between the fingers; it has no middle of its own yet.
+        node: of `gripping`.
+        block_mm: the block's width.
+        at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
+        tell: told of each half.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
+        CalibrationError: the readings are not those of such a block there.
+    """
+    halves = []
+    for turn in (0.0, pi):
+        about = (*at[:2], at[2] + turn)
+        found = _look(hand, node, block_mm, about)
+        offs = [found + side * off for off in FINE_MM for side in (-1, 1)]
+        grips = [_grip(hand, node, about, off) for off in offs]
+        halves.append((found, grips))
+        tell(f"{len(grips) + 2} grips with the hand {'turned half round' if turn else 'as stated'}")
+    return fit(block_mm, halves)
+
+
+def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
+    """Where the hand must stand for both fingers to touch at once, roughly [mm]."""
+    below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
+    if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
+        raise CalibrationError(
+            f"the jaws read {below:.2f} and {above:.2f} mm on a block of {block_mm:g} mm, {COARSE_MM:g} mm "
+            "beside its middle: it gives way, or is another; hold it fast"
+        )
+    found = (below - above) / 4.0
+    if abs(found) > NEAR_MM:
+        raise CalibrationError(
+            f"the block stands about {found:+.1f} mm off, along the hand's y; correct --at"
+        )
+    return found
+
+
+def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
+    place = compose(about, (0.0, off_mm, 0.0))
+    hand.retreat()
+    hand.open(node.squeeze)
+    hand.travel(*place)
+    hand.descend(*place)
+    reading = hand.close(node)
+    width_mm = hand.width_mm(reading.position_counts)
+    hand.release(node.squeeze)
+    hand.retreat()
+    if reading.object_flag != CLOSING_CONTACT:
+        raise GripperStateError(
+            f"the fingers closed at ({place[0]:.1f}, {place[1]:.1f}) mm and met no block; correct --at"
+        )
+    return Grip(off_mm, width_mm)
+
+
+def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
+    """What the grips of both halves say: about where each found the block, and its grips.
+
+    Raises:
+        CalibrationError: they do not fit a block held fast.
+    """
+    lines = [_line(block_mm, found, grips) for found, grips in halves]
+    rough = max(line.residual_mm for line in lines)
+    if not rough <= ROUGH_MM:
+        raise CalibrationError(
+            f"the readings scatter by {rough:.2f} mm about those of a {block_mm:g} mm block held fast; "
+            "look at its width, at --angle, and that it does not give way"
+        )
+    across = -fmean(line.both_mm for line in lines)
+    if not abs(across) <= MOST_MM:
+        raise CalibrationError(f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame")
+    share = -fmean(line.slope for line in lines)
+    errors = (hypot(*(line.both_error_mm for line in lines)), hypot(*(line.slope_error for line in lines)))
+    return Middle(block_mm, across, errors[0] / 2.0, share, errors[1] / 2.0)
+
+
+class _Line(NamedTuple):
+    """Hand places over widths, for one way round of the hand."""
+
+    both_mm: float  # where both fingers touch at once
+    slope: float  # minus the upper finger's share
+    both_error_mm: float
+    slope_error: float
+    residual_mm: float
+
+
+def _line(block_mm: float, found: float, grips: Sequence[Grip]) -> _Line:
+    wider = [grip.width_mm - block_mm for grip in grips]
+    # Where the lower finger touches first, v is taken off, which leaves the line of the other side.
+    hand = [grip.hand_mm - (v if grip.hand_mm > found else 0.0) for grip, v in zip(grips, wider, strict=True)]
+    slope, both = linear_regression(wider, hand)
+    squares = sum((h - both - slope * v) ** 2 for h, v in zip(hand, wider, strict=True))
+    residual = sqrt(squares / (len(grips) - 2))
+    mean = fmean(wider)
+    spread = sum((v - mean) ** 2 for v in wider)
+    return _Line(
+        both, slope, residual * sqrt(1.0 / len(grips) + mean**2 / spread), residual / sqrt(spread), residual
+    )

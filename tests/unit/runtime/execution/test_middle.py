@@ -1,0 +1,144 @@
+"""Where the fingers meet: found on a block held fast, and what follows from it for a table's places."""
+
+import math
+import random
+from dataclasses import replace
+
+import pytest
+from fake_scene import setting
+from sample_tables import small_table
+
+from drivers.sim.physics.scene import Block
+from drivers.sim.virtual.cell import VirtualCell
+from runtime.errors import CalibrationError, GripperStateError, MotionRefusedError
+from runtime.execution import middle
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.middle import Grip, Middle, fit, gripping, measure
+from runtime.traversal.geometry import compose, placement, sent
+
+BLOCK_MM, OPENING_MM = 30.0, 85.0
+
+
+def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
+    """Opening at which fingers that close step by step first touch a block held fast; no formula of ours."""
+    upper = hand_mm + across_mm + OPENING_MM / 2.0
+    lower = hand_mm + across_mm - OPENING_MM / 2.0
+    step = 0.005
+    while upper - lower > 0.0:
+        upper, lower = upper - step * share, lower + step * (1.0 - share)
+        if upper <= block_mm + BLOCK_MM / 2.0 or lower >= block_mm - BLOCK_MM / 2.0:
+            return upper - lower
+    return 0.0
+
+
+def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
+    """Grips on a block `block_mm` off, the hand one way round and the other."""
+    meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
+    for side in (1, -1):
+        found = side * block_mm - meet
+        offs = [found + way * off for off in middle.FINE_MM for way in (-1, 1)]
+        yield found, [Grip(h, read(stopped(h, share, side * block_mm, across_mm))) for h in offs]
+
+
+@pytest.mark.parametrize(("share", "across_mm"), [(0.5, 0.0), (0.5, 1.5), (0.44, -0.8), (0.6, 2.0)])
+def test_exact_grips_tell_where_the_fingers_meet_and_how_they_share_the_closing(share, across_mm):
+    found = fit(BLOCK_MM, list(halves(share, across_mm)))
+    assert found.share == pytest.approx(share, abs=1e-3)
+    assert found.across_mm == pytest.approx(across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM), abs=5e-3)
+    for width_mm in (10.0, 50.0):  # of fingers that share unevenly the middle goes with the width
+        across, _ = found.at(width_mm)
+        assert across == pytest.approx(across_mm + (0.5 - share) * (OPENING_MM - width_mm), abs=0.03)
+
+
+def test_errors_cover_what_counts_and_noise_do():
+    count_mm, draw, off = 85.0 / 227.0, random.Random(3), []
+    for k in range(40):
+        read = lambda width: count_mm * round((width + draw.gauss(0.0, 0.15)) / count_mm)  # noqa: E731
+        found = fit(BLOCK_MM, list(halves(0.48, 0.9, 0.1 * k, read)))
+        off.append((found.at(BLOCK_MM)[0] - 0.9 - 0.02 * 55.0) / found.across_error_mm)
+        assert found.across_error_mm < 0.1
+    assert 0.6 < math.sqrt(sum(z * z for z in off) / len(off)) < 1.5
+
+
+def test_what_is_no_block_held_fast_is_refused():
+    loose = [(0.0, [Grip(off, BLOCK_MM + 0.01 * k) for k, off in enumerate((-5.0, 5.0) * 6)])] * 2
+    with pytest.raises(CalibrationError, match="does not give way"):
+        fit(BLOCK_MM, loose)
+    with pytest.raises(CalibrationError, match="look at its width"):
+        fit(BLOCK_MM - 2.0, list(halves(0.5, 1.0)))
+    with pytest.raises(CalibrationError, match="set the tool frame"):
+        fit(BLOCK_MM, list(halves(0.5, 12.0)))
+    for block_mm in (0.0, -3.0, 56.0, math.nan):
+        with pytest.raises((CalibrationError, ValueError)):
+            gripping(small_table(), block_mm)
+
+
+STANDING = Block(BLOCK_MM, 12.0, -7.0)
+
+
+class Rig:
+    """A simulated cell with a block in place of parts, over its real bytes, and a hand."""
+
+    def __init__(self, block=STANDING, middle_mm=1.5):
+        self.table = small_table()
+        self.cell = VirtualCell(setting()._replace(block=block, middle_mm=middle_mm), 5)
+        gripper, arm = self.cell.gripper(), self.cell.arm()
+        gripper.activate()
+        self.hand = Hand(gripper, arm, self.cell.clock, self.table, Handling())
+
+    def measure(self, at, block_mm=BLOCK_MM):
+        told = []
+        found = measure(self.hand, gripping(self.table, block_mm), block_mm, at, told.append)
+        assert len(told) == 2
+        return found
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2])
+def test_a_simulated_cell_is_measured_to_what_it_says(angle):
+    rig = Rig()
+    found = rig.measure((11.0, -5.5, angle))
+    assert abs(found.across_mm - 1.5) < 3.0 * found.across_error_mm
+    assert found.across_error_mm < 0.1
+    assert abs(found.share - 0.5) < 3.0 * found.share_error
+    assert rig.cell.works.table.crashes == 0
+    assert rig.hand.where()[2] == pytest.approx(rig.table.limits.retreat_height_um / 1000, abs=0.05)
+
+
+def test_a_block_that_is_elsewhere_another_or_none_is_told():
+    with pytest.raises(CalibrationError, match=r"about \+[45]\.. mm off"):
+        Rig(Block(BLOCK_MM, 0.0, 5.0), 0.0).measure((0.0, 0.0, 0.0))
+    with pytest.raises(CalibrationError, match="hold it fast"):
+        Rig(Block(BLOCK_MM - 8.0), 0.0).measure((0.0, 0.0, 0.0))
+    with pytest.raises(GripperStateError, match="met no block"):
+        Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
+
+
+def test_a_hand_goes_where_the_fingers_are_to_meet_and_says_that_it_is_there():
+    rig = Rig()
+    hand = Hand(rig.hand.gripper, rig.hand.arm, rig.cell.clock, rig.table, Handling(middle_mm=1.5))
+    hand.retreat()
+    for place in ((10.0, 5.0, 0.0), (0.0, 0.0, 2.0), (-5.0, 8.0, -2.5)):
+        hand.travel(*place)
+        assert hand.where()[:2] == pytest.approx(place[:2], abs=0.02)
+        x, y, _, angle = hand.arm.pose()
+        assert compose((x, y, angle), (0.0, 1.5, 0.0))[:2] == pytest.approx(place[:2], abs=0.02)
+
+
+def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anything_moves():
+    table = small_table()
+    middle.check(table, 1.0)
+    low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
+    tight = replace(table.limits, work_area_um=(-90_000, low_um, 90_000, 90_000))
+    middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
+    with pytest.raises(MotionRefusedError, match="outside the work area"):
+        middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
+
+
+def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_planned_with():
+    table = small_table()
+    width = middle.narrowest_mm(table)
+    assert middle.off_mm(None, table) == 0.0
+    assert middle.off_mm(Middle(width, 1.5, 0.05, 0.5, 0.01), table) == pytest.approx(1.5)
+    assert middle.off_mm(Middle(width + 10.0, 1.5, 0.05, 0.45, 0.01), table) == pytest.approx(2.0)
+    left = middle.left(Middle(width, 1.5, 0.05, 0.45, 0.01), table)
+    assert left == {"middle_mm": [-0.1, 0.1], "finger_share": [-0.07, -0.03]}
