@@ -76,7 +76,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     """Cuts readings into the intervals that leave the fewest squeezes to make.
 
     Args:
-        poses: (n, 3) after the squeeze, n >= 1 [mm, mm, rad].
+        poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
         counts: (n,) readings, 0 to 255.
         rule: how they are cut.
     """
@@ -84,8 +84,8 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
     k = _cut(
-        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.prices(), bounds,
+        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.modes,
+        np.array(rule.estimate), rule.prices(), bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
@@ -99,7 +99,7 @@ def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntAr
     A rare width beside a common one may look no different until the next squeeze.
 
     Args:
-        poses: (n, 3) after the squeeze [mm, mm, rad].
+        poses: (n, 3 or 4) states after the squeeze [mm, mm, rad, hypothesis].
         before: (n,) readings of the squeeze before, all of one interval.
         counts: (n,) readings of this one.
         rule: how they are cut.
@@ -111,8 +111,7 @@ def recut(poses: Array, before: IntArray, counts: IntArray, rule: Rule) -> IntAr
     cuts = np.empty(COUNTS, np.int64)
     made = _recut(
         np.ascontiguousarray(poses[order]), before[order], np.bincount(counts, minlength=COUNTS),
-        rule.resolution.free, metric.weights(), metric.order, metric.modes, np.array(rule.estimate),
-        rule.prices(), cuts,
+        rule.resolution.free, metric.weights(), metric.modes, np.array(rule.estimate), rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
@@ -137,11 +136,9 @@ def squeezes_left(
 
 
 @kernel
-def _candidates(
-    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, found: Array
-) -> int:
-    """Poses that explain many particles of a count and those beside it, into `found` (c, 3); returns c."""
-    n, mean, centre, c = first[m], np.empty(3), np.empty(3), 0
+def _candidates(poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, found: Array) -> int:
+    """Poses that explain many particles of a count and those beside it, into `found` (c, .); returns c."""
+    n, mean, centre, c = first[m], np.empty(poses.shape[1]), np.empty(poses.shape[1]), 0
     for a in range(m):
         low, high = first[a], first[a + 1]
         if a > 0 and counts[a - 1] == counts[a] - 1:
@@ -152,17 +149,15 @@ def _candidates(
         wanted = min(size, 1 + CANDIDATES * size // n)
         for k in range(wanted):
             start = first[a] + k * size // wanted
-            for j in range(3):
-                centre[j] = poses[start, j]
+            centre[:] = poses[start]
             best = 0
             for _ in range(CLIMBS + 1):
-                hits = inliers(poses[low:high], centre, weights, period, mean)
+                hits = inliers(poses[low:high], centre, weights, mean)
                 if hits <= best:
                     break
                 best = hits
-                for j in range(3):
-                    found[c, j] = centre[j]
-                    centre[j] = mean[j]
+                found[c] = centre
+                centre[:] = mean
             c += 1
     return c
 
@@ -244,7 +239,7 @@ def _occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) ->
 
 @kernel
 def _cut(
-    poses: Array, weight: IntArray, free: int, weights: Array, order: int, modes: int, estimate: Array,
+    poses: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
     prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
@@ -254,15 +249,15 @@ def _cut(
     n = weight.shape[0]
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = _occupied(weight, free, counts, first)
-    period, mean = 2.0 * np.pi / order, np.empty(3)
-    found = np.empty((m + CANDIDATES, 3))
-    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
+    mean = np.empty(poses.shape[1])
+    found = np.empty((m + CANDIDATES, poses.shape[1]))
+    found = found[: _candidates(poses, first, counts, m, weights, found)]
     hits = np.zeros((found.shape[0], m + 1), np.int64)
     for c in range(found.shape[0]):
         for a in range(m):
-            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
+            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, mean)
             hits[c, a + 1] = hits[c, a] + here
-    apart = _apart(found if modes > 1 else found[:0], weights, period)
+    apart = _apart(found if modes > 1 else found[:0], weights)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     _within_reach(counts, m, prices[3], low, high)
     none = np.zeros((hits.shape[0], m + 1), np.int64)
@@ -285,7 +280,7 @@ def _cut(
 
 @kernel
 def _recut(
-    poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, order: int, modes: int,
+    poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array, modes: int,
     estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
     """`recut`, poses (n, 3) and readings `before` (n,) by rising count, `cuts` in place; returns how many."""
@@ -302,9 +297,9 @@ def _recut(
     place = np.zeros(bins, np.int64)
     for r in range(rows):
         place[old[r]] = r
-    period, mean = 2.0 * np.pi / order, np.empty(3)
-    found = np.empty((m + CANDIDATES, 3))
-    found = found[: _candidates(poses, first, counts, m, weights, period, found)]
+    mean = np.empty(poses.shape[1])
+    found = np.empty((m + CANDIDATES, poses.shape[1]))
+    found = found[: _candidates(poses, first, counts, m, weights, found)]
     c = found.shape[0]
     # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
     hits, size = np.zeros((rows + 1, c, m + 1), np.int64), np.zeros((rows + 1, m + 1), np.int64)
@@ -313,13 +308,13 @@ def _recut(
             r = place[before[i]]
             size[r + 1, a + 1] += 1
             for k in range(c):
-                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, period, mean)
+                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, mean)
     for r in range(1, rows + 1):
         for a in range(1, m + 1):
             size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
             for k in range(c):
                 hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
-    apart = _apart(found if modes > 1 else found[:0], weights, period)
+    apart = _apart(found if modes > 1 else found[:0], weights)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     _within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
@@ -357,16 +352,16 @@ def _recut(
 
 
 @kernel
-def _apart(found: Array, weights: Array, period: float) -> BoolArray:
+def _apart(found: Array, weights: Array) -> BoolArray:
     """(c, c): whether no particle can be within the goal of both candidates."""
     c = found.shape[0]
     half = np.copy(weights)
-    half[1:] *= 0.5
-    mean = np.empty(3)
+    half[:, 1:4] *= 0.5
+    mean = np.empty(found.shape[1])
     apart = np.zeros((c, c), np.bool_)
     for a in range(c):
         for b in range(c):
-            apart[a, b] = inliers(found[b : b + 1], found[a], half, period, mean) == 0
+            apart[a, b] = inliers(found[b : b + 1], found[a], half, mean) == 0
     return apart
 
 

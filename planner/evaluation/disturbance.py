@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.doubts import traits_of
+from planner.belief.doubts import hypotheses_of, traits_of
 from planner.belief.transition import Placing
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, as_planned
+from planner.mechanics.traits import Traits
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Disturbance:
 
     def traits(self, job: Job, n: int, rng: np.random.Generator) -> Traits:
         """The traits of n parts in this cell."""
-        traits = traits_of(job, n, rng) if self.believed else as_planned(n)
+        traits = traits_of(job, n, rng) if self.believed else hypotheses_of(job, n, rng)
         traits["encoder_mm"] += self.encoder_offset_mm
         traits["across_mm"] += self.across_mm
         return traits

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.evaluation.judge import metric_of_table
+from planner.evaluation.judge import metric_of_table, states_of
 from planner.evaluation.outcome import NOWHERE, Evaluation
 from runtime.table import PPM, Table, poses_of
 
@@ -114,7 +114,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
     for number, leaf in enumerate(table.leaves):
-        distance = metric.between(poses[:, None], np.array([poses_of(table.goal, leaf)])).min(axis=1)
+        distance = metric.between(poses[:, None], states_of(table, leaf)[None]).min(axis=1)
         nearer = (distance < best) & (distance < metric.goal)
         best[nearer], index[nearer] = distance[nearer], number
     return index
@@ -124,7 +124,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
     """Which leaf was taken for which, the commonest first; leaves that were right are left out."""
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
-    truth = nearest_leaf(table, evaluation.poses[failed]).tolist()
+    truth = nearest_leaf(table, evaluation.states[failed]).tolist()
     n = len(evaluation.leaf)
     pairs = Counter(zip(ended, truth, strict=True))
     return [

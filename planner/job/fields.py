@@ -63,6 +63,19 @@ class Integer:
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """Yes or no."""
+
+    default: Any = REQUIRED
+
+    def read(self, value: Any) -> bool:
+        """The value."""
+        if not isinstance(value, bool):
+            raise ValueRangeError(f"must be true or false, not {shown(value)}")
+        return value
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """A short printable line, or one of a few words if `choices` are given."""
 
@@ -118,7 +131,7 @@ class Numbers:
         return "of [x, y] pairs" if self.columns == 2 else f"of rows of {self.columns} numbers"
 
 
-Field: TypeAlias = Number | Integer | Text | Numbers
+Field: TypeAlias = Number | Integer | Flag | Text | Numbers
 
 
 def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[str, Any]:

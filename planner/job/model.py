@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,19 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import JobError
 from planner.job import checks as job_checks
-from planner.job import documents, schema, surface_file
+from planner.job import documents, hypotheses, schema, surface_file
 from planner.part import symmetry
 from planner.part.pressure import Pressure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One of the parts that may lie on the table."""
+
+    share: float  # of the parts that come
+    part: schema.Part
+    pressure: Pressure
+    friction: schema.Friction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,10 +51,29 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
+    # The parts that may lie there, where there are several; part, pressure and friction are then the first's.
+    hypothesis: tuple[Hypothesis, ...] | None = None
+
+    @property
+    def alone(self) -> tuple[Job, ...]:
+        """A job for each part that may lie there, as if it were the only one."""
+        own = self.hypothesis or ()
+        fields = ({"part": h.part, "pressure": h.pressure, "friction": h.friction} for h in own)
+        return tuple(replace(self, hypothesis=None, **each) for each in fields) or (self,)
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Of the parts that come, in the order of `alone`."""
+        return tuple(h.share for h in self.hypothesis) if self.hypothesis else (1.0,)
+
+    @property
+    def name(self) -> str:
+        """What may lie there, for people."""
+        return " or ".join(job.part.name for job in self.alone)
 
     def canonical(self) -> str:
         """The job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
-        return json.dumps(_plain(asdict(self)), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return json.dumps(_document(self), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> bytes:
         """The SHA-256 of the canonical text, 32 bytes."""
@@ -59,7 +88,7 @@ class Job:
         Raises:
             JobError: as `parse`.
         """
-        document = documents.changed(_plain(asdict(self)), _plain(changes), where)
+        document = documents.changed(_document(self), _plain(changes), where)
         drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get("pressure", ())
         return of_document(document, where, drawn)
 
@@ -87,9 +116,11 @@ def files(path: str | Path) -> list[Path]:
         JobError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
-    pressure = document.get("pressure")
-    named = pressure.get("surface_file") if isinstance(pressure, dict) else None
-    return [Path(path), *([Path(path).parent / named] if isinstance(named, str) else [])]
+    entries = document.get(hypotheses.KEY)
+    tables = [document, *(entry for entry in entries if isinstance(entry, dict))] if entries else [document]
+    stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
+    named = [table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)]
+    return [Path(path), *(Path(path).parent / name for name in named)]
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
@@ -140,8 +171,37 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    """The job of a document, with as many hypotheses as it names parts and faces."""
+    found: list[tuple[float, Job]] = []
+    for number, (share, alone) in enumerate(hypotheses.stated(document), start=1):
+        try:
+            jobs = _on_faces(alone, where, drawn)
+        except JobError as error:
+            raise (hypotheses.named(number, error) if hypotheses.KEY in document else error) from None
+        found += [(share / len(jobs), job) for job in jobs]
+    if len(found) == 1:
+        job_checks.check_identity(found[0][1].goal)
+        return found[0][1]
+    lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
+    first = replace(found[0][1], cell=replace(found[0][1].cell, squeeze_height_mm=lowest_mm))
+    parts = tuple(Hypothesis(share, job.part, job.pressure, job.friction) for share, job in found)
+    job_checks.check_hypotheses(first, [job.part.name for _, job in found])
+    return replace(first, hypothesis=parts)
+
+
+def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
+    """The job of one part; and that of the part turned over, where it may lie on either face."""
+    part = document.get("part")
+    faces = part.get("faces") if isinstance(part, dict) else None
+    job = _of_one(document, where, drawn)
+    other = hypotheses.turned_over(_document(job)) if faces is not None else None
+    return [job] if other is None else [job, _of_one(other, where, drawn=False)]
+
+
+def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     values = documents.checked(document)
     part, actions, cell = values["part"], values["actions"], values["cell"]
+    del part["faces"]
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
@@ -160,8 +220,19 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     return Job(seed=values[""]["seed"], **records)
 
 
+def _document(job: Job) -> dict[str, Any]:
+    """A job as JSON types; several hypotheses stand in place of part, pressure and friction."""
+    document: dict[str, Any] = _plain(asdict(job))
+    if job.hypothesis:
+        for own in hypotheses.OWN:
+            del document[own]
+    return document
+
+
 def _plain(value: Any) -> Any:
     """A value as JSON types; keys that are None are not written."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
+        return [_plain(item) for item in value]
     return value.tolist() if isinstance(value, np.ndarray) else value

@@ -12,7 +12,7 @@ from planner.evaluation.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
 from planner.job.model import Job
 from planner.paper.sensorless import SqueezePlan, plan
-from planner.part.outline import convex_hull, radius_of_gyration
+from planner.part.outline import convex_hull
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorlds
 
@@ -108,7 +108,7 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
     run = partial(_squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    metric = metric_of(job)
     orders = round(2.0 * np.pi / squeezes.period)
     off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
     return Achieved(

@@ -204,7 +204,7 @@ def learn(
         met = node.mode.ratio >= confidence
         node.refuted = number in against
         node.belief = Belief.joined([node.belief, found])
-        node.mode = growth.objective.metric.mode(node.belief.poses)
+        node.mode = growth.objective.metric.mode(node.belief.states)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
             short += node.share
@@ -274,7 +274,7 @@ def _separated(
     """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest piece."""
     before, after = found[0].reading, found[1].belief
     belief, metric, share = node.belief, growth.objective.metric, node.share
-    cuts = recut(after.poses, before, after.reading, growth.objective.rule)
+    cuts = recut(after.states, before, after.reading, growth.objective.rule)
     piece = np.searchsorted(cuts, belief.reading, side="right")
     numbers, size = np.unique(piece, return_counts=True)
     if len(numbers) < 2:
@@ -288,7 +288,7 @@ def _separated(
             parent.named += 1
             other = TreeNode(part, 0.0, node.mode, path, node.squeezes_without_gain)
         other.belief, other.share = part, share * len(part) / len(belief)
-        other.mode = metric.mode(part.poses)
+        other.mode = metric.mode(part.states)
         pieces.append(other)
     replace_child(parent, node, pieces)
     return [other for other in pieces if other is not node]
@@ -313,7 +313,7 @@ def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, flo
         release, growth.objective.costs.of(outcomes), 1.0 - arrives,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
-    modes = [metric.mode(child.poses) for child in beliefs]
+    modes = [metric.mode(child.states) for child in beliefs]
     shares = arrives * outcomes.probability
     after = sum(share * mode.ratio for share, mode in zip(shares, modes, strict=True))
     bias = selection_bias(node.mode.ratio, len(node.belief), len(beliefs), params)
