@@ -281,7 +281,8 @@ def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> 
     if cut is not None:
         error = NoPlanError(f"{job.name}: {cut.line()}; no leaf is within {goal} yet")
     else:
-        reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
+        open_poses = [] if job.hypothesis else ambiguities(table, evaluation, job, most=1)
+        reasons = [leaf.line() for leaf in open_poses]
         problem = f"{job.name}: no leaf comes within {goal}; add actions, or ask for less"
         error = NoPlanError("; ".join([problem, *reasons]))
     error.success = float(np.mean(evaluation.within))

@@ -149,6 +149,9 @@ def _baseline(arguments: argparse.Namespace) -> int:
 
 def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
+    for option in ("baseline", "models_report", "bound", "bound_dense"):
+        if getattr(arguments, option):
+            shell.check_one_part(job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}")
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 

@@ -11,7 +11,7 @@ from planner.evaluation import text
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep
-from planner.evaluation.leaves import confusions, reliability, worst
+from planner.evaluation.leaves import confusions, identities, reliability, worst
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.trials import Program
 from planner.job.model import Job
@@ -128,6 +128,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         shell.print_json(
             {
                 **evaluation.summary(),
+                **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
                 "reliability": outcome.figures(),
                 "confusions": [row._asdict() for row in confused],
                 "worst": [row.figures() for row in mistakes],
@@ -136,6 +137,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         return
     lines = [
         *text.overview(evaluation, _name_of_world(arguments)),
+        *(text.named(identities(table, evaluation)) if table.hypotheses else ()),
         *text.predictions(table, outcome),
         *text.taken_for(confused),
         *text.furthest(mistakes),

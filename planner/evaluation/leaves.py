@@ -106,6 +106,41 @@ class Mistake(NamedTuple):
         }
 
 
+class Identities(NamedTuple):
+    """Which part was named, over all trials."""
+
+    names: tuple[str, ...]  # of the hypotheses
+    named: IntArray  # (h, h + 1) parts of each hypothesis, by the name that they got; last: none
+
+    @property
+    def right(self) -> float:
+        """Share of the named parts that got their own name; 1 where none was named."""
+        named = self.named[:, :-1]
+        return float(np.trace(named) / named.sum()) if named.any() else 1.0
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        total = self.named.sum()
+        return {
+            "names": list(self.names),
+            "identity_rate": self.right,
+            "named_rate": float(self.named[:, :-1].sum() / total),
+            "mistaken_rate": float((self.named[:, :-1].sum() - np.trace(self.named)) / total),
+            "named": self.named[:, :-1].tolist(),
+            "unnamed": self.named[:, -1].tolist(),
+        }
+
+
+def identities(table: Table, evaluation: Evaluation) -> Identities:
+    """Holds the names that resolved leaves give against what the parts of a table of several are."""
+    number = len(table.hypotheses)
+    said = np.array([leaf.hypothesis for leaf in table.leaves])[evaluation.leaf]
+    said = np.where(evaluation.resolved, said, number)
+    named = np.zeros((number, number + 1), np.int64)
+    np.add.at(named, (evaluation.traits["hypothesis"], said), 1)
+    return Identities(tuple(own.name for own in table.hypotheses), named)
+
+
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
     """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
 

@@ -58,8 +58,10 @@ class Job:
     def alone(self) -> tuple[Job, ...]:
         """A job for each part that may lie there, as if it were the only one."""
         own = self.hypothesis or ()
-        fields = ({"part": h.part, "pressure": h.pressure, "friction": h.friction} for h in own)
-        return tuple(replace(self, hypothesis=None, **each) for each in fields) or (self,)
+        jobs = (
+            replace(self, part=h.part, pressure=h.pressure, friction=h.friction, hypothesis=None) for h in own
+        )
+        return tuple(jobs) or (self,)
 
     @property
     def shares(self) -> tuple[float, ...]:

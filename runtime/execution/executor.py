@@ -104,7 +104,7 @@ class Executor:
                     self._free(part, broken)
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
-            self._cell.journal.record("outcome", result.fields())
+            self._cell.journal.record("outcome", self._fields(result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
             notes = ("nothing was moved",)
@@ -205,6 +205,11 @@ class Executor:
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
         return result
 
+    def _fields(self, result: PartResult) -> dict[str, object]:
+        """A result as a journal record holds it, with the name of the part where the table gives it one."""
+        name = None if result.leaf is None else self._table.name_of(self._table.leaves[result.leaf])
+        return result.fields() if name is None else {**result.fields(), "hypothesis": name}
+
     def _expected_s(self, squeeze: Squeeze) -> float:
         """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
         limits = self._table.limits
@@ -228,7 +233,7 @@ class Executor:
     def _ended(self, result: PartResult) -> PartResult:
         """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
-            self._cell.journal.record("outcome", result.fields())
+            self._cell.journal.record("outcome", self._fields(result))
         except CellError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result

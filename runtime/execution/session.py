@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from drivers.ports import Gripper, Scene
+from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
@@ -122,11 +122,16 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
         return Sighting(None, None, None, truth.crashes)
     # A part that was taken away by the last grasp lies elsewhere now.
     if result.outcome is not Outcome.LEAF or result.leaf is None or result.delivery is not None:
-        return Sighting(true, None, None, truth.crashes)
-    goal, leaf = table.goal, table.leaves[result.leaf]
+        return Sighting(true, None, None, truth.crashes, _named(table, truth))
+    goal, leaf = table.goal_of(truth.hypothesis), table.leaves[result.leaf]
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
-    shown_mm = None if goal.kind == "orientation" else off_mm
-    return Sighting(true, shown_mm, meets(goal, leaf, true), truth.crashes)
+    shown_mm = None if goal.kind in ("orientation", "identity") else off_mm
+    within = meets(goal, leaf, true, truth.hypothesis)
+    return Sighting(true, shown_mm, within, truth.crashes, _named(table, truth))
+
+
+def _named(table: Table, truth: Truth) -> str | None:
+    return table.hypotheses[truth.hypothesis].name if table.hypotheses else None
 
 
 def _reason(error: BaseException) -> str:

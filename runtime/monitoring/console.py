@@ -37,11 +37,14 @@ class Lines:
         if result.leaf is not None:
             leaf = self._table.leaves[result.leaf]
             success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
-            told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
+            named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
+            told += f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
             if (error := _expected_error(leaf)) is not None:
                 told += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
             told += f"; true error {seen.error_mm:.2f} mm"
+        if seen is not None and seen.hypothesis is not None:
+            told += f"; it is {seen.hypothesis}"
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
         say(told)
 
@@ -93,6 +96,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
+        **_names(table, leaf, seen),
         "audit": result.audit,
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
@@ -106,7 +110,17 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
     }
 
 
+def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
+    """Which part it is, answered and in truth, where the table leaves that open."""
+    if not table.hypotheses:
+        return {}
+    said = None if leaf is None else table.name_of(leaf)
+    return {"hypothesis": said, "true_hypothesis": None if seen is None else seen.hypothesis}
+
+
 def _goal(goal: GoalSpec) -> str:
+    if goal.kind == "identity":
+        return "the right part"
     if goal.kind in ("pose", "modes"):
         return f"{goal.distance_um / 1000:g} mm"
     x_um, y_um, theta_urad = goal.tolerance

@@ -235,7 +235,7 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
         _rows(fields, "alternative"), [row[12] for row in rows], MAX_ALTERNATIVES, "leaf_alternatives"
     )
     return tuple(
-        Leaf(*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:])
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:], 0, ()))
         for row, others in zip(rows, alternatives, strict=True)
     )
 
