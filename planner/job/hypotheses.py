@@ -104,8 +104,8 @@ def _shares(stated_shares: list[float | None]) -> list[float]:
     return shares
 
 
-def named(number: int, error: JobError) -> JobError:
-    """An error in a hypothesis, told with its number; one in what all have in common stays as it is."""
-    if error.section not in OWN:
+def named(document: Mapping[str, Any], number: int, error: JobError) -> JobError:
+    """An error in an entry of a document, told with its number; one in what all have in common stays."""
+    if KEY not in document or error.section not in OWN or error.section not in document[KEY][number - 1]:
         return error
     return type(error)(error.problem, section=f"{KEY} {number}.{error.section}", key=error.key)

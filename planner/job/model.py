@@ -179,7 +179,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         try:
             jobs = _on_faces(alone, where, drawn)
         except JobError as error:
-            raise (hypotheses.named(number, error) if hypotheses.KEY in document else error) from None
+            raise hypotheses.named(document, number, error) from None
         found += [(share / len(jobs), job) for job in jobs]
     if len(found) == 1:
         job_checks.check_identity(found[0][1].goal)

@@ -152,10 +152,10 @@ class Goal:
     # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
     # them: an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
-    # Whether an answer must also say which of several parts it is; None: yes.
-    identify: Annotated[bool | None, Flag(default=None)]
     # Most parts in a million that may be answered wrongly, by an upper bound; None: no such goal.
     wrong_ppm: Annotated[int | None, Integer(1, 100_000, default=None)]
+    # Whether an answer must also say which of several parts it is; None: yes.
+    identify: Annotated[bool | None, Flag(default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)

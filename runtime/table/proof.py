@@ -158,7 +158,7 @@ def _prove_goal(goal: GoalSpec) -> None:
 def _prove_hypotheses(table: Table) -> None:
     """Check the parts that may lie there, and that leaves name them; of one part nothing is said."""
     if not table.hypotheses:
-        if table.goal.kind == "identity" or not table.goal.identify:
+        if table.goal.kind == "identity":
             raise TableError("the goal asks which part it is, of which there is one; recompile it")
         return
     number = len(table.hypotheses)

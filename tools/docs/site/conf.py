@@ -69,6 +69,7 @@ tools/docs/performance
 
 tools/docs/commissioning
 tools/docs/controllers
+tools/docs/several-parts
 runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README
