@@ -56,7 +56,7 @@ def standard_cases(job: Job) -> list[Case]:
     return [
         Case(PLANNED),
         *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
-        *on_three_feet(job),
+        *([] if job.hypothesis else [on_three_feet(job)]),  # each of several parts has corners of its own
         *_other_surface(job),
         Case("10 degrees of freedom", {"pressure": {"wishart_dof": 10}}),
         *(friction(*pair) for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))),
@@ -80,7 +80,7 @@ def stress_cases(job: Job) -> list[Case]:
         *(Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)),
         *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < min(b, MOST_FRICTION)),
         *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
-        *on_three_feet(job),
+        *([] if job.hypothesis else [on_three_feet(job)]),  # each of several parts has corners of its own
     ]
 
 
@@ -143,12 +143,10 @@ def three_feet(outline: Array) -> Array:
     )
 
 
-def on_three_feet(job: Job) -> list[Case]:
-    """The part stands on three of its corners; no case where several parts have corners of their own."""
-    if job.hypothesis:
-        return []
+def on_three_feet(job: Job) -> Case:
+    """The part stands on three of its corners."""
     feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
-    return [Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})]
+    return Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})
 
 
 def friction(low: float, high: float) -> Case:

@@ -7,7 +7,8 @@
     [hypothesis.pressure]       # and [hypothesis.friction]: where they differ from the job's own
 
 Each entry is the document of a job with one part. `faces = "either"` in a part stands for two of them: the
-part, and the part turned over, whose outline is the mirror image.
+part, and the part turned over, whose outline is the mirror image. `[[stranger]]` entries are alike, without a
+share: parts that do not belong there, which no plan is made for.
 """
 
 import math
@@ -20,7 +21,7 @@ from planner.errors import JobError, KeyNameError, ValueRangeError
 from planner.job.fields import Field, Number, Text, read_section
 from planner.part import symmetry
 
-KEY = "hypothesis"
+KEY, STRANGER = "hypothesis", "stranger"
 OWN = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
 MOST = 16
 TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
@@ -38,17 +39,29 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     Raises:
         JobError: an entry is not one, or the shares do not add up.
     """
+    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER)}
     if KEY not in document:
-        return [(1.0, dict(document))]
-    entries = document[KEY]
-    if not isinstance(entries, list) or not 2 <= len(entries) <= MOST:
-        raise ValueRangeError(f"must be 2 to {MOST} entries, each under [[hypothesis]]", section=KEY)
+        return [(1.0, common)]
     if "part" in document:
         raise KeyNameError("stands beside [[hypothesis]]; each of these has its own", section="part")
-    rest = {key: value for key, value in document.items() if key != KEY}
-    found = [_entry(number, entry, rest) for number, entry in enumerate(entries, start=1)]
+    found = _entries(KEY, 2, document[KEY], common)
     shares = _shares([share for share, _ in found])
     return [(share, alone) for share, (_, alone) in zip(shares, found, strict=True)]
+
+
+def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The document of each stranger that a job's document names.
+
+    Raises:
+        JobError: an entry is not one.
+    """
+    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER, "part")}
+    found = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
+    if any(share is not None for share, _ in found):
+        raise KeyNameError(
+            "has no share: no plan is made for it; drop the key", section=STRANGER, key="share"
+        )
+    return [alone for _, alone in found]
 
 
 def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -79,20 +92,31 @@ def changed(document: dict[str, Any], section: str, replaced: Any) -> None:
     document[KEY] = [{**entry, section: replaced(entry.get(section, {}))} for entry in document[KEY]]
 
 
-def _entry(number: int, entry: Any, rest: Mapping[str, Any]) -> tuple[float | None, dict[str, Any]]:
-    where = f"{KEY} {number}"
+def _entries(
+    key: str, least: int, entries: Any, common: Mapping[str, Any]
+) -> list[tuple[float | None, dict[str, Any]]]:
+    """The share, if any, and the document of each entry of a list of parts."""
+    if not isinstance(entries, list) or not least <= len(entries) <= MOST:
+        raise ValueRangeError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
+    return [_entry(key, number, entry, common) for number, entry in enumerate(entries, start=1)]
+
+
+def _entry(
+    key: str, number: int, entry: Any, common: Mapping[str, Any]
+) -> tuple[float | None, dict[str, Any]]:
+    where = f"{key} {number}"
     if not isinstance(entry, dict):
         raise ValueRangeError("must be a section of keys and values", section=where)
     own = {section: entry[section] for section in OWN if section in entry}
-    values = read_section({key: entry[key] for key in entry if key not in OWN}, _FIELDS, where)
+    values = read_section({name: entry[name] for name in entry if name not in OWN}, _FIELDS, where)
     part = own.get("part")
     if not isinstance(part, dict):
-        raise KeyNameError(f"missing section part; add [{KEY}.part]", section=where)
+        raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
         if part.get("name", values["name"]) != values["name"]:
             raise ValueRangeError("differs from the name of its part; keep one", section=where, key="name")
         own["part"] = {**part, "name": values["name"]}
-    return values["share"], {**rest, **own}
+    return values["share"], {**common, **own}
 
 
 def _shares(stated_shares: list[float | None]) -> list[float]:
@@ -104,8 +128,8 @@ def _shares(stated_shares: list[float | None]) -> list[float]:
     return shares
 
 
-def named(document: Mapping[str, Any], number: int, error: JobError) -> JobError:
+def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:
     """An error in an entry of a document, told with its number; one in what all have in common stays."""
-    if KEY not in document or error.section not in OWN or error.section not in document[KEY][number - 1]:
+    if key not in document or error.section not in OWN or error.section not in document[key][number - 1]:
         return error
-    return type(error)(error.problem, section=f"{KEY} {number}.{error.section}", key=error.key)
+    return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)

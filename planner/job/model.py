@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,13 +25,19 @@ from planner.part.pressure import Pressure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
-    """One of the parts that may lie on the table."""
+class Stranger:
+    """A part that does not belong on the table: tables are tried with it, and not made for it."""
 
-    share: float  # of the parts that come
     part: schema.Part
     pressure: Pressure
     friction: schema.Friction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis(Stranger):
+    """One of the parts that may lie on the table."""
+
+    share: float  # of the parts that come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,15 +59,22 @@ class Job:
     delivery: schema.Delivery | None = None
     # The parts that may lie there, where there are several; part, pressure and friction are then the first's.
     hypothesis: tuple[Hypothesis, ...] | None = None
+    stranger: tuple[Stranger, ...] | None = None
 
     @property
     def alone(self) -> tuple[Job, ...]:
         """A job for each part that may lie there, as if it were the only one."""
-        own = self.hypothesis or ()
-        jobs = (
-            replace(self, part=h.part, pressure=h.pressure, friction=h.friction, hypothesis=None) for h in own
-        )
-        return tuple(jobs) or (self,)
+        return self._each(self.hypothesis) or (self,)
+
+    @property
+    def strangers(self) -> tuple[Job, ...]:
+        """A job for each part that does not belong there, as if it were the only one."""
+        return self._each(self.stranger)
+
+    def _each(self, parts: Sequence[Stranger] | None) -> tuple[Job, ...]:
+        own = ({"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ())
+        alone = replace(self, hypothesis=None, stranger=None)
+        return tuple(replace(alone, **fields) for fields in own)  # type: ignore[arg-type]
 
     @property
     def shares(self) -> tuple[float, ...]:
@@ -118,8 +131,9 @@ def files(path: str | Path) -> list[Path]:
         JobError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
-    entries = document.get(hypotheses.KEY)
-    tables = [document, *(entry for entry in entries if isinstance(entry, dict))] if entries else [document]
+    lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.STRANGER))
+    listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
+    tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
     stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
     named = [table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)]
     return [Path(path), *(Path(path).parent / name for name in named)]
@@ -175,20 +189,33 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     """The job of a document, with as many hypotheses as it names parts and faces."""
     found: list[tuple[float, Job]] = []
-    for number, (share, alone) in enumerate(hypotheses.stated(document), start=1):
-        try:
-            jobs = _on_faces(alone, where, drawn)
-        except JobError as error:
-            raise hypotheses.named(document, number, error) from None
+    stated = hypotheses.stated(document)
+    listed = [alone for _, alone in stated]
+    for (share, _), jobs in zip(stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True):
         found += [(share / len(jobs), job) for job in jobs]
+    others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
+    strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
     if len(found) == 1:
         job_checks.check_identity(found[0][1].goal)
-        return found[0][1]
+        return replace(found[0][1], stranger=strange)
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
     first = replace(found[0][1], cell=replace(found[0][1].cell, squeeze_height_mm=lowest_mm))
-    parts = tuple(Hypothesis(share, job.part, job.pressure, job.friction) for share, job in found)
+    parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in found)
     job_checks.check_hypotheses(first, [job.part.name for _, job in found])
-    return replace(first, hypothesis=parts)
+    return replace(first, hypothesis=parts, stranger=strange)
+
+
+def _jobs(
+    document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
+) -> list[list[Job]]:
+    """The jobs of the faces of each part that a document lists under a key."""
+    found = []
+    for number, alone in enumerate(listed, start=1):
+        try:
+            found.append(_on_faces(alone, where, drawn))
+        except JobError as error:
+            raise hypotheses.named(document, key, number, error) from None
+    return found
 
 
 def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from planner.compile import compile_job
+from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
+from planner.evaluation.strangers import strangers
 from planner.job import model as job_file
+from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.table import dump, dumps, loads
 
@@ -84,6 +87,25 @@ def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
     real = job_file.parse(COMMON + squares(34, 20))
     found = evaluate(plan.table, real, ContactWorlds.of_job(real, 5), 500, 5)
     assert found.wrong.mean() > 0.99
+
+
+def test_strangers_are_counted_by_what_becomes_of_them(plan):
+    entries = [
+        SQUARE.format(name=side, share=1, side=side)
+        .replace("share = 1\n", "")
+        .replace("hypothesis", "stranger")
+        for side in (20.2, 51, 56)
+    ]
+    job = job_file.parse(COMMON + squares(20, 34) + "".join(entries))
+
+    def worlds(real: job_file.Job) -> ContactWorlds:
+        return ContactWorlds.of_job(real, 5)
+
+    alike, *others = strangers(plan.table, job, worlds, 400, 5, Threads(2), NONE)
+    assert alike.answered > 0.9
+    assert 20.0 < alike.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    assert [other.answered for other in others] == [0.0, 0.0]
+    assert all(other.evaluation.rejected.all() and other.leaf is None for other in others)
 
 
 class Lonely:

@@ -92,6 +92,29 @@ def test_what_is_wrong_is_told_with_its_place(document, message):
         read(document)
 
 
+def test_strangers_are_parts_that_no_plan_is_made_for():
+    one = several()["hypothesis"][1]
+    job = read(several(stranger=[{**one, "pressure": {"kind": "uniform"}}]))
+    assert job_file.from_canonical(job.canonical()) == job
+    (stranger,) = job.strangers
+    assert (stranger.part.name, stranger.pressure.kind) == (one["part"]["name"], "uniform")
+    assert all(not alone.strangers for alone in (*job.alone, stranger))
+    assert len(job.alone) == 3
+
+
+@pytest.mark.parametrize(
+    ("stranger", "message"),
+    [
+        ([], "1 to 16 entries"),
+        ([{"share": 0.5, "part": several()["hypothesis"][0]["part"]}], "no plan is made for it"),
+        ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
+    ],
+)
+def test_a_wrong_stranger_is_told_with_its_place(stranger, message):
+    with pytest.raises(JobError, match=message):
+        read(several(stranger=stranger))
+
+
 def test_asking_which_part_it_is_needs_two():
     with pytest.raises(JobError, match="only one part"):
         job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
