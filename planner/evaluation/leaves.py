@@ -134,7 +134,7 @@ class Identities(NamedTuple):
 def identities(table: Table, evaluation: Evaluation) -> Identities:
     """Holds the names that resolved leaves give against what the parts of a table of several are."""
     number = len(table.hypotheses)
-    said = np.array([leaf.hypothesis for leaf in table.leaves])[evaluation.leaf]
+    said = np.array([leaf.hypothesis for leaf in table.leaves])[np.maximum(evaluation.leaf, 0)]
     said = np.where(evaluation.resolved, said, number)
     named = np.zeros((number, number + 1), np.int64)
     np.add.at(named, (evaluation.traits["hypothesis"], said), 1)

@@ -36,6 +36,7 @@ class Strange(NamedTuple):
             "answered_rate": self.answered,
             "reject_rate": float(self.evaluation.rejected.mean()),
             "unresolved_rate": float(self.evaluation.unresolved.mean()),
+            "crashes": self.evaluation.crashes,
             "leaf": self.leaf,
             "widths_mm": [round(width, 2) for width in self.widths_mm],
         }
