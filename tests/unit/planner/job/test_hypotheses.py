@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner.errors import JobError
+from planner.job import hypotheses
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.part import symmetry
@@ -38,6 +39,8 @@ def test_several_parts_come_back_from_their_exact_text():
     assert job_file.from_canonical(job.canonical()) == job
     assert [alone.part.symmetry for alone in job.alone] == [6, 2, 2]
     assert sum(job.shares) == pytest.approx(1.0)
+    assert job.search.particles == 3 * hypotheses.PARTICLES
+    assert read(several(search={"particles": 70})).search.particles == 70
     assert "part" not in job_file._document(job)
 
 
@@ -46,7 +49,7 @@ def test_each_part_alone_is_the_job_of_that_part():
     for alone, entry in zip(job.alone, several()["hypothesis"], strict=True):
         document = {**several(), "part": entry["part"], "cell": {"squeeze_height_mm": 4.0}}
         del document["hypothesis"]
-        expected = read(document)
+        expected = read({**document, "search": {"particles": job.search.particles}})
         assert alone.replaced(cell={"squeeze_height_mm": 4.0}) == expected
 
 
