@@ -1,5 +1,6 @@
 """Several parts in one job: how they are stated, what is the same for one, and parts turned over."""
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from planner.job import hypotheses
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.part import symmetry
+from runtime.traversal.answer import frames_in
 
 TREES = Path(__file__).parents[4] / "trees"
 EITHER = {"part": {"faces": "either"}}
@@ -126,6 +128,15 @@ def test_asking_which_part_it_is_needs_two():
 def test_a_part_whose_faces_look_alike_stays_one():
     plain = job_file.load(TREES / "rectangle" / "job.toml")
     assert job_file.load(TREES / "rectangle" / "job.toml", EITHER) == plain
+
+
+def test_what_the_drawing_names_turns_over_with_the_part():
+    named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
+    either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})
+    one, other = (frames_in(entry["part"]) for entry in json.loads(either.canonical())["hypothesis"])
+    mirror = np.array([1.0, -1.0, -1.0])
+    np.testing.assert_allclose(other.datum, one.datum * mirror)
+    np.testing.assert_allclose(other.picks["rim"], one.picks["rim"] * mirror)
 
 
 @pytest.mark.parametrize("pressure", [{}, CORNERS, COUPLED], ids=["boundary", "points", "stated"])

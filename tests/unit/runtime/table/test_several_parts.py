@@ -5,20 +5,10 @@ from dataclasses import replace
 
 import msgpack
 import pytest
-from sample_tables import every_field_table, small_table
+from sample_tables import HAND, OTHER, every_field_table, small_table
+from sample_tables import several_table as table
 
-from runtime.table import Hypothesis, Table, TableError, dumps, loads, meets
-
-HAND = Hypothesis("left hand", 400_000, 10_571, 2)
-OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
-
-
-def table() -> Table:
-    """The small table, its leaves naming one part, the other, and an open choice."""
-    one, two, unresolved = small_table().leaves
-    unresolved = unresolved._replace(alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,))
-    leaves = (one, two._replace(hypothesis=1), unresolved)
-    return replace(small_table(), leaves=leaves, hypotheses=(HAND, OTHER))
+from runtime.table import TableError, dumps, loads, meets
 
 
 def frame(data: bytes) -> list[object]:
