@@ -135,6 +135,7 @@ class Truth(NamedTuple):
     crashes: int  # times open fingers were placed onto it
     status: str  # what the last squeeze came to
     covered: bool = False  # whether a camera would see nothing
+    hypothesis: int = 0  # which of the table's parts it is
 
 
 class Scene(Protocol):

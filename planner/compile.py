@@ -23,10 +23,10 @@ from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store
 from planner.lower import lower
+from planner.mechanics.mixture import Mixture
 from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
-from planner.part.outline import radius_of_gyration
 from planner.planning import PARAMS, SEED_RARE, Planning, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
 from planner.search.anytime import Anytime, Cut, hasty_root
@@ -88,27 +88,27 @@ def compile_job(
     say = report or silent
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
-    simulator = Simulator.of_job(job, workers)
-    reference = Simulation(simulator, encoder_of(job), placing_of(job))
+    mixture = Mixture.of_job(job, workers)
+    reference = Simulation(mixture, encoder_of(job), placing_of(job))
     belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
     _load_kernels(job, reference, belief[:2])
     limit = limit or Limit()
     limit.start()
-    ahead: MotionModel = replace(reference, simulator=Simulator.of_job(job, workers, PARAMS.ahead_step_mm))
+    ahead: MotionModel = replace(reference, simulator=Mixture.of_job(job, workers, PARAMS.ahead_step_mm))
     if learns(job):
-        ahead = learned_model(job, simulator, store, scheduler, say)[0]
-    growth = _growth(job, simulator, ahead, reference)
-    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.poses))
+        ahead = learned_model(job, mixture.simulators[0], store, scheduler, say)[0]
+    growth = _growth(job, mixture, ahead, reference)
+    root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.states))
 
-    work = scheduler or Threads(simulator.workers)
+    work = scheduler or Threads(mixture.workers)
 
     def planning(top: TreeNode, hasty: bool) -> Planning:
         anytime = Anytime(growth, limit, hasty)
-        return Planning(job, top, growth, simulator.workers, trials, work, say, anytime)
+        return Planning(job, top, growth, mixture.workers, trials, work, say, anytime)
 
-    judge = partial(judged, job, trials, simulator.workers, report=say)
+    judge = partial(judged, job, trials, mixture.workers, report=say)
     careful = planning(root, False)
     planned = (
         within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
@@ -158,14 +158,14 @@ def _stated(
 def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
     """Squeezes a small belief and cuts its readings."""
     (squeezed,) = reference.squeeze([(belief, np.zeros(3))], np.random.default_rng(0))
-    rule = PARAMS.rule(metric_of(job, 1.0), Estimate(0.5), resolution_of(encoder_of(job)))
-    partition(squeezed.belief.poses, squeezed.belief.reading, rule)
+    rule = PARAMS.rule(metric_of(job), Estimate(0.5), resolution_of(encoder_of(job)))
+    partition(squeezed.belief.states, squeezed.belief.reading, rule)
     recut(squeezed.belief, squeezed.belief, rule)
 
 
 def objective_of(job: Job) -> Objective:
     """What a job's plan is to reach."""
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    metric = metric_of(job)
     costs = costs_of(job)
     estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
     carried = job.doubt.chance > 0.0 and any(job.doubt.encoder_mm)
@@ -173,9 +173,9 @@ def objective_of(job: Job) -> Objective:
     return Objective(rule, costs, PARAMS)
 
 
-def _growth(job: Job, simulator: Simulator, ahead: MotionModel, reference: MotionModel) -> Growth:
+def _growth(job: Job, mixture: Mixture, ahead: MotionModel, reference: MotionModel) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
     objective = objective_of(job)
-    ranking = Ranking(actions_of(job), simulator, ahead, objective, job.goal.crash_share)
+    ranking = Ranking(actions_of(job), mixture, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

@@ -8,9 +8,9 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.observation import Encoder, Partition, encoder_of
+from planner.belief.particles import Belief
 from planner.frames import wrap
 from planner.job.model import Job
-from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
 from runtime import table as tables
@@ -37,6 +37,7 @@ def lower(root: TreeNode, job: Job) -> tables.Table:
         leaves=tuple(_leaf(leaf, job) for leaf in leaves),
         predicted=tables.Prediction(0, 0, 0),
         job=job.canonical(),
+        hypotheses=_hypotheses(job),
     )
 
 
@@ -91,8 +92,10 @@ def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
         trials=0,
         resolved=node.mode.ratio >= job.goal.confidence,
         alternatives=tuple(map(pose_of, node.mode.others)),
+        hypothesis=node.mode.hypothesis[0],
+        other_hypotheses=node.mode.hypothesis[1:] if job.hypothesis else (),
     )
-    return leaf._replace(covariance=covariance_of(node.belief.poses, leaf, job))
+    return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:
@@ -101,10 +104,14 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def covariance_of(poses: Array, leaf: tables.Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
-    """Second moments of poses about the leaf's pose: xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad."""
-    offset = poses - tables.predicted_pose(leaf)
-    offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
+def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+    """Second moments about the leaf's pose, of parts that are as it says, if any are.
+
+    They are xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad.
+    """
+    named = belief.traits["hypothesis"] == leaf.hypothesis
+    offset = belief.poses[named] - tables.predicted_pose(leaf)
+    offset[:, 2] = wrap(offset[:, 2], job.alone[leaf.hypothesis].part.symmetry)
     scaled = offset * np.array([10.0, 10.0, 100.0])
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
     return round(xx), round(xy), round(yy), round(xt), round(yt), round(tt)
@@ -124,8 +131,7 @@ def _gripper(job: Job) -> tables.GripperSpec:
 
 
 def _goal(job: Job) -> tables.GoalSpec:
-    rho_mm = radius_of_gyration(job.part.outline_mm)
-    metric = metric_of(job, rho_mm)
+    metric = metric_of(job)
     x, y, theta = (
         round(scale * value) for scale, value in zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
     )
@@ -134,11 +140,23 @@ def _goal(job: Job) -> tables.GoalSpec:
     return tables.GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
         confidence_ppm=round(tables.PPM * job.goal.confidence),
-        rho_um=round(1e3 * rho_mm),
+        rho_um=round(1e3 * metric.rho_mm),
         symmetry=job.part.symmetry,
         kind=metric.kind,
         tolerance=tolerance,
         modes=metric.modes,
+        identify=metric.identify or not job.hypothesis,
+    )
+
+
+def _hypotheses(job: Job) -> tuple[tables.Hypothesis, ...]:
+    if not job.hypothesis:
+        return ()
+    metric = metric_of(job)
+    each = zip(job.alone, job.shares, [(metric.rho_mm, metric.order), *metric.further], strict=True)
+    return tuple(
+        tables.Hypothesis(alone.part.name, round(tables.PPM * share), round(1e3 * rho_mm), order)
+        for alone, share, (rho_mm, order) in each
     )
 
 

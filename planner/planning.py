@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from planner.search.improve import improve
 from planner.search.params import SearchParams
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorld
+from planner.world import ContactWorld, world_of
 from runtime.table import Table, refuted
 
 PARAMS = SearchParams()
@@ -175,7 +176,7 @@ class Planning:
             grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
         if not self.root.children:
             raise NoPlanError(
-                f"{self.job.part.name}: no first squeeze is free of collision and gains anything; open the "
+                f"{self.job.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
         if attempt == 0 and not self.anytime.hasty:
@@ -246,7 +247,7 @@ def judged(
 
     The paper's methods doubt nothing.
     """
-    world = ContactWorld(job, job.seed + SEED_WORLD + attempt, workers)
+    world = world_of(job, job.seed + SEED_WORLD + attempt, partial(ContactWorld, workers=workers))
     seed = job.seed + SEED_EVALUATION + attempt
     cell = NONE if job.search.method in METHODS else as_doubted(job)
     return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
@@ -284,10 +285,11 @@ def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> 
     evaluation = replace(evaluation, resolved=claimed(table, evaluation.leaf))
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:
-        error = NoPlanError(f"{job.part.name}: {cut.line()}; no leaf is within {goal} yet")
+        error = NoPlanError(f"{job.name}: {cut.line()}; no leaf is within {goal} yet")
     else:
-        reasons = [leaf.line() for leaf in ambiguities(table, evaluation, job, most=1)]
-        problem = f"{job.part.name}: no leaf comes within {goal}; add actions, or ask for less"
+        open_poses = [] if job.hypothesis else ambiguities(table, evaluation, job, most=1)
+        reasons = [leaf.line() for leaf in open_poses]
+        problem = f"{job.name}: no leaf comes within {goal}; add actions, or ask for less"
         error = NoPlanError("; ".join([problem, *reasons]))
     error.success, error.cut_short = float(np.mean(evaluation.within)), cut is not None
     return error

@@ -26,7 +26,6 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
-from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # what an action does with its pose; from midway on it declares
@@ -58,9 +57,15 @@ class Pomdp:
 
     @classmethod
     def of_job(cls, job: Job, workers: int = 1) -> Self:
-        """The problem of a job; its candidate poses take some tenths of a second."""
+        """The problem of a job; its candidate poses take some tenths of a second.
+
+        Raises:
+            ValueError: one of several parts may lie there.
+        """
+        if job.hypothesis:
+            raise ValueError(f"{job.name}: this problem is of one part; pass one of `job.alone`")
         simulator = Simulator.of_job(job, workers)
-        metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+        metric = metric_of(job)
         squeezes = np.column_stack([actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)])
         model = cls(
             job, simulator, encoder_of(job), metric, 1.0 / costs_of(job).least, len(squeezes), squeezes

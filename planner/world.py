@@ -5,7 +5,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -97,21 +97,49 @@ class ContactWorld:
         return least_clearance(self._simulator.outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
 
 
+class Assorted:
+    """The world of a job with several hypotheses: one for each of them, with that part alone."""
+
+    def __init__(self, worlds: Sequence[World]) -> None:
+        self.worlds = tuple(worlds)
+
+    def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
+        """As the world of the first hypothesis."""
+        return self.worlds[0].squeeze(pose_hand)
+
+
+def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
+    """The world that a factory makes of a job; each of several hypotheses has its own, with its own seed."""
+    if not job.hypothesis:
+        return make(job, seed)
+    return Assorted([make(alone, seed + number) for number, alone in enumerate(job.alone)])
+
+
+def of_hypothesis(world: World, hypothesis: int) -> World:
+    """The world of a hypothesis."""
+    return world.worlds[hypothesis] if isinstance(world, Assorted) else world
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactWorlds(Worlds):
     """Stochastic contact worlds of one job."""
 
-    simulator: Simulator  # what they squeeze with; one worker, since the chunks already share the cores
+    # What they squeeze with, one a hypothesis; of one worker, since the chunks already share the cores.
+    simulators: tuple[Simulator, ...]
     seed: int  # of all their randomness
 
     @classmethod
     def of_job(cls, job: Job, seed: int) -> Self:
         """The worlds of a job."""
-        return cls(Simulator.of_job(job, workers=1), seed)
+        return cls(tuple(Simulator.of_job(alone, workers=1) for alone in job.alone), seed)
 
-    def world(self, chunk: int) -> ContactWorld:
+    def world(self, chunk: int) -> World:
         """The world of a chunk."""
-        return ContactWorld.of_simulator(self.simulator, [self.seed, chunk])
+        stream = [self.seed, chunk]
+        if len(self.simulators) == 1:
+            return ContactWorld.of_simulator(self.simulators[0], stream)
+        numbered = enumerate(self.simulators)
+        return Assorted([ContactWorld.of_simulator(own, [*stream, number]) for number, own in numbered])
 
 
 make = ContactWorld  # the world factory: `make(job, seed)`
@@ -152,7 +180,7 @@ def load_world(name: str, job: Job, seed: int) -> World:
         UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.
     """
     try:
-        world: World = make_world(find_factory(name), job, seed)
+        factory = find_factory(name)
+        return world_of(job, seed, lambda alone, own: make_world(factory, alone, own))
     except WorldError as error:
         raise UsageError(f"--world {name}: {error}") from error
-    return world

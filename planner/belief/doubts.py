@@ -10,7 +10,7 @@ from planner.belief.particles import Belief, initial
 from planner.job.model import Job
 from planner.job.schema import Interval
 from planner.mechanics.surface import others_of
-from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned
+from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypothesis
 from planner.part.outline import min_width
 
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
@@ -34,6 +34,31 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 
     Friction is so by itself, for a share of the parts (`friction.doubt`).
     """
+    return _of_each(job, hypotheses_of(job, n, rng), partial(_traits_of, rng=rng))
+
+
+def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+    """The traits (n,) of parts drawn from those that may lie there, where nothing is off."""
+    return _of_each(job, hypotheses_of(job, n, rng), stated)
+
+
+def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+    """Traits (n,) of parts as planned, each drawn from those that may lie there."""
+    traits = as_planned(n)
+    if job.hypothesis:
+        traits["hypothesis"] = rng.choice(len(job.shares), n, p=job.shares)
+    return traits
+
+
+def _of_each(job: Job, traits: Traits, own: Callable[[Job, int], Traits]) -> Traits:
+    """The traits of parts whose hypotheses `traits` (n,) has; `own` makes those of n parts of one job."""
+    for k, rows in by_hypothesis(traits):
+        traits[rows] = own(job.alone[k], len(traits[rows]))
+        traits["hypothesis"][rows] = k
+    return traits
+
+
+def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     traits, doubt, draws = as_planned(n), job.doubt, _draws(job, rng)
     fault = np.where(rng.random(n) < doubt.chance, rng.integers(0, max(1, len(draws)), n), -1)
     for number, (name, middle, draw) in enumerate(draws):

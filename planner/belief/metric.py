@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
-from planner.frames import wrap
+from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 from planner.kernel import inner_kernel, kernel
+from planner.part.outline import radius_of_gyration
 
 CANDIDATES = 48
 REFINEMENTS = 4
@@ -27,18 +27,30 @@ class Mode(NamedTuple):
         pose: (3,) [mm, mm, rad].
         ratio: share of the belief within the goal of it, or of one of the others.
         others: (m, 3) further poses.
+        hypothesis: which part it is; and which each of the others.
     """
 
     pose: Array
     ratio: float
     others: Array = np.zeros((0, 3))
+    hypothesis: tuple[int, ...] = (0,)
+
+    @property
+    def state(self) -> Array:
+        """(4,) the pose and the hypothesis."""
+        return np.array([*self.pose, self.hypothesis[0]])
 
 
 class Metric(NamedTuple):
     """How far from the truth a prediction is, under the part's rotational symmetry.
 
     For kinds "pose" and "modes" d(q1, q2) = sqrt(dx^2 + dy^2) + rho dtheta in mm (eq. 9); for "tolerances"
-    and "orientation" the largest deviation in units of its tolerance, so that the goal is 1.
+    and "orientation" the largest deviation in units of its tolerance, so that the goal is 1. For "identity"
+    it is 0.
+
+    Where there are several hypotheses a state has four columns, and three where it is of the first. Its
+    deviation is taken under its own symmetry; from a state of another hypothesis it is infinite, unless the
+    goal does not ask for that.
 
     Attributes:
         distance_mm: the goal of d.
@@ -47,6 +59,8 @@ class Metric(NamedTuple):
         kind: one of `runtime.table.KINDS`.
         tolerance: bounds on x, y [mm] and theta [rad].
         modes: how many poses a prediction may name.
+        further: rho [mm] and order of each hypothesis after the first.
+        identify: whether a prediction must name the right hypothesis.
     """
 
     distance_mm: float
@@ -55,6 +69,8 @@ class Metric(NamedTuple):
     kind: str = "pose"
     tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     modes: int = 1
+    further: tuple[tuple[float, int], ...] = ()
+    identify: bool = True
 
     @property
     def goal(self) -> float:
@@ -62,82 +78,109 @@ class Metric(NamedTuple):
         return self.distance_mm if self.kind in ("pose", "modes") else 1.0
 
     def weights(self) -> Array:
-        """(4,) for the kernels: 1 to add deviations up or 0 to take the largest; 1 / goal of each of them."""
+        """(h, 6) for the kernels, a row a hypothesis.
+
+        1 to add deviations up or 0 to take the largest; 1 / goal of x, y and theta; the period of theta; 1
+        where a state of another hypothesis is none within the goal.
+        """
+        return np.array([self._row(*own) for own in ((self.rho_mm, self.order), *self.further)])
+
+    def _row(self, rho_mm: float, order: int) -> list[float]:
+        period, kind = 2.0 * math.pi / order, float(self.identify)
         if self.kind in ("pose", "modes"):
             length = 1.0 / self.distance_mm
-            return np.array([1.0, length, length, length * self.rho_mm])
+            return [1.0, length, length, length * rho_mm, period, kind]
         x, y, theta = self.tolerance
         lengths = [1.0 / x, 1.0 / y] if self.kind == "tolerances" else [0.0, 0.0]
-        return np.array([0.0, *lengths, 1.0 / theta])
+        return [0.0, *lengths, 0.0 if self.kind == "identity" else 1.0 / theta, period, kind]
 
-    def between(self, poses: Array, reference: Array) -> Array:
-        """Distances of poses (..., 3 or more) to reference poses, broadcast against them."""
-        added, x, y, theta = self.weights()
-        dx = x * np.abs(poses[..., 0] - reference[..., 0])
-        dy = y * np.abs(poses[..., 1] - reference[..., 1])
-        turn = theta * np.abs(wrap(poses[..., 2] - reference[..., 2], self.order))
-        if added:
-            return np.asarray(self.goal * (np.hypot(dx, dy) + turn))
-        return np.asarray(self.goal * np.maximum(np.maximum(dx, dy), turn))
+    def between(self, states: Array, reference: Array) -> Array:
+        """Distances of states (..., 3 or 4) to reference states, broadcast against them."""
+        which, said = _hypothesis(states), _hypothesis(reference)
+        added, x, y, theta, period, _ = np.moveaxis(self.weights()[which], -1, 0)
+        dx = x * np.abs(states[..., 0] - reference[..., 0])
+        dy = y * np.abs(states[..., 1] - reference[..., 1])
+        off = states[..., 2] - reference[..., 2]
+        turn = theta * np.abs(off - period * np.round(off / period))
+        largest = np.maximum(np.maximum(dx, dy), turn)
+        distance = self.goal * np.where(added > 0.0, np.hypot(dx, dy) + turn, largest)
+        return np.asarray(np.where(self.identify & (which != said), np.inf, distance))
 
-    def reached(self, poses: Array, reference: Array) -> BoolArray:
+    def reached(self, states: Array, reference: Array) -> BoolArray:
         """Where the distance is below the goal."""
-        return np.asarray(self.between(poses, reference) < self.goal)
+        return np.asarray(self.between(states, reference) < self.goal)
 
-    def mode(self, poses: Array) -> Mode:
-        """The pose with most of the belief within the goal, or as many poses as the goal allows.
+    def mode(self, states: Array) -> Mode:
+        """The state with most of the belief within the goal, or as many states as the goal allows.
 
         Args:
-            poses: (n, 3) particles, n >= 1 [mm, mm, rad].
+            states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
         """
-        found = self.main_modes(poses, self.modes)
+        found = self.main_modes(states, self.modes)
         ratio = min(1.0, sum(mode.ratio for mode in found))
-        return Mode(found[0].pose, ratio, np.array([mode.pose for mode in found[1:]]).reshape(-1, 3))
+        others = np.array([mode.pose for mode in found[1:]]).reshape(-1, 3)
+        return Mode(found[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in found))
 
-    def main_modes(self, poses: Array, most: int, least_share: float = 0.0) -> list[Mode]:
+    def main_modes(self, states: Array, most: int, least_share: float = 0.0) -> list[Mode]:
         """The heaviest modes, one after the other: each explains what those before it do not.
 
         Args:
-            poses: (n, 3) particles, n >= 1 [mm, mm, rad].
+            states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
             most: how many at most.
             least_share: lighter ones are not sought, except for the first.
 
         Returns:
             Single modes, each with its share of all the particles.
         """
-        weights, total = self.weights(), len(poses)
-        rest = np.ascontiguousarray(poses)
+        weights, total = self.weights(), len(states)
+        rest = np.ascontiguousarray(states)
         found: list[Mode] = []
         while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
-            pose = np.empty(3)
-            share = float(largest_mode(rest, weights, self.order, pose)) * len(rest) / total
+            state = np.empty(states.shape[1])
+            share = float(largest_mode(rest, weights, state)) * len(rest) / total
             if found and share < least_share:
                 break
-            found.append(Mode(pose, share))
+            found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
             if most > 1:
-                rest = rest[~self.reached(rest, pose)]
+                rest = rest[~self.reached(rest, state)]
         return found
 
 
-def metric_of(job: Job, rho_mm: float) -> Metric:
+def _hypothesis(states: Array) -> IntArray:
+    """(...,) that of states (..., 3 or 4)."""
+    return np.asarray(states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1]), np.int64)
+
+
+def metric_of(job: Job) -> Metric:
     """The metric of a job's goal."""
     goal = job.goal
+    own = [(radius_of_gyration(alone.part.outline_mm), alone.part.symmetry) for alone in job.alone]
     tolerance = (*goal.tolerance_mm, math.radians(goal.tolerance_deg))
     modes = goal.modes if goal.kind == "modes" else 1
-    return Metric(goal.distance_mm, rho_mm, job.part.symmetry, goal.kind, tolerance, modes)
+    identify = goal.identify is not False
+    return Metric(goal.distance_mm, *own[0], goal.kind, tolerance, modes, tuple(own[1:]), identify)
 
 
 @inner_kernel
-def inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Array) -> int:
-    """Counts poses within the goal of `centre`; `mean` (3,) receives their mean, taken about it."""
-    count = 0
+def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
+    """Counts states within the goal of `centre`, taken under the symmetry of each.
+
+    `mean` receives their mean pose, taken about the centre, and its hypothesis.
+    """
+    several = states.shape[1] > 3
+    which, count = 0, 0
+    identify = weights[0, 5] > 0.0
     mean[0] = mean[1] = mean[2] = 0.0
-    for i in range(poses.shape[0]):
-        dx, dy = poses[i, 0] - centre[0], poses[i, 1] - centre[1]
-        turn = poses[i, 2] - centre[2]
+    for i in range(states.shape[0]):
+        if several:
+            if identify and states[i, 3] != centre[3]:
+                continue
+            which = int(states[i, 3])
+        dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
+        turn, period = states[i, 2] - centre[2], weights[which, 4]
         turn -= period * np.round(turn / period)
-        x, y, angle = weights[1] * dx, weights[2] * dy, weights[3] * abs(turn)
-        distance = np.sqrt(x * x + y * y) + angle if weights[0] > 0.0 else max(abs(x), abs(y), angle)
+        x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
+        distance = np.sqrt(x * x + y * y) + angle if weights[which, 0] > 0.0 else max(abs(x), abs(y), angle)
         if distance < 1.0:
             count += 1
             mean[0] += dx
@@ -145,57 +188,56 @@ def inliers(poses: Array, centre: Array, weights: Array, period: float, mean: Ar
             mean[2] += turn
     for j in range(3):
         mean[j] = centre[j] + mean[j] / max(count, 1)
+    if several:
+        mean[3] = centre[3]
     return count
 
 
 @kernel
-def largest_mode(poses: Array, weights: Array, order: int, pose: Array) -> float:
-    """Share of the poses within the goal of the best pose found.
+def largest_mode(states: Array, weights: Array, state: Array) -> float:
+    """Share of the states within the goal of the best one found.
 
-    Starts from poses spread evenly through the belief and climbs from the better ones to the mean of what is
+    Starts from states spread evenly through the belief and climbs from the better ones to the mean of what is
     within the goal (mean shift with a flat kernel).
 
     Args:
-        poses: (n, 3), n >= 1 [mm, mm, rad].
-        weights: (4,) of the metric.
-        order: rotational order of the part.
-        pose: (3,) receives the best pose; modified in place.
+        states: (n, m), n >= 1 [mm, mm, rad, and maybe hypothesis].
+        weights: (h, 6) of the metric.
+        state: (m,) receives the best; modified in place.
 
     Returns:
         The share, 0 to 1.
     """
-    n = poses.shape[0]
-    period = 2.0 * np.pi / order
+    n = states.shape[0]
     stride = max(1, n // CANDIDATES)
-    centre, mean = np.empty(3), np.empty(3)
+    centre, mean = np.empty(states.shape[1]), np.empty(states.shape[1])
     best = -1
     for start in range(0, n, stride):
-        for j in range(3):
-            centre[j] = poses[start, j]
-        count = inliers(poses, centre, weights, period, mean)
+        centre[:] = states[start]
+        count = inliers(states, centre, weights, mean)
         if 2 * count < best:
             continue
         for _ in range(REFINEMENTS):
             if count > best:
                 best = count
-                pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
-            centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
+                state[:] = centre
+            centre[:] = mean
             last = count
-            count = inliers(poses, centre, weights, period, mean)
+            count = inliers(states, centre, weights, mean)
             if count < last:
                 break
         if count > best:
             best = count
-            pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
+            state[:] = centre
         if best == n:
             break
     # Among equals the mean is the better prediction.
-    inliers(poses, pose, weights, period, mean)
+    inliers(states, state, weights, mean)
     for _ in range(REFINEMENTS):
-        centre[0], centre[1], centre[2] = mean[0], mean[1], mean[2]
-        count = inliers(poses, centre, weights, period, mean)
+        centre[:] = mean
+        count = inliers(states, centre, weights, mean)
         if count < best:
             break
         best = count
-        pose[0], pose[1], pose[2] = centre[0], centre[1], centre[2]
+        state[:] = centre
     return float(best / n)

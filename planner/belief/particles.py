@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, as_planned
+from planner.mechanics.traits import Traits, as_planned, with_hypothesis
 
 UNREAD = -1
 
@@ -40,6 +40,11 @@ class Belief:
             np.concatenate([belief.traits for belief in beliefs]),
             np.concatenate([belief.reading for belief in beliefs]),
         )
+
+    @property
+    def states(self) -> Array:
+        """What a goal asks for: poses (n, 3); in a fourth column the hypothesis, if any is not the first."""
+        return with_hypothesis(self.poses, self.traits)
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -78,7 +78,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     """Cuts readings into the intervals that leave the fewest squeezes to make.
 
     Args:
-        poses: (n, 3) after the squeeze, n >= 1 [mm, mm, rad].
+        poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
         counts: (n,) readings, 0 to 255.
         rule: how they are cut.
     """
@@ -86,8 +86,8 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
     k = _cut(
-        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.prices(), bounds,
+        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.modes,
+        np.array(rule.estimate), rule.prices(), bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
@@ -115,11 +115,9 @@ def squeezes_left(
 
 
 @kernel
-def candidates(
-    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, found: Array
-) -> int:
-    """Poses that explain many particles of a count and those beside it, into `found` (c, 3); returns c."""
-    n, mean, centre, c = first[m], np.empty(3), np.empty(3), 0
+def candidates(poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, found: Array) -> int:
+    """Poses that explain many particles of a count and those beside it, into `found` (c, .); returns c."""
+    n, mean, centre, c = first[m], np.empty(poses.shape[1]), np.empty(poses.shape[1]), 0
     for a in range(m):
         low, high = first[a], first[a + 1]
         if a > 0 and counts[a - 1] == counts[a] - 1:
@@ -130,34 +128,32 @@ def candidates(
         wanted = min(size, 1 + CANDIDATES * size // n)
         for k in range(wanted):
             start = first[a] + k * size // wanted
-            for j in range(3):
-                centre[j] = poses[start, j]
+            centre[:] = poses[start]
             best = 0
             for _ in range(CLIMBS + 1):
-                hits = inliers(poses[low:high], centre, weights, period, mean)
+                hits = inliers(poses[low:high], centre, weights, mean)
                 if hits <= best:
                     break
                 best = hits
-                for j in range(3):
-                    found[c, j] = centre[j]
-                    centre[j] = mean[j]
+                found[c] = centre
+                centre[:] = mean
             c += 1
     return c
 
 
 @kernel
 def explained(
-    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, period: float, modes: int
+    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
 ) -> tuple[IntArray, BoolArray]:
     """Particles (c, m + 1) within the goal of each candidate, summed over counts; which are apart."""
-    found, mean = np.empty((m + CANDIDATES, 3)), np.empty(3)
-    found = found[: candidates(poses, first, counts, m, weights, period, found)]
+    found, mean = np.empty((m + CANDIDATES, poses.shape[1])), np.empty(poses.shape[1])
+    found = found[: candidates(poses, first, counts, m, weights, found)]
     hits = np.zeros((found.shape[0], m + 1), np.int64)
     for c in range(found.shape[0]):
         for a in range(m):
-            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, period, mean)
+            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, mean)
             hits[c, a + 1] = hits[c, a] + here
-    return hits, mutually_apart(found if modes > 1 else found[:0], weights, period)
+    return hits, mutually_apart(found if modes > 1 else found[:0], weights)
 
 
 @kernel
@@ -260,7 +256,7 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 @kernel
 def _cut(
-    poses: Array, weight: IntArray, free: int, weights: Array, order: int, modes: int, estimate: Array,
+    poses: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
     prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
@@ -270,8 +266,7 @@ def _cut(
     n = weight.shape[0]
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = occupied(weight, free, counts, first)
-    period = 2.0 * np.pi / order
-    hits, apart = explained(poses, first, counts, m, weights, period, modes)
+    hits, apart = explained(poses, first, counts, m, weights, modes)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     within_reach(counts, m, prices[3], low, high)
     none = np.zeros((hits.shape[0], m + 1), np.int64)
@@ -293,16 +288,16 @@ def _cut(
 
 
 @kernel
-def mutually_apart(found: Array, weights: Array, period: float) -> BoolArray:
+def mutually_apart(found: Array, weights: Array) -> BoolArray:
     """(c, c): whether no particle can be within the goal of both candidates."""
     c = found.shape[0]
     half = np.copy(weights)
-    half[1:] *= 0.5
-    mean = np.empty(3)
+    half[:, 1:4] *= 0.5
+    mean = np.empty(found.shape[1])
     apart = np.zeros((c, c), np.bool_)
     for a in range(c):
         for b in range(c):
-            apart[a, b] = inliers(found[b : b + 1], found[a], half, period, mean) == 0
+            apart[a, b] = inliers(found[b : b + 1], found[a], half, mean) == 0
     return apart
 
 

@@ -37,9 +37,9 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     metric, first = rule.metric, np.argsort(old.reading, kind="stable")
     order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
     made = _recut(
-        np.ascontiguousarray(old.poses[first]), np.ascontiguousarray(new.poses[order]), old.reading[order],
-        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.order,
-        metric.modes, np.array(rule.estimate), rule.prices(), cuts,
+        np.ascontiguousarray(old.states[first]), np.ascontiguousarray(new.states[order]), old.reading[order],
+        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.modes,
+        np.array(rule.estimate), rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
@@ -47,11 +47,11 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
 @kernel
 def _recut(
     poses_before: Array, poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
-    order: int, modes: int, estimate: Array, prices: Array, cuts: IntArray,
+    modes: int, estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
     """`recut`, `cuts` in place; returns how many.
 
-    `poses_before` (n, 3) stand by rising reading before the squeeze, `poses` (n, 3) and the readings `before`
+    The states `poses_before` stand by rising reading before the squeeze, `poses` and the readings `before`
     (n,) it by rising count after it.
     """
     n, bins = poses.shape[0], weight.shape[0]
@@ -67,9 +67,8 @@ def _recut(
     place = np.zeros(bins, np.int64)
     for r in range(rows):
         place[old[r]] = r
-    period, mean = 2.0 * np.pi / order, np.empty(3)
-    found = np.empty((m + CANDIDATES, 3))
-    found = found[: candidates(poses, first, counts, m, weights, period, found)]
+    mean, found = np.empty(poses.shape[1]), np.empty((m + CANDIDATES, poses.shape[1]))
+    found = found[: candidates(poses, first, counts, m, weights, found)]
     c = found.shape[0]
     # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
     hits, size = np.zeros((rows + 1, c, m + 1), np.int64), np.zeros((rows + 1, m + 1), np.int64)
@@ -78,18 +77,18 @@ def _recut(
             r = place[before[i]]
             size[r + 1, a + 1] += 1
             for k in range(c):
-                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, period, mean)
+                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, mean)
     for r in range(1, rows + 1):
         for a in range(1, m + 1):
             size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
             for k in range(c):
                 hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
-    apart = mutually_apart(found if modes > 1 else found[:0], weights, period)
+    apart = mutually_apart(found if modes > 1 else found[:0], weights)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
     within_reach(old, rows, prices[3], old_low, old_high)
-    old_hits, old_apart = explained(poses_before, old_first, old, rows, weights, period, modes)
+    old_hits, old_apart = explained(poses_before, old_first, old, rows, weights, modes)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows

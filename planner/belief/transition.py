@@ -17,6 +17,7 @@ from planner.belief.particles import Belief
 from planner.belief.partition import Rule, partition
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
+from planner.mechanics.mixture import Mixture
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED
 from planner.mechanics.traits import Traits
@@ -63,7 +64,7 @@ class Outcomes(NamedTuple):
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
         """Cuts what was read into branches."""
         belief, unstable, width_mm = squeezed
-        clusters = partition(belief.poses, belief.reading, rule)
+        clusters = partition(belief.states, belief.reading, rule)
         label = clusters.label[belief.reading]
         return cls(clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm)
 
@@ -123,15 +124,15 @@ def read_as(width_mm: Array, traits: Traits) -> Array:
 class Simulation:
     """Direct simulation as the motion and sensor model."""
 
-    simulator: Simulator
+    simulator: Simulator | Mixture
     encoder: Encoder
     placing: Placing = EXACT
 
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
         """As `MotionModel.squeeze`, each particle rolled out by itself."""
 
-        def roll_out(poses: Array, case: IntArray, traits: Traits) -> RollOut:
-            return self.simulator.roll_out(poses, self.simulator.sample(len(case), rng, traits))
+        def roll_out(poses: Array, _: IntArray, traits: Traits) -> RollOut:
+            return self.simulator.squeeze(poses, rng, traits)
 
         return squeezed_by(cases, roll_out, self.encoder, rng, self.placing)
 

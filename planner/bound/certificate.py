@@ -16,7 +16,6 @@ from planner.bound.placements import covered
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
-from planner.part.outline import radius_of_gyration
 from planner.work.progress import Report, silent
 from runtime.table import PPM, Table, wilson_interval
 
@@ -132,7 +131,7 @@ def certify(
         report: told about progress.
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    metric = metric_of(job)
     model = Squeezes(Simulator.of_job(job, workers), encoder_of(job))
     placements = covered(job, table, model, dense, np.random.default_rng([job.seed, SEED_PILOTS]))
     levels = gather(model, initial(job, parts, rng), metric, placements, DEPTH, rng, report)

@@ -29,7 +29,7 @@ def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> I
     Args:
         poses: (n, 3) the groups one after the other [mm, mm, rad].
         start: (k + 1,) where each begins, then n; none is empty.
-        weights: (4,) of the metric (`Metric.weights`).
+        weights: (1, 6) of the metric (`Metric.weights`).
         order: rotational order of the part.
 
     Returns:
@@ -43,19 +43,19 @@ def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> I
 @kernel
 def _most_located(poses: Array, start: IntArray, weights: Array, order: int, found: IntArray) -> None:
     """`most_located`, with `found` (k,) in place."""
-    largest = 1
+    largest, own = 1, weights[0]
     for k in range(found.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
     local, column, stack, pose = np.empty((largest, 3)), np.empty(largest), np.empty((64, 7)), np.empty(3)
     for k in range(found.shape[0]):
         group = poses[start[k] : start[k + 1]]
         n = group.shape[0]
-        best = round(largest_mode(group, weights, order, pose) * n)
+        best = round(largest_mode(group, weights, pose) * n)
         least = int(np.ceil(LEAST_SHARE * n))
         if best == n:
             found[k] = n
-        elif _localise(group, weights, 2.0 * np.pi / order, least, local[:n], column[:n]):
-            found[k] = _search(local[:n], column[:n], weights, order, max(best, least - 1), least, stack)
+        elif _localise(group, own, 2.0 * np.pi / order, least, local[:n], column[:n]):
+            found[k] = _search(local[:n], column[:n], own, order, max(best, least - 1), least, stack)
         else:
             found[k] = max(best, least - 1)
 
@@ -66,7 +66,7 @@ def _localise(poses: Array, weights: Array, period: float, least: int, local: Ar
 
     Args:
         poses: (n, 3).
-        weights: (4,) of the metric.
+        weights: (6,) of the metric, for the part.
         period: of the angle [rad].
         least: poses that a prediction must locate to matter, more than half of them.
         local: receives the poses (n, 3).
@@ -104,7 +104,7 @@ def _search(
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
-        weights: (4,) of the metric.
+        weights: (6,) of the metric, for the part.
         order: rotational order of the part.
         best: what to beat, the poses that some prediction locates or least - 1.
         least: poses that a prediction must locate to matter.

@@ -14,7 +14,6 @@ from planner.bound.histories import Model
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand
 from planner.job.model import Job
-from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.proposals import along
 from runtime.table import REJECT, Calibration, Table, decision_map
@@ -64,7 +63,7 @@ def covered(job: Job, table: Table, model: Model, dense: bool, rng: np.random.Ge
         dense: whether a grid of placements about the middle is covered, too.
         rng: of these parts.
     """
-    actions, metric = actions_of(job), metric_of(job, radius_of_gyration(job.part.outline_mm))
+    actions, metric = actions_of(job), metric_of(job)
     parts, more = initial(job, PILOTS, rng), _dense(job) if dense else np.zeros((0, 3))
     common = np.concatenate([actions.options(subsample(parts, BELIEF), metric), more])
     root = placement_of(table.nodes[0].squeeze)

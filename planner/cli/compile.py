@@ -145,12 +145,15 @@ def _baseline(arguments: argparse.Namespace) -> int:
     if arguments.json:
         shell.print_json(result.figures())
     else:
-        print(baseline.text(job.part.name, result))
+        print(baseline.text(job.name, result))
     return 0
 
 
 def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
+    for option in ("baseline", "models_report", "bound", "bound_dense"):
+        if getattr(arguments, option):
+            shell.check_one_part(job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}")
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 
@@ -190,7 +193,7 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
         )
     cut = f"{plan.cut.line()}\n" if plan.cut else ""
     return f"""\
-{cut}{job.part.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
+{cut}{job.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
 success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
 rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \

@@ -12,8 +12,9 @@ from planner.evaluation import text
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
-from planner.evaluation.leaves import confusions, reliability, worst
+from planner.evaluation.leaves import confusions, identities, reliability, worst
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
@@ -125,6 +126,12 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
         evaluation = evaluate(table, real, world, trials, seed, scheduler, _disturbance(arguments), report)
         believed = worst_of(_believed(table, job, scheduler, arguments))
+        strange = list(
+            strangers(
+                table, real, lambda other: supply(arguments.world, other, seed, arguments.world_copies),
+                trials, seed, scheduler, _disturbance(arguments),
+            )
+        )  # fmt: skip
     outcome = reliability(table, evaluation)
     confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
     if arguments.json:
@@ -132,6 +139,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
             {
                 **evaluation.summary(),
                 "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
+                **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
+                **({"strangers": [each.figures() for each in strange]} if strange else {}),
                 "reliability": outcome.figures(),
                 "confusions": [row._asdict() for row in confused],
                 "worst": [row.figures() for row in mistakes],
@@ -141,6 +150,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     lines = [
         *([text.worst_world(believed.case.name, believed.evaluation)] if believed else []),
         *text.overview(evaluation, _name_of_world(arguments)),
+        *(text.named(identities(table, evaluation)) if table.hypotheses else ()),
+        *(each.line() for each in strange),
         *text.predictions(table, outcome),
         *text.taken_for(confused),
         *text.furthest(mistakes),

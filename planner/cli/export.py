@@ -16,7 +16,9 @@ def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
 
     def body(arguments: argparse.Namespace) -> int:
-        files = write(load(arguments.tree), arguments.to, arguments.output)
+        found = load(arguments.tree)
+        shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
+        files = write(found, arguments.to, arguments.output)
         if arguments.json:
             shell.print_json({"folder": str(arguments.output), "to": arguments.to, "files": files})
         else:

@@ -162,6 +162,16 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
     return found, job
 
 
+def check_one_part(several: object, name: str, what: str) -> None:
+    """Refuses what is known for one part only.
+
+    Raises:
+        UsageError: there are several hypotheses.
+    """
+    if several:
+        raise UsageError(f"{what} is for one part, and {name} leaves open which part it is")
+
+
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
     parser.add_argument(

@@ -43,6 +43,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
     for name, path in pictures.items():
         shell.checked_suffix(f"--{name}", path, PICTURES[name])
     job = job_file.load(arguments.job, ANY_OPENING if arguments.push else None)
+    shell.check_one_part(job.hypothesis, str(arguments.job), "a simulation")
     listed: Path = arguments.poses or arguments.push
     read = (*job_file.files(arguments.job), listed)
     outputs = [usable(arguments.output, *read, stdout=True)]

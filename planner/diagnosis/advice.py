@@ -81,7 +81,7 @@ def advise(
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=close_pairs(table, evaluation, job),
-        open_poses=ambiguities(table, evaluation, job),
+        open_poses=[] if job.hypothesis else ambiguities(table, evaluation, job),
         gains=gains,
         proposing=job.actions.proposals != "none",
         delays=late,
@@ -96,6 +96,6 @@ def counsel(
     """Everything there is to say about what `planner.compile.compile_job` returned for a job."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
-    late = delays(root, job, MOST_LATE) if evaluation.squeezes.mean() >= LONG else []
+    late = delays(root, job, MOST_LATE) if evaluation.squeezes.mean() >= LONG and not job.hypothesis else []
     margins = margins_of(table, evaluation, job, trials, scheduler, report)
     return advise(table, evaluation, job, gains, late, margins)

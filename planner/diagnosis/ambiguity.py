@@ -15,7 +15,6 @@ from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
-from planner.part.outline import radius_of_gyration
 from planner.search.expand import TreeNode, breadth_first
 from runtime.table import HELD_UM, Table
 
@@ -141,7 +140,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
     """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    metric = metric_of(job)
     inner = [node for node in breadth_first(root) if node.children]
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
     found = []

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.doubts import stated, traits_of
+from planner.belief.doubts import hypotheses_of, stated_of, traits_of
 from planner.belief.transition import Placing
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, as_planned
+from planner.mechanics.traits import Traits
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,10 @@ class Disturbance:
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
         """The traits of n parts in this cell; a foreign world brings what is off in it itself."""
-        usual = as_planned(n) if foreign else stated(job, n)
-        traits = traits_of(job, n, rng) if self.believed else usual
+        if self.believed:
+            traits = traits_of(job, n, rng)
+        else:
+            traits = hypotheses_of(job, n, rng) if foreign else stated_of(job, n, rng)
         traits["encoder_mm"] += self.encoder_offset_mm
         traits["across_mm"] += self.across_mm
         return traits

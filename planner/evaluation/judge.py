@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, Mode
-from runtime.table import Table, poses_of
+from runtime.table import Leaf, Table, hypotheses_of, poses_of
 
 MOST_POSES = 4
 LEAST_SHARE = 0.1  # poses that hold less of a leaf's parts are scatter
@@ -31,11 +31,19 @@ def metric_of_table(table: Table) -> Metric:
         kind=goal.kind,
         tolerance=(x / 1e3, y / 1e3, theta / 1e6),
         modes=goal.modes,
+        further=tuple((own.rho_um / 1e3, own.symmetry) for own in table.hypotheses[1:]),
+        identify=goal.identify,
     )
 
 
+def states_of(table: Table, leaf: Leaf) -> Array:
+    """(m, 3) the poses any of which makes a leaf right; (m, 4) with hypotheses, where there are several."""
+    poses = np.array(poses_of(table.goal, leaf))
+    return np.column_stack([poses, hypotheses_of(table.goal, leaf)]) if table.hypotheses else poses
+
+
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
-    """The poses (n, 3), n >= 1, that parts have in one leaf, the commonest first, with their shares."""
+    """The poses (n, 3 or 4), n >= 1, that parts have in one leaf, the commonest first, with their shares."""
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
@@ -43,18 +51,22 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
 def claimed(table: Table, leaf: IntArray) -> BoolArray:
     """Whether the leaves (n,) claim to know the pose; negative ones, which are none, do not."""
     known = np.array([leaf.resolved for leaf in table.leaves])
-    return np.where(leaf >= 0, known[leaf], False)
+    return np.where(leaf >= 0, known[np.maximum(leaf, 0)], False)
 
 
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
-    """Holds true poses (n, 3) in the world [mm, mm, rad] against what their leaves (n,) say, if >= 0."""
+    """Holds true poses (n, 3) in the world [mm, mm, rad] against what their leaves (n,) say, if >= 0.
+
+    A fourth column says which part it is; it is the first without.
+    """
     metric = metric_of_table(table)
-    audit = metric._replace(kind="pose", distance_mm=1.0)  # a goal of another kind may state no distance
+    # A goal of another kind may state no distance.
+    audit = metric._replace(kind="pose", distance_mm=1.0, identify=False)
     error = np.full(len(leaf), np.inf)
     within = np.zeros(len(leaf), np.bool_)
     for index in np.unique(leaf[leaf >= 0]):
         here = leaf == index
-        said = np.array([poses_of(table.goal, table.leaves[index])])
+        said = states_of(table, table.leaves[index])[None]
         error[here] = audit.between(poses[here][:, None], said).min(axis=1)
         within[here] = metric.reached(poses[here][:, None], said).any(axis=1)
     return Verdict(error, within)

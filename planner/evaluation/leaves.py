@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.evaluation.judge import metric_of_table
+from planner.evaluation.judge import metric_of_table, states_of
 from planner.evaluation.outcome import NOWHERE, Evaluation
 from runtime.table import PPM, Table, poses_of
 
@@ -106,6 +106,41 @@ class Mistake(NamedTuple):
         }
 
 
+class Identities(NamedTuple):
+    """Which part was named, over all trials."""
+
+    names: tuple[str, ...]  # of the hypotheses
+    named: IntArray  # (h, h + 1) parts of each hypothesis, by the name that they got; last: none
+
+    @property
+    def right(self) -> float:
+        """Share of the named parts that got their own name; 1 where none was named."""
+        named = self.named[:, :-1]
+        return float(np.trace(named) / named.sum()) if named.any() else 1.0
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        total = self.named.sum()
+        return {
+            "names": list(self.names),
+            "identity_rate": self.right,
+            "named_rate": float(self.named[:, :-1].sum() / total),
+            "mistaken_rate": float((self.named[:, :-1].sum() - np.trace(self.named)) / total),
+            "named": self.named[:, :-1].tolist(),
+            "unnamed": self.named[:, -1].tolist(),
+        }
+
+
+def identities(table: Table, evaluation: Evaluation) -> Identities:
+    """Holds the names that resolved leaves give against what the parts of a table of several are."""
+    number = len(table.hypotheses)
+    said = np.array([leaf.hypothesis for leaf in table.leaves])[np.maximum(evaluation.leaf, 0)]
+    said = np.where(evaluation.resolved, said, number)
+    named = np.zeros((number, number + 1), np.int64)
+    np.add.at(named, (evaluation.traits["hypothesis"], said), 1)
+    return Identities(tuple(own.name for own in table.hypotheses), named)
+
+
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
     """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
 
@@ -114,7 +149,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
     for number, leaf in enumerate(table.leaves):
-        distance = metric.between(poses[:, None], np.array([poses_of(table.goal, leaf)])).min(axis=1)
+        distance = metric.between(poses[:, None], states_of(table, leaf)[None]).min(axis=1)
         nearer = (distance < best) & (distance < metric.goal)
         best[nearer], index[nearer] = distance[nearer], number
     return index
@@ -124,7 +159,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
     """Which leaf was taken for which, the commonest first; leaves that were right are left out."""
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
-    truth = nearest_leaf(table, evaluation.poses[failed]).tolist()
+    truth = nearest_leaf(table, evaluation.states[failed]).tolist()
     n = len(evaluation.leaf)
     pairs = Counter(zip(ended, truth, strict=True))
     return [

@@ -11,6 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition
+from planner.belief.particles import Belief
 from planner.evaluation.judge import claimed, main_poses, metric_of_table
 from planner.evaluation.outcome import ERROR_SHARES, Evaluation
 from planner.job.model import Job
@@ -108,9 +109,10 @@ def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metri
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
     leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
-        leaf = leaf._replace(covariance=covariance_of(evaluation.poses[here], leaf, job))
+        found = Belief.of(evaluation.poses[here], traits=evaluation.traits[here])
+        leaf = leaf._replace(covariance=covariance_of(found, leaf, job))
     if not resolved:
-        leaf = leaf._replace(alternatives=_alternatives(leaf, evaluation.poses[here], metric))
+        leaf = _open(leaf, evaluation.states[here], metric)
     return leaf
 
 
@@ -120,10 +122,12 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
     return round(1e3 * float(median)), round(1e3 * float(high))
 
 
-def _alternatives(leaf: tables.Leaf, poses: Array, metric: Metric) -> tuple[tuple[int, int, int], ...]:
-    """What an unresolved leaf cannot tell apart: its parts' main poses, but for the one it predicts."""
-    modes, predicted = main_poses(poses, metric), np.array(tables.predicted_pose(leaf))
-    return tuple(pose_of(mode.pose) for mode in modes if not metric.reached(mode.pose, predicted))
+def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
+    """An unresolved leaf with what it cannot tell apart: its parts' main poses, but for its own."""
+    predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
+    modes = [mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)]
+    others = tuple(mode.hypothesis[0] for mode in modes) if metric.further else ()
+    return leaf._replace(alternatives=tuple(pose_of(mode.pose) for mode in modes), other_hypotheses=others)
 
 
 def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.mechanics.traits import Traits
+from planner.mechanics.traits import Traits, with_hypothesis
 from runtime.table import wilson_interval
 
 REJECTED = -1
@@ -33,6 +33,11 @@ class Evaluation:
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
     counts: IntArray  # (n, d) the encoder's reading at each of them, then `NOWHERE`
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
+
+    @property
+    def states(self) -> Array:
+        """What the goal asks for: the final poses, with the hypothesis where it is not the first."""
+        return with_hypothesis(self.poses, self.traits)
 
     @property
     def success(self) -> BoolArray:

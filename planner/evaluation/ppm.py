@@ -31,7 +31,7 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
 from planner.evaluation.trials import DISMISSED, Program, crashing, step
 from planner.job.model import Job
-from planner.mechanics.traits import Traits
+from planner.mechanics.traits import Traits, hypothesis_alone, with_hypothesis
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.shell import strict_json
@@ -100,6 +100,7 @@ class Wrong(NamedTuple):
     leaf: IntArray  # (n,) where they ended
     poses: Array  # (n, 3) where they lay then [mm, mm, rad]
     counts: IntArray  # (n,) what was read there
+    traits: Traits  # (n,) which parts they are, and nothing else
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,7 +144,7 @@ class Study:
         rejected = crashed = squeezes = 0.0
         while len(node):
             placement = self.disturbance.placed(program.placement[node], traits[part], rng)
-            stopped = crashing(program, node, poses, placement, world, self.job)
+            stopped = crashing(program, node, poses, placement, world, self.job, traits[part])
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]
@@ -159,8 +160,9 @@ class Study:
             part, node = np.repeat(part[on], times), np.repeat(made.target[on], times)
             poses = np.repeat(made.released[on], times, axis=0)
         part, leaf, weight, poses, counts = (np.concatenate(column) for column in zip(*ends, strict=True))
-        resolved = np.array([known.resolved for known in program.table.leaves])
-        wrong = resolved[leaf] & ~judge(program.table, leaf, poses - self.disturbance.bias).within
+        resolved, own = np.array([known.resolved for known in program.table.leaves]), traits[part]
+        states = with_hypothesis(poses - self.disturbance.bias, own)
+        wrong = resolved[leaf] & ~judge(program.table, leaf, states).within
         sums = Sums(
             parts=parts,
             visits=_sum(leaf, weight, leaves),
@@ -170,7 +172,7 @@ class Study:
             crashed=crashed,
             squeezes=squeezes,
         )
-        return sums, Wrong(leaf[wrong], poses[wrong], counts[wrong])
+        return sums, Wrong(leaf[wrong], poses[wrong], counts[wrong], hypothesis_alone(own[wrong]))
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:

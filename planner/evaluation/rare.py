@@ -46,7 +46,8 @@ class Case:
             left -= self.found.leaves[leaf].rate
             named.append(leaf)
         found = self.wrong
-        return {k: Belief.of(found.poses[found.leaf == k], found.counts[found.leaf == k]) for k in named}
+        parts = Belief.of(found.poses, found.counts, found.traits)
+        return {k: parts[found.leaf == k] for k in named}
 
 
 def studied(

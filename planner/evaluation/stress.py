@@ -20,6 +20,7 @@ from planner.evaluation.disturbance import as_doubted
 from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
+from planner.mechanics.traits import hypothesis_alone
 from planner.search.expand import TreeNode, breadth_first
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
@@ -93,7 +94,7 @@ def unsettle(root: TreeNode, wrong: Mapping[int, Belief], metric: Metric) -> lis
         found.append(Doubt(node, node.belief, node.mode))
         more = _amplified(parts, len(node.belief))
         node.belief, node.doubted = Belief.joined([node.belief, more]), node.doubted + len(more)
-        node.mode = metric.mode(node.belief.poses)
+        node.mode = metric.mode(node.belief.states)
     return found
 
 
@@ -109,9 +110,9 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
 
 
 def _ended(run: Evaluation, rows: BoolArray) -> Belief:
-    """Where some of the parts of a run ended, and what was read there last."""
+    """Where some of the parts of a run ended, which they are, and what was read there last."""
     last = run.counts[np.arange(len(rows)), run.squeezes - 1]
-    return Belief.of(run.poses[rows], last[rows])
+    return Belief.of(run.poses[rows], last[rows], hypothesis_alone(run.traits[rows]))
 
 
 def _amplified(wrong: Belief, among: int) -> Belief:

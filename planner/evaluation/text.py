@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from planner.evaluation.leaves import LEAST_VISITS, NO_LEAF, Confusion, Mistake, Reliability
+from planner.evaluation.leaves import LEAST_VISITS, NO_LEAF, Confusion, Identities, Mistake, Reliability
 from planner.evaluation.outcome import Evaluation
 from runtime.table import Table
 
@@ -35,6 +35,21 @@ def worst_world(world: str, evaluation: Evaluation) -> str:
     figures = evaluation.summary()
     rates = f"wrong {figures['wrong_rate']:.2%}, success {figures['success_rate']:.2%}"
     return f"worst      {rates} of {figures['trials']} parts in the worst believed world: {world}"
+
+
+def named(found: Identities) -> list[str]:
+    """How often the right part was named, and which was named for which."""
+    figures = found.figures()
+    told = f"of the parts that were named ({figures['named_rate']:.2%})"
+    lines = [f"identity   {found.right:7.2%}  right, {told}"]
+    for truth, row in zip(found.names, found.named, strict=True):
+        wrong = {
+            name: int(count) for name, count in zip(found.names, row, strict=False) if count and name != truth
+        }
+        lines += [
+            f"           {count} of {row.sum()} {truth} were named {name}" for name, count in wrong.items()
+        ]
+    return lines
 
 
 def _error(error_mm: dict[str, float] | None) -> list[str]:

@@ -18,8 +18,8 @@ from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
-from planner.mechanics.traits import Traits, as_planned, ordinary
-from planner.world import ContactWorld, World
+from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
+from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
@@ -126,7 +126,9 @@ def run(
     """
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
-    traits = disturbance.traits(job, trials, rng, foreign=not isinstance(world, ContactWorld))
+    traits = disturbance.traits(
+        job, trials, rng, foreign=not isinstance(of_hypothesis(world, 0), ContactWorld)
+    )
     hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(
@@ -146,7 +148,8 @@ def run(
     for _ in range(depth):
         members = np.flatnonzero(node >= 0)
         placement = disturbance.placed(program.placement[node[members]], traits[members], rng)
-        stopped = crashing(program, node[members], found.poses[members], placement, world, job)
+        at, lying, own = node[members], found.poses[members], traits[members]
+        stopped = crashing(program, at, lying, placement, world, job, own)
         found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
         members, placement = members[~stopped], placement[~stopped]
         if not len(members):
@@ -164,13 +167,13 @@ def run(
         found.leaf[members[ended]] = leaf[ended]
         node[members] = np.maximum(made.target, NOWHERE)
     found.poses[:] -= disturbance.bias
-    error, within = judge(program.table, found.leaf, found.poses)
+    error, within = judge(program.table, found.leaf, found.states)
     resolved = claimed(program.table, found.leaf)
     return replace(found, error_mm=error, within=within, resolved=resolved)
 
 
 def crashing(
-    program: Program, node: IntArray, poses: Array, placement: Array, world: World, job: Job
+    program: Program, node: IntArray, poses: Array, placement: Array, world: World, job: Job, traits: Traits
 ) -> BoolArray:
     """Which parts (n,) an open finger would come down on, where the world can tell; the arm stops there.
 
@@ -181,12 +184,17 @@ def crashing(
         placement: (n, 3) where the hand comes down.
         world: is asked.
         job: says how far a part reaches.
+        traits: (n,) of the parts.
     """
-    stopped, collides = np.zeros(len(node), np.bool_), getattr(world, "collides", None)
-    if collides is not None:
-        hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
-        reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-        for part in np.flatnonzero(np.abs(hand[:, 1]) + reach > 0.5 * opening_mm):
+    stopped, alone = np.zeros(len(node), np.bool_), job.alone
+    hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
+    for k, rows in by_hypothesis(traits):
+        collides = getattr(of_hypothesis(world, k), "collides", None)
+        if collides is None:
+            continue
+        reach = float(np.max(np.hypot(*alone[k].part.outline_mm.T)))
+        near = np.abs(hand[rows, 1]) + reach > 0.5 * opening_mm[rows]
+        for part in np.arange(len(node))[rows][near]:
             stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
     return stopped
 
@@ -206,6 +214,8 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
     Returns:
         (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part was held in the end.
     """
+    if isinstance(world, Assorted):
+        return _squeeze_each(world, hand, traits)
     many = getattr(world, "squeeze_many", None)
     if many is not None:
         rolled = many(hand) if ordinary(traits).all() else many(hand, traits)
@@ -214,3 +224,13 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
     final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
     width = np.array([result[1] for result in results], dtype=np.float64)
     return final, width, np.array([result[2] in HOLDING for result in results])
+
+
+def _squeeze_each(world: Assorted, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
+    """As `_squeeze_all`, each part in the world of its hypothesis."""
+    final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
+    for k, rows in by_hypothesis(traits):
+        alone = traits[rows].copy()
+        alone["hypothesis"] = 0
+        final[rows], width[rows], held[rows] = _squeeze_all(world.worlds[k], hand[rows], alone)
+    return final, width, held

@@ -24,6 +24,7 @@ FORMS = {
 VECTORS = "vectors.csv"
 JSON_VERSION = 1  # as in the schema
 WIDTH = 100  # of a line of numbers
+OF_SEVERAL = ("identify", "hypothesis", "other_hypotheses")  # fields of goal and leaf
 Row = tuple[int, ...]
 UNKNOWN = -1  # success of a leaf without trials
 LONGEST_TEXT = 60  # of the table's own, in comments
@@ -87,7 +88,7 @@ def _document(found: TableFile) -> dict[str, Any]:
         "tool": table.tool,
         "job_digest": table.job_digest.hex(),
         "gripper": asdict(table.gripper),
-        "goal": asdict(table.goal),
+        "goal": _of_one_part(asdict(table.goal)),
         "limits": asdict(table.limits),
         "predicted": asdict(table.predicted),
         "nodes": [
@@ -99,8 +100,13 @@ def _document(found: TableFile) -> dict[str, Any]:
             }
             for node, decided in zip(table.nodes, maps, strict=True)
         ],
-        "leaves": [leaf._asdict() for leaf in table.leaves],
+        "leaves": [_of_one_part(leaf._asdict()) for leaf in table.leaves],
     }
+
+
+def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
+    """A record without what only tables for several parts say, which are not exported."""
+    return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 
 def _values(found: TableFile) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import shapely
 
 from planner.arrays import Array
 from planner.errors import FitError, OutlineError, ValueRangeError
+from planner.job.schema import Goal
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry
 
@@ -88,6 +89,35 @@ def check_conflicts(values: Values) -> None:
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     if values["delivery"] is not None:
         _check_delivery(values)
+
+
+def check_identity(goal: Goal) -> None:
+    """Refuses to ask which part it is where there is but one.
+
+    Raises:
+        ValueRangeError: so it is.
+    """
+    if goal.kind == "identity":
+        problem = 'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
+        raise _conflict("goal", "kind", problem)
+
+
+def check_hypotheses(job: Any, names: list[str]) -> None:
+    """Refuses what goes with one part only.
+
+    Raises:
+        ValueRangeError: two parts have one name, or a section is not known for several parts.
+    """
+    if len(set(names)) < len(names):
+        raise _conflict("hypothesis", "name", "stands twice; give each part a name of its own")
+    if job.goal.kind == "identity" and job.goal.identify is False:
+        raise _conflict("goal", "identify", 'is false, but kind = "identity" asks for nothing else; drop it')
+    if job.search.method != "closed-loop":
+        raise _conflict("search", "method", 'of the paper plans for one part; leave it at "closed-loop"')
+    if job.search.model == "kcde":
+        raise _conflict("search", "model", 'is learned for one part; leave it at "simulation"')
+    if job.delivery is not None:
+        raise _conflict("delivery", "drop_mm", "is of one part; leave the section out for several hypotheses")
 
 
 def _check_symmetry(part: dict[str, Any]) -> None:

@@ -4,10 +4,12 @@ import math
 import re
 import tomllib
 from collections.abc import Container, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from planner.errors import InputFileError, JobError, KeyNameError, TomlError, UsageError, ValueRangeError
+from planner.job import hypotheses
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, TOP_LEVEL
 from runtime.shell import strict_json
@@ -118,6 +120,11 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             check_names([name], (*FIELDS, *TOP_LEVEL) if is_section else TOP_LEVEL, "")
         except JobError as error:
             raise error.at(where) from None
+        if is_section and hypotheses.KEY in result and name in hypotheses.OWN:
+            try:
+                hypotheses.changed(result, name, partial(_with_values, section=name, values=values))
+            except JobError as error:
+                raise error.at(where) from None
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
             raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")

@@ -63,6 +63,19 @@ class Integer:
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """Yes or no."""
+
+    default: Any = REQUIRED
+
+    def read(self, value: Any) -> bool:
+        """The value."""
+        if not isinstance(value, bool):
+            raise ValueRangeError(f"must be true or false, not {shown(value)}")
+        return value
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """A short printable line, or one of a few words if `choices` are given."""
 
@@ -140,7 +153,7 @@ class Poses:
         return found
 
 
-Field: TypeAlias = Number | Integer | Text | Numbers | Poses
+Field: TypeAlias = Number | Integer | Flag | Text | Numbers | Poses
 
 
 def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[str, Any]:

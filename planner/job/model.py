@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,25 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import JobError
 from planner.job import checks as job_checks
-from planner.job import documents, schema, surface_file
+from planner.job import documents, hypotheses, schema, surface_file
 from planner.part import symmetry
 from planner.part.pressure import Pressure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stranger:
+    """A part that does not belong on the table: tables are tried with it, and not made for it."""
+
+    part: schema.Part
+    pressure: Pressure
+    friction: schema.Friction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis(Stranger):
+    """One of the parts that may lie on the table."""
+
+    share: float  # of the parts that come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +57,34 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
+    # The parts that may lie there, where there are several; part, pressure and friction are then the first's.
+    hypothesis: tuple[Hypothesis, ...] | None = None
+    stranger: tuple[Stranger, ...] | None = None
+
+    @property
+    def alone(self) -> tuple[Job, ...]:
+        """A job for each part that may lie there, as if it were the only one."""
+        return self._each(self.hypothesis) or (self,)
+
+    @property
+    def strangers(self) -> tuple[Job, ...]:
+        """A job for each part that does not belong there, as if it were the only one."""
+        return self._each(self.stranger)
+
+    def _each(self, parts: Sequence[Stranger] | None) -> tuple[Job, ...]:
+        own = ({"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ())
+        alone = replace(self, hypothesis=None, stranger=None)
+        return tuple(replace(alone, **fields) for fields in own)  # type: ignore[arg-type]
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Of the parts that come, in the order of `alone`."""
+        return tuple(h.share for h in self.hypothesis) if self.hypothesis else (1.0,)
+
+    @property
+    def name(self) -> str:
+        """What may lie there, for people."""
+        return " or ".join(job.part.name for job in self.alone)
 
     @classmethod
     def load(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
@@ -54,7 +98,7 @@ class Job:
 
     def canonical(self) -> str:
         """The job as canonical JSON: keys sorted, no spaces, floats exact (shortest repr)."""
-        return json.dumps(_plain(asdict(self)), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return json.dumps(_document(self), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> bytes:
         """The SHA-256 of the canonical text, 32 bytes."""
@@ -69,7 +113,7 @@ class Job:
         Raises:
             JobError: as `parse`.
         """
-        document = documents.changed(_plain(asdict(self)), _plain(changes), where)
+        document = documents.changed(_document(self), _plain(changes), where)
         drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get("pressure", ())
         return of_document(document, where, drawn)
 
@@ -90,9 +134,12 @@ def files(path: str | Path) -> list[Path]:
         JobError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
-    pressure = document.get("pressure")
-    named = pressure.get("surface_file") if isinstance(pressure, dict) else None
-    return [Path(path), *([Path(path).parent / named] if isinstance(named, str) else [])]
+    lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.STRANGER))
+    listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
+    tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
+    stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
+    named = [table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)]
+    return [Path(path), *(Path(path).parent / name for name in named)]
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
@@ -143,8 +190,52 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
+    """The job of a document, with as many hypotheses as it names parts and faces."""
+    found: list[tuple[float, Job]] = []
+    stated = hypotheses.stated(document)
+    listed = [alone for _, alone in stated]
+    for (share, _), jobs in zip(stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True):
+        found += [(share / len(jobs), job) for job in jobs]
+    others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
+    strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
+    if len(found) == 1:
+        job_checks.check_identity(found[0][1].goal)
+        return replace(found[0][1], stranger=strange)
+    lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
+    first = replace(found[0][1], cell=replace(found[0][1].cell, squeeze_height_mm=lowest_mm))
+    if "particles" not in document.get("search", {}):
+        first = replace(first, search=replace(first.search, particles=hypotheses.PARTICLES * len(found)))
+    parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in found)
+    job_checks.check_hypotheses(first, [job.part.name for _, job in found])
+    return replace(first, hypothesis=parts, stranger=strange)
+
+
+def _jobs(
+    document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
+) -> list[list[Job]]:
+    """The jobs of the faces of each part that a document lists under a key."""
+    found = []
+    for number, alone in enumerate(listed, start=1):
+        try:
+            found.append(_on_faces(alone, where, drawn))
+        except JobError as error:
+            raise hypotheses.named(document, key, number, error) from None
+    return found
+
+
+def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
+    """The job of one part; and that of the part turned over, where it may lie on either face."""
+    part = document.get("part")
+    faces = part.get("faces") if isinstance(part, dict) else None
+    job = _of_one(document, where, drawn)
+    other = hypotheses.turned_over(_document(job)) if faces is not None else None
+    return [job] if other is None else [job, _of_one(other, where, drawn=False)]
+
+
+def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     values = documents.checked(document)
     part, actions, cell = values["part"], values["actions"], values["cell"]
+    del part["faces"]
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
     if part["datum"] is not None:
         part["datum"] = part["datum"] + np.array([*shift, 0.0])
@@ -166,8 +257,19 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     return Job(seed=values[""]["seed"], **records)
 
 
+def _document(job: Job) -> dict[str, Any]:
+    """A job as JSON types; several hypotheses stand in place of part, pressure and friction."""
+    document: dict[str, Any] = _plain(asdict(job))
+    if job.hypothesis:
+        for own in hypotheses.OWN:
+            del document[own]
+    return document
+
+
 def _plain(value: Any) -> Any:
     """A value as JSON types; keys that are None are not written."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
+        return [_plain(item) for item in value]
     return value.tolist() if isinstance(value, np.ndarray) else value

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 from planner.arrays import Array
-from planner.job.fields import Field, Integer, Number, Numbers, Poses, Text
+from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Text
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 
@@ -136,10 +136,11 @@ class Goal:
 
     Of kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta each
     within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation": theta within its
-    tolerance, wherever the part lies. Angles are taken under the part's symmetry.
+    tolerance, wherever the part lies; "identity": no pose, only which part it is. Angles are taken under the
+    part's symmetry.
     """
 
-    kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation"), default="pose")]
+    kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")]
     distance_mm: Annotated[float, Number(0, 100, above=True)]  # for "pose" and "modes"
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]  # least probability of a leaf
     # Bounds on x and y, for "tolerances".
@@ -157,6 +158,8 @@ class Goal:
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
     # Most parts in a million that may be answered wrongly, by an upper bound; None: no such goal.
     wrong_ppm: Annotated[int | None, Integer(1, 100_000, default=None)]
+    # Whether an answer must also say which of several parts it is; None: yes.
+    identify: Annotated[bool | None, Flag(default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +242,7 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
         "kind": Text(("boundary", "uniform", "points", "identified", "stated"), default="boundary"),
         "wishart_dof": Integer(3, 1_000_000, default=100),
     },
+    "part": {"faces": Text(("either",), default=None)},
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
 }  # Keys that the records do not hold as they are stated
 

@@ -110,6 +110,10 @@ class Simulator:
         share = np.clip(self.jaws[3] + own["share"], 0.0, 1.0)
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release, share, own["deviation"])
 
+    def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits | None = None) -> RollOut:
+        """Squeezes poses (n, 3) in the hand frame, each with random mechanics, of parts with traits (n,)."""
+        return self.roll_out(poses, self.sample(len(poses), rng, traits))
+
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
         """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 

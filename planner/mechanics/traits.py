@@ -4,12 +4,13 @@ Traits are a structured array with a row for each particle or part. A further tr
 what it does belongs where it acts: in `Simulator.sample`, in `belief.transition` or in both.
 """
 
+from collections.abc import Iterator
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.part.outline import offsets, reach
 
 WAVES = 3  # of the deviations along a contour, the longest once around
@@ -18,6 +19,7 @@ SHAPES = 2 + 2 * WAVES
 
 TRAITS = np.dtype(
     [
+        ("hypothesis", np.int64),  # which of the job's parts it is
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
         ("share", np.float64),  # what the upper finger makes of the closing, more than its share in the job
         ("surface", np.int64),  # which of the simulator's limit surfaces
@@ -41,12 +43,36 @@ def as_planned(n: int) -> Traits:
 def ordinary(traits: Traits) -> BoolArray:
     """Where (n,) nothing changes how a part moves in the hand."""
     moved = (
-        (traits["share"] != 0.0)
+        (traits["hypothesis"] != 0)
+        | (traits["share"] != 0.0)
         | (traits["surface"] != 0)
         | (traits["dof"] != 0)
         | traits["deviation"].any(axis=1)
     )
     return np.asarray((traits["friction"] == FRESH) & ~moved)
+
+
+def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
+    """Each hypothesis that occurs, and its rows; all at once where there is but the first."""
+    which = traits["hypothesis"]
+    if not which.any():
+        yield 0, slice(None)
+        return
+    for k in np.unique(which).tolist():
+        yield k, np.flatnonzero(which == k)
+
+
+def hypothesis_alone(traits: Traits) -> Traits:
+    """Traits (n,) of the same parts in a world without anything off."""
+    same = as_planned(len(traits))
+    same["hypothesis"] = traits["hypothesis"]
+    return same
+
+
+def with_hypothesis(poses: Array, traits: Traits) -> Array:
+    """Poses (n, 3) and, where another than the first hypothesis occurs, that as a fourth column."""
+    which = traits["hypothesis"]
+    return np.column_stack([poses, which]) if which.any() else poses
 
 
 def shapes(outline: Array) -> Array:

@@ -12,9 +12,9 @@ from planner.evaluation.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
 from planner.job.model import Job
 from planner.paper.sensorless import SqueezePlan, plan
-from planner.part.outline import convex_hull, radius_of_gyration
+from planner.part.outline import convex_hull
 from planner.work.scheduler import Scheduler, Threads
-from planner.world import ContactWorlds
+from planner.world import ContactWorld, ContactWorlds
 
 ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
 IDEAL = {
@@ -92,7 +92,7 @@ modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
 def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
     """The plan with a chunk of the parts: final poses (n, 3) in the world, and seconds (n,) a part."""
     rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
-    world = worlds.world(chunk.number)
+    world = ContactWorld.of_simulator(worlds.simulators[0], [worlds.seed, chunk.number])
     gripper, cell = job.gripper, job.cell
     poses, seconds = initial(job, chunk.trials, rng), np.zeros(chunk.trials)
     for angle in angles:
@@ -108,7 +108,7 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
     run = partial(_squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    metric = metric_of(job, radius_of_gyration(job.part.outline_mm))
+    metric = metric_of(job)
     orders = round(2.0 * np.pi / squeezes.period)
     off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
     return Achieved(

@@ -28,6 +28,17 @@ def has_order(outline: Outline, n: int, tolerance_mm: float = TOLERANCE_MM) -> b
     return _maps_onto_itself(_boundary(outline), outline, n, tolerance_mm)
 
 
+def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
+    """Whether some turn takes a centred outline (M, 2) onto another (N, 2), to within a tolerance.
+
+    It takes a farthest vertex to a farthest vertex, so those are tried.
+    """
+    boundary, far = _boundary(other), np.hypot(*other.T)
+    x, y = outline[np.argmax(np.hypot(*outline.T))]
+    turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]]
+    return any(bool(shapely.dwithin(boundary, _turned(outline, turn), tolerance_mm).all()) for turn in turns)
+
+
 def _maps_onto_itself(boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
     """Checks the turns one by one, those first that a part without this symmetry is likeliest to fail."""
     turns = np.arange(1, n)

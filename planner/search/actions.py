@@ -20,28 +20,34 @@ class ActionSet:
 
     Attributes:
         placements: (k, 3) the fixed ones: the hand frame in the world [mm, mm, rad].
-        proposals: those relative to a belief; None for none.
+        proposals: those relative to a belief, for each hypothesis; empty for none.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
     """
 
     placements: Array
-    proposals: Proposals | None
+    proposals: tuple[Proposals, ...]
     area: Array
 
     def __len__(self) -> int:
         return len(self.placements)
 
-    def options(self, belief: Array, metric: Metric) -> Array:
-        """The fixed placements, those beside them and those about the belief's main modes, within the area.
+    def options(self, states: Array, metric: Metric) -> Array:
+        """The fixed placements, those beside them and those about a belief's main modes, within the area.
+
+        Args:
+            states: (n, 3 or 4) of the belief [mm, mm, rad, hypothesis].
+            metric: of the goal.
 
         Returns:
             (k, 3); the fixed ones alone where nothing is proposed.
         """
-        if self.proposals is None:
+        if not self.proposals:
             return self.placements
-        modes = metric.main_modes(belief, MAIN_MODES, LEAST_MODE)
-        near = [self.proposals.about(mode.pose) for mode in modes if mode.ratio >= LEAST_MODE]
-        return self.within(np.concatenate([self.placements, self.proposals.beside(self.placements), *near]))
+        modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE)
+        modes = [mode for mode in modes if mode.ratio >= LEAST_MODE]
+        near = [self.proposals[mode.hypothesis[0]].about(mode.pose) for mode in modes]
+        beside = max(self.proposals, key=lambda own: len(own.shifts_mm)).beside(self.placements)
+        return self.within(np.concatenate([self.placements, beside, *near]))
 
     def within(self, placements: Array) -> Array:
         """Those of the placements whose hand centre lies in the area."""

@@ -87,14 +87,14 @@ class LookAhead:
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
         )
         yield self.depth, few
-        if share * (1.0 - self.objective.metric.mode(belief.poses).ratio) > params.least_at_stake:
+        if share * (1.0 - self.objective.metric.mode(belief.states).ratio) > params.least_at_stake:
             yield self.depth + 1, few
         if self._particles_needed(belief) > few:
             yield self.depth, self._particles_needed(belief)
 
     def _particles_needed(self, belief: Belief) -> int:
         """How many particles it takes to see those outside the mode."""
-        outside = 1.0 - self.objective.metric.mode(belief.poses).ratio
+        outside = 1.0 - self.objective.metric.mode(belief.states).ratio
         params = self.objective.params
         return min(len(belief), round(params.outside_particles / max(outside, params.least_gain)))
 
@@ -134,7 +134,7 @@ class LookAhead:
     ) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
-        ratio = np.array([self.objective.metric.mode(belief.poses).ratio for belief in beliefs])
+        ratio = np.array([self.objective.metric.mode(belief.states).ratio for belief in beliefs])
         short = np.flatnonzero(ratio < self.objective.confidence)
         size = np.array([len(belief) for belief in beliefs])
         cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)

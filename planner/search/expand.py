@@ -206,7 +206,7 @@ def learn(
         met = node.mode.ratio >= confidence
         node.refuted = number in against
         node.belief = Belief.joined([found, node.belief])  # what is doubted stays at the end
-        node.mode = growth.objective.metric.mode(node.belief.poses)
+        node.mode = growth.objective.metric.mode(node.belief.states)
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
             short += node.share
@@ -291,7 +291,7 @@ def _separated(
             other = TreeNode(part, 0.0, node.mode, path, node.squeezes_without_gain)
         other.belief, other.share = part, share * float(np.mean(piece[:stated] == k))
         other.doubted = int(np.sum(piece[stated:] == k))
-        other.mode = metric.mode(part.poses)
+        other.mode = metric.mode(part.states)
         pieces.append(other)
     replace_child(parent, node, pieces)
     return [other for other in pieces if other is not node]
@@ -321,7 +321,7 @@ def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, flo
         release, growth.objective.costs.of(outcomes), 1.0 - arrives,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
-    modes = [metric.mode(child.poses) for child in beliefs]
+    modes = [metric.mode(child.states) for child in beliefs]
     shares = arrives * outcomes.probability
     after = sum(share * mode.ratio for share, mode in zip(shares, modes, strict=True))
     bias = selection_bias(node.mode.ratio, len(node.belief), len(beliefs), params)

@@ -15,6 +15,7 @@ from planner.belief.transition import Outcomes
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of, least_clearance
+from planner.mechanics.traits import by_hypothesis
 from runtime.table import HELD_UM
 
 SPARE_MM = 3.0
@@ -30,7 +31,7 @@ class Handling:
     """The choices of a job.
 
     Attributes:
-        outline: (N, 2) the part [mm].
+        outlines: (N, 2) of the part [mm], for each hypothesis.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         openings_mm: to choose from, rising, the full one last.
         forces_n: to choose from, rising.
@@ -38,7 +39,7 @@ class Handling:
         encoder: turns the branches' counts into widths.
     """
 
-    outline: Array
+    outlines: tuple[Array, ...]
     jaws: Array
     openings_mm: tuple[float, ...]
     forces_n: tuple[float, ...]
@@ -56,7 +57,9 @@ class Handling:
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
         """The particles clear of both open fingers; on the others the arm stops."""
-        verdict = classify_contact(self.outline, self.jaws, to_hand(belief.poses, placement))
+        verdict, poses = np.empty(len(belief), np.int64), to_hand(belief.poses, placement)
+        for k, rows in by_hypothesis(belief.traits):
+            verdict[rows] = classify_contact(self.outlines[k], self.jaws, poses[rows])
         return belief[verdict != STANDS_ON]
 
     def force_n(self, unstable: float) -> float:
@@ -74,7 +77,7 @@ class Handling:
         Returns:
             (2,) hand centre in the world; None: where it is.
         """
-        reach = float(np.max(np.hypot(*self.outline.T)))
+        reach = max(float(np.max(np.hypot(*outline.T))) for outline in self.outlines)
         low, high = self.area[0] + reach, self.area[1] - reach
         held = [
             b.poses for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True) if w >= HELD_MM
@@ -98,7 +101,10 @@ class Handling:
 
     def _clearance(self, opening: float, belief: Belief, placement: Array) -> float:
         jaws = np.array([opening, *self.jaws[1:]])
-        return least_clearance(self.outline, jaws, belief.poses, placement)
+        return min(
+            least_clearance(self.outlines[k], jaws, belief.poses[rows], placement)
+            for k, rows in by_hypothesis(belief.traits)
+        )
 
     def _widths(self, outcomes: Outcomes) -> Array:
         return self.encoder.width_mm(outcomes.clusters.mean)
@@ -110,6 +116,7 @@ def handling_of(job: Job) -> Handling:
     openings = sorted({*job.actions.openings_mm, gripper.opening_mm})
     jaws = jaws_of(gripper)
     return Handling(
-        job.part.outline_mm, jaws, tuple(openings), tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
+        tuple(alone.part.outline_mm for alone in job.alone), jaws, tuple(openings),
+        tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
         np.array(job.cell.work_area_mm), encoder_of(job),
     )  # fmt: skip

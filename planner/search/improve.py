@@ -65,7 +65,7 @@ def _other(
     node = TreeNode(
         belief,
         sum(piece.share for piece in pieces),
-        metric.mode(belief.poses),
+        metric.mode(belief.states),
         pieces[0].path,
         pieces[0].squeezes_without_gain,
     )

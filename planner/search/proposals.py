@@ -52,10 +52,12 @@ class Proposals:
         return np.concatenate([placements[:0], *(along(placements, shift) for shift in self.shifts_mm)])
 
 
-def proposals_of(job: Job) -> Proposals | None:
-    """The proposals for a job's part and fingers; None where the job wants none."""
-    if job.actions.proposals == "none":
-        return None
+def proposals_of(job: Job) -> tuple[Proposals, ...]:
+    """The proposals for each of a job's parts and its fingers; none where the job wants none."""
+    return () if job.actions.proposals == "none" else tuple(map(_of_part, job.alone))
+
+
+def _of_part(job: Job) -> Proposals:
     outline = job.part.outline_mm
     half = 0.5 * job.gripper.finger_length_mm
     rows = []

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray
 from planner.belief.particles import Belief, subsample
 from planner.belief.transition import MotionModel, Outcomes
 from planner.frames import wrap
 from planner.mechanics.clearance import free_placements
-from planner.mechanics.simulator import Simulator
+from planner.mechanics.mixture import Mixture
+from planner.mechanics.traits import by_hypothesis
 from planner.search.actions import ActionSet
 from planner.search.params import Objective, SearchParams
 from planner.search.proposals import refined
@@ -68,21 +69,21 @@ class Ranking:
 
     Attributes:
         actions: what to choose from.
-        simulator: knows the part and the jaws.
+        mixture: knows the parts and the jaws.
         model: motion and sensor model.
         objective: what the plan is to reach.
         crash_share: share of a belief that may lie under an open finger where no placement clears all of it.
     """
 
     actions: ActionSet
-    simulator: Simulator
+    mixture: Mixture
     model: MotionModel
     objective: Objective
     crash_share: float = 0.0
 
     def candidates(self, belief: Belief, about: Belief) -> Array:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
-        return self._free(belief, self.actions.options(about.poses, self.objective.metric))
+        return self._free(belief, self.actions.options(about.states, self.objective.metric))
 
     def shortlisted(
         self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator
@@ -111,7 +112,7 @@ class Ranking:
 
     def refined(self, belief: Belief, squeezed: Options) -> Array:
         """Variants (k, 3) of the best placements, where placements may be proposed at all."""
-        if self.actions.proposals is None:
+        if not self.actions.proposals:
             return squeezed.placements[:0]
         top = squeezed.placements[squeezed.best(self.objective.params.refined)]
         near = np.concatenate([refined(placement) for placement in top])
@@ -125,7 +126,7 @@ class Ranking:
             squeezed: its k options.
             after: (k,) mode ratio expected after each, at the end of the look-ahead.
         """
-        ratio, params = self.objective.metric.mode(belief.poses).ratio, self.objective.params
+        ratio, params = self.objective.metric.mode(belief.states).ratio, self.objective.params
         bias = [selection_bias(ratio, len(belief), len(o.beliefs), params) for o in squeezed.outcomes]
         return np.asarray(after - ratio - np.array(bias))
 
@@ -134,7 +135,7 @@ class Ranking:
         cost = np.array([self.objective.costs.of(outcome) for outcome in outcomes])
         ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
         for k, outcome in enumerate(outcomes):
-            modes = [metric.main_modes(child.poses, metric.modes + 1) for child in outcome.beliefs]
+            modes = [metric.main_modes(child.states, metric.modes + 1) for child in outcome.beliefs]
             first = np.array([sum(mode.ratio for mode in found[: metric.modes]) for found in modes])
             further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
             ratio[k] = outcome.probability @ first
@@ -145,11 +146,17 @@ class Ranking:
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
     def _free(self, belief: Belief, placements: Array) -> Array:
-        part, jaws = self.simulator.outline, self.simulator.jaws
-        free = free_placements(part, jaws, belief.poses, placements, self.objective.params.least_clearance_mm)
+        free = self._clear(belief, placements, self.objective.params.least_clearance_mm)
         if self.crash_share > 0.0 and not free.any():
-            free = free_placements(part, jaws, belief.poses, placements, 0.0, self.crash_share)
+            free = self._clear(belief, placements, 0.0, self.crash_share)
         return np.asarray(placements[free])
+
+    def _clear(self, belief: Belief, placements: Array, least_mm: float, share: float = 0.0) -> BoolArray:
+        """Where the fingers keep clear of all but a share of the particles of each hypothesis."""
+        found, outlines, jaws = np.ones(len(placements), np.bool_), self.mixture.outlines, self.mixture.jaws
+        for k, rows in by_hypothesis(belief.traits):
+            found &= free_placements(outlines[k], jaws, belief.poses[rows], placements, least_mm, share)
+        return found
 
 
 def selection_bias(ratio: float, particles: int, clusters: int, params: SearchParams) -> float:

@@ -14,7 +14,7 @@ from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
-from runtime.errors import BrokenRunError, CalibrationError
+from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
@@ -50,6 +50,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     console.note(_headline(arguments.tree, table))
     _check_fit(table, options)
     carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
+    if arguments.audit is not None and table.hypotheses:
+        raise ArgumentsError("--audit judges one part, and the table leaves open which part it is")
     with ExitStack() as stack:
         asked = _Asked(arguments, loaded, options, console, drivers, stack)
         if arguments.check:

@@ -18,6 +18,7 @@ from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, 
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
 from runtime.journal.chain import Journal
 from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
+from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
     ARRIVED,
     CLOSING_CONTACT,
@@ -32,6 +33,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
 MAX_LINE = 80  # with its end: what a string of RAPID holds (RAPID reference, data type string)
+MAX_NAME = 20  # of a part, so that its line stays within that
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": CLOSING_CONTACT, "NONE": ARRIVED}
 UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
@@ -283,11 +285,12 @@ class AskedParts:
         leaf = self._table.leaves[result.leaf]
         success = UNTRIED if leaf.success is None else leaf.success
         pose = f"{leaf.x_um / 1000:.3f} {leaf.y_um / 1000:.3f} {degrees(leaf.theta_urad / 1e6):.5f}"
-        return f"LEAF {result.leaf} {pose} {success:.6f}"
+        named = "" if (name := self._table.name_of(leaf)) is None else f" {leaf.hypothesis} {_plain(name)}"
+        return f"LEAF {result.leaf} {pose} {success:.6f}{named}"
 
     def _end(self, part: _Part, outcome: Outcome, reason: str | None) -> PartResult:
         result = PartResult.of(part.number, outcome, part.steps, reason)
-        self._journal.record("outcome", result.fields())
+        self._journal.record("outcome", outcome_fields(self._table, result))
         self._part = None
         self._watch(part.number, Phase.DONE, None)
         self._tally.add(result, None)
@@ -295,6 +298,11 @@ class AskedParts:
         ends = outcome is not Outcome.ABORTED and self._policy.ends_run(outcome)
         self.over = ends or self._tally.parts == self._count
         return result
+
+
+def _plain(name: str) -> str:
+    """A part's name as the end of a line: ASCII, and cut where the line would become too long."""
+    return name.encode("ascii", "replace").decode()[:MAX_NAME]
 
 
 def _check(holds: bool, number: int) -> None:

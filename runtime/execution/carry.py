@@ -35,10 +35,12 @@ def check(delivery: Delivery | None, table: Table, arm: Arm | None = None, middl
     fingers meet `middle_mm` off the hand's middle.
 
     Raises:
-        MotionRefusedError: naming the first leaf from which no way leads there.
+        MotionRefusedError: the table is of several parts, or names the first leaf without a way there.
     """
     if delivery is None:
         return
+    if table.hypotheses:
+        raise MotionRefusedError("the table leaves open which part it is, and a drop-off is for one part")
     for node in table.nodes:
         x_mm, y_mm, angle_rad = placement(node.squeeze, node.release)
         start = (x_mm, y_mm, table.limits.retreat_height_um / 1000, angle_rad)

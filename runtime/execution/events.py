@@ -42,6 +42,7 @@ class Sighting:
     error_mm: float | None  # by the goal's metric; None without a prediction, or where the goal has none
     within: bool | None  # whether the prediction meets the goal, None without one
     crashes: int  # times open fingers were placed onto this part
+    hypothesis: str | None = None  # which part it really is, where the table leaves that open
 
 
 @dataclass(slots=True)

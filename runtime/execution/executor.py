@@ -23,6 +23,7 @@ from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
 from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose, profile_of
+from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
     Policy,
     TraversalState,
@@ -112,7 +113,7 @@ class Executor:
                     self._free(part, broken)
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
-            self._cell.journal.record("outcome", result.fields())
+            self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
             notes = ("nothing was moved",)
@@ -219,7 +220,7 @@ class Executor:
     def _ended(self, result: PartResult) -> PartResult:
         """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
-            self._cell.journal.record("outcome", result.fields())
+            self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except CellError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result

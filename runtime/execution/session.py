@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from drivers.ports import Gripper, Scene
+from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
@@ -129,11 +129,16 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
         return Sighting(None, None, None, truth.crashes)
     # A part that was taken away by the last grasp lies elsewhere now.
     if result.outcome is not Outcome.LEAF or result.leaf is None or result.delivery is not None:
-        return Sighting(true, None, None, truth.crashes)
-    goal, leaf = table.goal, table.leaves[result.leaf]
+        return Sighting(true, None, None, truth.crashes, _named(table, truth))
+    goal, leaf = table.goal_of(truth.hypothesis), table.leaves[result.leaf]
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
-    shown_mm = None if goal.kind == "orientation" else off_mm
-    return Sighting(true, shown_mm, meets(goal, leaf, true), truth.crashes)
+    shown_mm = None if goal.kind in ("orientation", "identity") else off_mm
+    within = meets(goal, leaf, true, truth.hypothesis)
+    return Sighting(true, shown_mm, within, truth.crashes, _named(table, truth))
+
+
+def _named(table: Table, truth: Truth) -> str | None:
+    return table.hypotheses[truth.hypothesis].name if table.hypotheses else None
 
 
 def truth_fields(seen: Sighting) -> dict[str, object]:
@@ -142,7 +147,8 @@ def truth_fields(seen: Sighting) -> dict[str, object]:
     x_mm, y_mm, theta_rad = seen.true
     pose = {"x_um": round(1e3 * x_mm), "y_um": round(1e3 * y_mm), "theta_urad": round(1e6 * theta_rad)}
     off = None if seen.error_mm is None else round(1e3 * seen.error_mm)
-    return {**pose, "error_um": off, "within_goal": seen.within}
+    named = {} if seen.hypothesis is None else {"hypothesis": seen.hypothesis}
+    return {**pose, "error_um": off, "within_goal": seen.within, **named}
 
 
 def _reason(error: BaseException) -> str:

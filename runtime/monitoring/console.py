@@ -38,13 +38,17 @@ class Lines:
         if result.leaf is not None:
             leaf = self._table.leaves[result.leaf]
             success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
-            told += f", leaf {result.leaf}, {_pose(predicted_pose(leaf))}, success {success}"
-            if self._frames.datum is not None and leaf.resolved:
-                told += f", datum {_pose(compose(predicted_pose(leaf), self._frames.datum))}"
+            named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
+            told += f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
+            datum = self._frames[leaf.hypothesis].datum
+            if datum is not None and leaf.resolved:
+                told += f", datum {_pose(compose(predicted_pose(leaf), datum))}"
             if (error := _expected_error(leaf)) is not None:
                 told += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
             told += f"; true error {seen.error_mm:.2f} mm"
+        if seen is not None and seen.hypothesis is not None:
+            told += f"; it is {seen.hypothesis}"
         told += "".join(f"; {sentence}" for sentence in _sentences(result))
         say(told)
 
@@ -97,6 +101,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
+        **_names(table, leaf, seen),
         "audit": result.audit,
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
@@ -113,13 +118,23 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
     """The datum and the picks of a located part, where the job names them."""
     frames = answer.frames_of(table)
-    if frames.datum is None or result.leaf is None:
+    if result.leaf is None or frames[table.leaves[result.leaf].hypothesis].datum is None:
         return {}
     told = answer.told(table, result.leaf, frames)
     return {"datum_pose": told["datum"], "picks": told["picks"]}
 
 
+def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
+    """Which part it is, answered and in truth, where the table leaves that open."""
+    if not table.hypotheses:
+        return {}
+    said = None if leaf is None else table.name_of(leaf)
+    return {"hypothesis": said, "true_hypothesis": None if seen is None else seen.hypothesis}
+
+
 def _goal(goal: GoalSpec) -> str:
+    if goal.kind == "identity":
+        return "the right part"
     if goal.kind in ("pose", "modes"):
         return f"{goal.distance_um / 1000:g} mm"
     x_um, y_um, theta_urad = goal.tolerance

@@ -22,6 +22,7 @@ from runtime.table.goal import (
     Pose2,
     distance,
     error_mm,
+    hypotheses_of,
     meets,
     poses_of,
     predicted_pose,
@@ -38,6 +39,7 @@ from runtime.table.model import (
     Branch,
     GoalSpec,
     GripperSpec,
+    Hypothesis,
     Leaf,
     Limits,
     Node,
@@ -48,11 +50,11 @@ from runtime.table.model import (
 from runtime.table.proof import job_of, prove, refuted, wilson_interval
 
 __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
-__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Limits", "Pose2", "Prediction", "Profile"]
-__all__ += ["Branch", "Leaf", "Node", "Squeeze", "Table", "TableError", "TableFile", "TableFileError"]
-__all__ += ["by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load", "loads", "misfits"]
-__all__ += ["distance", "error_mm", "meets", "poses_of", "predicted_pose", "residual", "threshold"]
-__all__ += ["profile_of", "refuted", "wilson_interval"]
+__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
+__all__ += ["Branch", "Leaf", "Node", "Profile", "Squeeze", "Table", "TableError", "TableFile"]
+__all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]
+__all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "poses_of"]
+__all__ += ["predicted_pose", "profile_of", "refuted", "residual", "threshold", "wilson_interval"]
 
 
 class TableFile(NamedTuple):

@@ -1,8 +1,11 @@
-"""The bytes of a table, format 3: one msgpack array of integers a field. `TABLE.md` is its specification."""
+"""The bytes of a table, formats 3 and 4: arrays of integers, one a field. `TABLE.md` is their specification.
+
+Format 4 is that of tables for several hypotheses: the fields of format 3, then those of `SEVERAL_FIELDS`.
+"""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from itertools import islice
 from typing import TypeVar
 
@@ -17,6 +20,7 @@ from runtime.table.model import (
     Branch,
     GoalSpec,
     GripperSpec,
+    Hypothesis,
     Leaf,
     Limits,
     Node,
@@ -26,6 +30,7 @@ from runtime.table.model import (
 )
 
 FORMAT = 3
+SEVERAL = 4
 MAGIC = "squeezetree"
 MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
@@ -58,6 +63,13 @@ PAYLOAD_FIELDS = (
     "job",
 )
 
+SEVERAL_FIELDS = (
+    "identify",
+    *(f"hypothesis_{field}" for field in Hypothesis._fields),
+    "leaf_hypothesis",
+    "alternative_hypothesis",
+)
+
 Kind = TypeVar("Kind")
 Row = tuple[int, ...]
 
@@ -69,8 +81,10 @@ def encode(table: Table) -> bytes:
         TableError: a value is not of the kind that its field holds.
     """
     try:
-        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job]))
-        frame = bytes(msgpack.packb([MAGIC, FORMAT, hashlib.sha256(payload).digest(), payload]))
+        several = _several(table) if table.hypotheses else []
+        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *several]))
+        number = SEVERAL if several else FORMAT
+        frame = bytes(msgpack.packb([MAGIC, number, hashlib.sha256(payload).digest(), payload]))
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise TableError(f"a value of the table cannot be written: {error}") from error
     if decode(frame) != table:
@@ -89,9 +103,11 @@ def decode(data: bytes) -> Table:
     frame = _unpacked(data, "the file")
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
-    if type(frame[1]) is not int or frame[1] != FORMAT:
+    if type(frame[1]) is not int or frame[1] not in (FORMAT, SEVERAL):
         told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
-        raise TableError(f"format {told} is not readable; this runtime reads {FORMAT}, recompile it")
+        raise TableError(
+            f"format {told} is not readable; this runtime reads {FORMAT} and {SEVERAL}, recompile it"
+        )
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
         raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
     if hashlib.sha256(frame[3]).digest() != frame[2]:
@@ -99,9 +115,11 @@ def decode(data: bytes) -> Table:
     payload = _unpacked(frame[3], "the payload")
     if msgpack.packb(frame) != data or msgpack.packb(payload) != frame[3]:
         raise TableError("not in the one encoding a table has; recompile it")
-    if not isinstance(payload, tuple) or len(payload) != len(PAYLOAD_FIELDS):
-        raise TableError(f"the payload is not an array of {len(PAYLOAD_FIELDS)}; recompile it")
-    return _table(dict(zip(PAYLOAD_FIELDS, payload, strict=True)))
+    names = (*PAYLOAD_FIELDS, *SEVERAL_FIELDS) if frame[1] == SEVERAL else PAYLOAD_FIELDS
+    if not isinstance(payload, tuple) or len(payload) != len(names):
+        raise TableError(f"the payload is not an array of {len(names)}; recompile it")
+    fields = dict(zip(names, payload, strict=True))
+    return _with_hypotheses(_table(fields), fields) if frame[1] == SEVERAL else _table(fields)
 
 
 def rows_of(table: Table) -> dict[str, Sequence[Row]]:
@@ -112,7 +130,7 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
         ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives), *leaf[8:])
+            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives), *leaf[8:10])
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -143,6 +161,34 @@ def _header(table: Table) -> list[object]:
         (*limits[:3], *table.limits.work_area_um, *limits[4:]),
         astuple(table.predicted),
     ]
+
+
+def _several(table: Table) -> list[object]:
+    names, *columns = map(list, zip(*table.hypotheses, strict=True))
+    others = [which for leaf in table.leaves for which in leaf.other_hypotheses]
+    return [int(table.goal.identify), names, *columns, [leaf.hypothesis for leaf in table.leaves], others]
+
+
+def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
+    """A table with what format 4 adds."""
+    identify, names = _typed(fields, "identify", int), _typed(fields, "hypothesis_name", tuple)
+    if not 0 <= identify <= 1:
+        raise TableError("identify is neither 0 nor 1")
+    if not all(type(name) is str for name in names):
+        raise TableError("hypothesis_name holds something else than str")
+    columns = [_integers(fields, f"hypothesis_{field}", len(names)) for field in Hypothesis._fields[1:]]
+    which = _integers(fields, "leaf_hypothesis", len(table.leaves))
+    sizes = [len(leaf.alternatives) for leaf in table.leaves]
+    others = _parts(
+        _integers(fields, "alternative_hypothesis", sum(sizes)), sizes, MAX_ALTERNATIVES, "leaf_alternatives"
+    )
+    leaves = zip(table.leaves, which, others, strict=True)
+    return replace(
+        table,
+        goal=replace(table.goal, identify=bool(identify)),
+        hypotheses=tuple(map(Hypothesis._make, zip(names, *columns, strict=True))),
+        leaves=tuple(leaf._replace(hypothesis=own, other_hypotheses=rest) for leaf, own, rest in leaves),
+    )
 
 
 def _columns(table: Table) -> Iterator[list[int]]:
@@ -189,7 +235,7 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
         _rows(fields, "alternative"), [row[12] for row in rows], MAX_ALTERNATIVES, "leaf_alternatives"
     )
     return tuple(
-        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:]))
+        Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:], 0, ()))
         for row, others in zip(rows, alternatives, strict=True)
     )
 

@@ -18,6 +18,12 @@ def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
     return [predicted_pose(leaf), *map(_pose, others)]
 
 
+def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
+    """Which part it is at each of `poses_of`."""
+    others = leaf.other_hypotheses or (0,) * len(leaf.alternatives)
+    return (leaf.hypothesis, *(others if goal.kind == "modes" else ()))
+
+
 def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
     """True less predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
     turn = remainder(true[2] - predicted[2], tau / goal.symmetry)
@@ -33,10 +39,13 @@ def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
     """How far off a prediction is, to be held against `threshold`.
 
-    It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance.
+    It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance; 0
+    for "identity".
     """
     if goal.kind in ("pose", "modes"):
         return error_mm(goal, predicted, true)
+    if goal.kind == "identity":
+        return 0.0
     first = 2 if goal.kind == "orientation" else 0
     off, tolerance = residual(goal, predicted, true)[first:], _pose(goal.tolerance)[first:]
     return max(abs(value) / most for value, most in zip(off, tolerance, strict=True))
@@ -47,9 +56,12 @@ def threshold(goal: GoalSpec) -> float:
     return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
 
 
-def meets(goal: GoalSpec, leaf: Leaf, true: Pose2) -> bool:
-    """Whether a part at `true` (mm, mm, rad) is where its leaf says, to within the goal."""
-    return any(distance(goal, pose, true) < threshold(goal) for pose in poses_of(goal, leaf))
+def meets(goal: GoalSpec, leaf: Leaf, true: Pose2, hypothesis: int = 0) -> bool:
+    """Whether a part at `true` (mm, mm, rad) is where, and what, its leaf says, to within its own goal."""
+    return any(
+        distance(goal, pose, true) < threshold(goal) and (which == hypothesis or not goal.identify)
+        for pose, which in zip(poses_of(goal, leaf), hypotheses_of(goal, leaf), strict=True)
+    )
 
 
 def _pose(pose: tuple[int, int, int]) -> Pose2:

@@ -3,7 +3,7 @@
 Lengths in um, angles in urad, forces in mN, speeds in um/s, shares in ppm.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 PPM = 1_000_000
@@ -13,12 +13,13 @@ HELD_UM = 2000
 UNDETECTED_UM = 5000
 """Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
-KINDS = ("pose", "tolerances", "modes", "orientation")
+KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
 MAX_ALTERNATIVES = 32
 MAX_DEPTH = 64
+MAX_HYPOTHESES = 16
 
 
 class Squeeze(NamedTuple):
@@ -69,6 +70,8 @@ class Leaf(NamedTuple):
     alternatives: tuple[tuple[int, int, int], ...] = ()
     error_median_um: int = 0  # of the error of those trials (paper eq. 9)
     error_p95_um: int = 0  # its 95th percentile
+    hypothesis: int = 0  # which of `Table.hypotheses` the part is, where there are several
+    other_hypotheses: tuple[int, ...] = ()  # then also: which it is at each of the alternatives
 
     @property
     def success(self) -> float | None:
@@ -98,10 +101,21 @@ class GoalSpec:
     rho_um: int  # what one radian of error weighs
     symmetry: int  # rotational order of the part, 1 for none
     # "pose": sqrt(dx^2 + dy^2) + rho * dtheta < distance; "tolerances": x, y and theta each within its own;
-    # "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance.
+    # "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance; "identity":
+    # any pose, of the right part.
     kind: str = "pose"
     tolerance: tuple[int, int, int] = (0, 0, 0)  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
     modes: int = 1  # how many poses a leaf may leave open, for "modes"
+    identify: bool = True  # whether the leaf must name the right one of several parts
+
+
+class Hypothesis(NamedTuple):
+    """One of the parts that may lie on the table."""
+
+    name: str
+    share_ppm: int  # of the parts that come
+    rho_um: int  # what one radian of error weighs
+    symmetry: int  # rotational order, 1 for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +156,16 @@ class Table:
     leaves: tuple[Leaf, ...]
     predicted: Prediction
     job: str | None  # the job's canonical text, or None where it was stripped
+    # The parts that may lie there, where there are several: rho and symmetry of the goal are the first's.
+    hypotheses: tuple[Hypothesis, ...] = ()
+
+    def goal_of(self, hypothesis: int) -> GoalSpec:
+        """The goal for a part, under its own symmetry."""
+        if not self.hypotheses:
+            return self.goal
+        own = self.hypotheses[hypothesis]
+        return replace(self.goal, rho_um=own.rho_um, symmetry=own.symmetry)
+
+    def name_of(self, leaf: Leaf) -> str | None:
+        """Which part a leaf names; None where only one may lie there."""
+        return self.hypotheses[leaf.hypothesis].name if self.hypotheses else None

@@ -13,6 +13,7 @@ from runtime.table.model import (
     MAX_ALTERNATIVES,
     MAX_BRANCHES,
     MAX_DEPTH,
+    MAX_HYPOTHESES,
     MAX_LEAVES,
     MAX_NODES,
     PPM,
@@ -27,6 +28,7 @@ FAR = 10**9
 MAX_ANGLE_URAD = 3_142_000
 MAX_TRIALS = 10**10
 MAX_MODES = 64
+MAX_SYMMETRY = 1000
 Z95 = 1.959963984540054  # two-sided 95 %
 LEVEL = 0.025
 MOST_TERMS = 1000
@@ -42,6 +44,7 @@ def prove(table: Table) -> None:
     _prove_header(table)
     _within("number of nodes", len(table.nodes), 1, MAX_NODES)
     _within("number of leaves", len(table.leaves), 1, MAX_LEAVES)
+    _prove_hypotheses(table)
     _prove_values(table)
     _prove_tree(table)
     calibration = Calibration.linear(table.gripper)
@@ -145,11 +148,32 @@ def _prove_goal(goal: GoalSpec) -> None:
     _within("goal.distance_um", goal.distance_um, int(measured))
     _within("goal.confidence_ppm", goal.confidence_ppm, 0, PPM)
     _within("goal.rho_um", goal.rho_um, 0)
-    _within("goal.symmetry", goal.symmetry, 1, 1000)
+    _within("goal.symmetry", goal.symmetry, 1, MAX_SYMMETRY)
     _within("goal.modes", goal.modes, 1, MAX_MODES)
-    shifts, turns = goal.kind == "tolerances", not measured
+    shifts, turns = goal.kind == "tolerances", goal.kind in ("tolerances", "orientation")
     for name, value, needed in zip("xyt", goal.tolerance, (shifts, shifts, turns), strict=True):
         _within(f"goal.tolerance {name}", value, int(needed))
+
+
+def _prove_hypotheses(table: Table) -> None:
+    """Check the parts that may lie there, and that leaves name them; of one part nothing is said."""
+    if not table.hypotheses:
+        if table.goal.kind == "identity":
+            raise TableError("the goal asks which part it is, of which there is one; recompile it")
+        return
+    number = len(table.hypotheses)
+    _within("number of hypotheses", number, 2, MAX_HYPOTHESES)
+    if len({own.name for own in table.hypotheses}) < number:
+        raise TableError("two hypotheses have one name; recompile it")
+    for index, own in enumerate(table.hypotheses):
+        _within(f"hypothesis {index}: share_ppm", own.share_ppm, 0, PPM)
+        _within(f"hypothesis {index}: rho_um", own.rho_um, 0)
+        _within(f"hypothesis {index}: symmetry", own.symmetry, 1, MAX_SYMMETRY)
+    if table.hypotheses[0][2:] != (table.goal.rho_um, table.goal.symmetry):
+        raise TableError("rho and symmetry of the goal are not the first hypothesis'; recompile it")
+    for index, leaf in enumerate(table.leaves):
+        for which in (leaf.hypothesis, *leaf.other_hypotheses):
+            _within(f"leaf {index}: hypothesis", which, 0, number - 1)
 
 
 def _prove_limits(limits: Limits) -> None:

@@ -1,10 +1,12 @@
-"""What is told of a located part: its pose, in the drawing's datum too, and where to take it."""
+"""What is told of a located part: which it is, its pose, in the drawing's datum too, and where to take it."""
 
+from collections.abc import Mapping
 from math import degrees, radians
 from typing import NamedTuple
 
 from runtime.table import Pose2, Table, TableError, job_of, predicted_pose
 from runtime.traversal.geometry import compose
+from runtime.traversal.results import PartResult
 
 CENTRE = (0.0, 0.0, 0.0)
 
@@ -16,12 +18,24 @@ class PartFrames(NamedTuple):
     picks: dict[str, Pose2]
 
 
-def frames_of(table: Table) -> PartFrames:
-    """Those of a table's job; none where it was stripped or is of another make."""
+def frames_of(table: Table) -> tuple[PartFrames, ...]:
+    """Those of each part of a table's job; none where it was stripped or is of another make."""
     try:
-        return frames_in((job_of(table) or {}).get("part"))
+        job = job_of(table) or {}
     except TableError:
-        return PartFrames(None, {})
+        job = {}
+    return tuple(frames_in(part_in(job, number)) for number in range(max(1, len(table.hypotheses))))
+
+
+def part_in(job: Mapping[str, object], hypothesis: int) -> object:
+    """The section `part` of one of a job's parts, as it stands there; None without it."""
+    entries = job.get("hypothesis")
+    if entries is None:
+        return job.get("part")
+    try:
+        return entries[hypothesis]["part"]  # type: ignore[index]
+    except (IndexError, KeyError, TypeError):
+        return None
 
 
 def frames_in(part: object) -> PartFrames:
@@ -38,14 +52,25 @@ def frames_in(part: object) -> PartFrames:
     return PartFrames(datum, picks)
 
 
-def told(table: Table, leaf: int, frames: PartFrames) -> dict[str, object]:
-    """The answer of a leaf for machines: the pose of the outline's frame, of the datum, and of each pick."""
-    pose = predicted_pose(table.leaves[leaf])
+def told(table: Table, leaf: int, frames: tuple[PartFrames, ...]) -> dict[str, object]:
+    """The answer of a leaf for machines: the pose of the outline's frame, of the datum, and of each pick.
+
+    Where one of several parts may lie there, also which it is.
+    """
+    end = table.leaves[leaf]
+    pose, own = predicted_pose(end), frames[end.hypothesis]
     return {
+        **({"hypothesis": table.name_of(end)} if table.hypotheses else {}),
         **as_degrees(pose),
-        "datum": None if frames.datum is None else as_degrees(compose(pose, frames.datum)),
-        "picks": {name: as_degrees(compose(pose, pick)) for name, pick in frames.picks.items()},
+        "datum": None if own.datum is None else as_degrees(compose(pose, own.datum)),
+        "picks": {name: as_degrees(compose(pose, pick)) for name, pick in own.picks.items()},
     }
+
+
+def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:
+    """A result as a journal record holds it, with the name of the part where the table gives it one."""
+    name = None if result.leaf is None else table.name_of(table.leaves[result.leaf])
+    return result.fields() if name is None else {**result.fields(), "hypothesis": name}
 
 
 def as_degrees(pose: Pose2) -> dict[str, float]:

@@ -6,9 +6,9 @@ from pathlib import Path
 from sample_tables import small_table
 
 from runtime.table import HELD_UM, KINDS, UNDETECTED_UM, decide, decision_map, loads
-from runtime.table.codec import FORMAT, MAGIC, MAX_BYTES, PAYLOAD_FIELDS
+from runtime.table.codec import FORMAT, MAGIC, MAX_BYTES, PAYLOAD_FIELDS, SEVERAL, SEVERAL_FIELDS
 from runtime.table.lookup import REJECT, Calibration
-from runtime.table.model import MAX_ALTERNATIVES, MAX_BRANCHES, MAX_DEPTH, MAX_LEAVES
+from runtime.table.model import MAX_ALTERNATIVES, MAX_BRANCHES, MAX_DEPTH, MAX_HYPOTHESES, MAX_LEAVES
 from runtime.table.proof import MAX_ANGLE_URAD
 
 TEXT = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
@@ -17,6 +17,14 @@ ROWS = re.findall(r"^\| (\d+) \| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", TEXT, re.MUL
 
 def test_fields_are_listed_in_their_order() -> None:
     assert [(int(number), name) for number, name, _ in ROWS] == list(enumerate(PAYLOAD_FIELDS))
+
+
+def test_the_fields_of_format_4_follow_in_their_order() -> None:
+    listed = re.findall(r"^\| (4[1-7]) \| `(\w+)` \| [^|]*\| [^|]*\|$", TEXT, re.MULTILINE)
+    first = len(PAYLOAD_FIELDS)
+    assert [(int(number), name) for number, name in listed] == list(enumerate(SEVERAL_FIELDS, first))
+    assert f"format {SEVERAL}\n" in TEXT
+    assert f"2 to {MAX_HYPOTHESES} names" in TEXT
 
 
 def test_the_example_is_a_file_byte_for_byte() -> None:

@@ -10,6 +10,7 @@ from planner.belief.observation import RESOLUTION
 from planner.belief.particles import Belief
 from planner.belief.partition import Estimate
 from planner.belief.transition import Costs, Squeezed
+from planner.mechanics.mixture import Mixture
 from planner.search.actions import ActionSet
 from planner.search.closed_loop import LookAhead
 from planner.search.params import Objective, SearchParams
@@ -38,6 +39,6 @@ def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99, param
     costs = Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0)
     rule = params.rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), RESOLUTION)
     objective = Objective(rule, costs, params)
-    simulator = problems.simulator(problems.rectangle())
-    ranking = Ranking(ActionSet(placements, None, AREA), simulator, model or Oracle(), objective)
+    simulator = Mixture((problems.simulator(problems.rectangle()),))
+    ranking = Ranking(ActionSet(placements, (), AREA), simulator, model or Oracle(), objective)
     return LookAhead(ranking, depth, particles=200)

@@ -8,6 +8,7 @@ from runtime.table import (
     Branch,
     GoalSpec,
     GripperSpec,
+    Hypothesis,
     Leaf,
     Limits,
     Node,
@@ -54,6 +55,18 @@ def small_table() -> Table:
     )
     predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
     return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
+
+
+HAND = Hypothesis("left hand", 400_000, 10_571, 2)
+OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
+
+
+def several_table() -> Table:
+    """The small table, its leaves naming one part, the other, and an open choice."""
+    one, two, unresolved = small_table().leaves
+    unresolved = unresolved._replace(alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,))
+    leaves = (one, two._replace(hypothesis=1), unresolved)
+    return replace(small_table(), leaves=leaves, hypotheses=(HAND, OTHER))
 
 
 def every_field_table() -> Table:

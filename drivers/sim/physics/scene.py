@@ -60,11 +60,16 @@ class Setting(NamedTuple):
     factory: Callable[[Any, int], World]
     middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
     block: Block | None = None  # what stands on the table instead of parts
+    parts: tuple[tuple[float, Any], ...] = ()  # the share and the job of each part, where there are several
 
-    def make_world(self, seed: int) -> World:
-        """The world of a seed; SimulationError where the factory fails, or what it returns cannot squeeze."""
+    def make_worlds(self, seed: int) -> list[World]:
+        """A world for each part; SimulationError where the factory fails or returns what cannot squeeze."""
+        subjects = [subject for _, subject in self.parts] or [self.subject]
+        return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
+
+    def _make_world(self, subject: Any, seed: int) -> World:
         try:
-            made: World = make_world(self.factory, self.subject, seed)
+            made: World = make_world(self.factory, subject, seed)
         except WorldError as error:
             raise SimulationError(f"world {self.world}: {error}") from error
         return made
@@ -94,8 +99,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         )
     world, factory = _world(world)
     if tree is None:
-        subject = _planner_job().load(path)
-        return Setting(subject, job_geometry(subject), world, factory)
+        return _setting_of(_planner_job().load(path), world, factory)
     table = tables.load(tree).table
     if world == REHEARSAL:
         return Setting(table, table_geometry(table), world, factory)
@@ -103,8 +107,12 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         raise SimulationError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
-    subject = _planner_job().from_canonical(table.job)
-    return Setting(subject, job_geometry(subject), world, factory)
+    return _setting_of(_planner_job().from_canonical(table.job), world, factory)
+
+
+def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
+    parts = tuple(zip(job.shares, job.alone, strict=True)) if job.hypothesis else ()
+    return Setting(job, job_geometry(job), world, factory, parts)
 
 
 def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
@@ -157,4 +165,5 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 def warm_up(setting: Setting, seed: int) -> None:
     """Squeeze once in a world of its own, so that kernels compile before anything waits for an answer."""
-    setting.make_world(seed).squeeze((0.0, 0.0, 0.0))
+    for world in setting.make_worlds(seed):
+        world.squeeze((0.0, 0.0, 0.0))

@@ -1,8 +1,8 @@
 """The scene's line protocol, both ends: it stands for the feeder, and tells the ground truth.
 
 One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
-status (pose null where the world has no pose to tell); `{"do":"quit"}` ends the cell. Nothing of this exists
-in a real cell.
+status, and which of the table's parts it is (pose null where the world has no pose to tell); `{"do":"quit"}`
+ends the cell. Nothing of this exists in a real cell.
 """
 
 import contextlib
@@ -28,7 +28,8 @@ def truth_of(said: Mapping[str, object]) -> Truth:
         math.nan if said[name] is None else float(str(said[name])) for name in ("x_mm", "y_mm", "theta_rad")
     )
     squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
-    return Truth(x, y, theta, squeezes, crashes, str(said["status"]), said.get("covered") is True)
+    status, covered = str(said["status"]), said.get("covered") is True
+    return Truth(x, y, theta, squeezes, crashes, status, covered, int(str(said.get("hypothesis", 0))))
 
 
 class Feeder:

@@ -35,7 +35,8 @@ class TableTop:
         self.truthful = setting.truthful
         self._seed = seed
         self._desk = desk
-        self._world = setting.make_world(seed)
+        self._worlds = setting.make_worlds(seed)
+        self._shares = [share for share, _ in setting.parts]
         self._noise = random.Random(f"{seed}/encoder")
         self.part = -1
         self.next_part()
@@ -45,7 +46,8 @@ class TableTop:
         self.part += 1
         self.squeezes = self.crashes = self.drops = 0
         self.status = "untouched"
-        self.pose = self._lay(self.part)
+        self.pose, self.hypothesis = self._lay(self.part), self._drawn(self.part)
+        self._world = self._worlds[self.hypothesis]
         self._coming = (self.pose, self.status)
         self._hand: Pose2 | None = None  # where the squeeze under way met the part
         self._held: Pose2 | None = None
@@ -108,6 +110,7 @@ class TableTop:
         return {
             "x_mm": x, "y_mm": y, "theta_rad": theta, "squeezes": self.squeezes, "crashes": self.crashes,
             "status": self.status, "covered": self._desk.holds("camera_covered") is not None,
+            "hypothesis": self.hypothesis,
         }  # fmt: skip
 
     def look(self) -> Look:
@@ -126,6 +129,13 @@ class TableTop:
         bearing = random.Random(f"{self._seed}/bump/{self.part}").uniform(-math.pi, math.pi)
         x, y, turn = self.pose
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
+
+    def _drawn(self, part: int) -> int:
+        """Which of the parts that may come this one is."""
+        if not self._shares:
+            return 0
+        draw = random.Random(f"{self._seed}/hypothesis/{part}")
+        return draw.choices(range(len(self._shares)), self._shares)[0]
 
     def _lay(self, part: int) -> Pose2:
         draw = random.Random(f"{self._seed}/part/{part}")

@@ -150,12 +150,13 @@ def _part(part: dict[str, Any]) -> Text:
 
 
 def _pose(answer: dict[str, Any] | None) -> str:
-    """Where the part lies; where its drawing's datum lies, if the job names one."""
+    """Which part it is, if the table tells; where it lies, or its drawing's datum, if the job names one."""
     if answer is None:
         return ""
     shown = answer["datum"] or answer
     name = " (datum)" if answer["datum"] else ""
-    return f"({shown['x_mm']:.2f}, {shown['y_mm']:.2f}) mm, {shown['angle_deg']:.1f} deg{name}"
+    which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
+    return f"{which}({shown['x_mm']:.2f}, {shown['y_mm']:.2f}) mm, {shown['angle_deg']:.1f} deg{name}"
 
 
 def _style(outcome: str) -> str:

@@ -32,7 +32,7 @@ def locate(connection, robot):
         robot.release()  # open, up
         if words[0] == "DRAG":
             words = connection.ask("NEXT")
-    return (int(words[1]), *map(float, words[2:])) if words[0] == "LEAF" else None
+    return (int(words[1]), *map(float, words[2:6])) if words[0] == "LEAF" else None
 
 
 class Person:

@@ -79,6 +79,7 @@ tools/docs/refit
 tools/docs/controllers
 tools/docs/serve
 tools/docs/drivers
+tools/docs/several-parts
 runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README

@@ -224,7 +224,8 @@ function list(parts) {
 function poseText(answer) {
   if (!answer) return "";
   const pose = answer.datum ?? answer;
-  return `${pose.x_mm.toFixed(2)}, ${pose.y_mm.toFixed(2)} mm, ${pose.angle_deg.toFixed(1)}\u00b0${answer.datum ? " (datum)" : ""}`;
+  const which = answer.hypothesis ? `${answer.hypothesis}, ` : "";
+  return `${which}${pose.x_mm.toFixed(2)}, ${pose.y_mm.toFixed(2)} mm, ${pose.angle_deg.toFixed(1)}\u00b0${answer.datum ? " (datum)" : ""}`;
 }
 function take(state) {
   steps = state.steps;

@@ -22,8 +22,7 @@ GRID = np.linspace(-2.0, 2.0, 13)
 
 def group(rng, metric, n):
     """Poses about one, in units of the goal, a few of them away; turned by whole periods at random."""
-    weights = metric.weights()
-    unit = np.array([1.0 / w if w > 0.0 else 1.0 for w in weights[1:]])
+    unit = np.array([1.0 / w if w > 0.0 else 1.0 for w in metric.weights()[0, 1:4]])
     poses = rng.normal(size=(n, 3)) * unit * rng.uniform(0.1, 0.6)
     poses[: rng.integers(0, n // 4 + 1)] += unit * rng.uniform(-3.0, 3.0, 3)
     middle = rng.uniform(-9.0, 9.0, 3)

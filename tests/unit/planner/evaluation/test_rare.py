@@ -9,6 +9,7 @@ from planner.evaluation import ppm, rare
 from planner.evaluation.ppm import Findings, Sums, Wrong
 from planner.evaluation.rare import AIM, Case, given_up, studied
 from planner.job import model as job_file
+from planner.mechanics.traits import as_planned
 from planner.work.progress import silent
 from planner.work.scheduler import Threads
 from runtime.table import PPM, load
@@ -42,7 +43,7 @@ def case(visits, wrong):
     sums = Sums(PARTS, np.array(visits, np.float64), wrong, squares, 0.0, 0.0, 3.0 * PARTS)
     leaf = np.repeat(np.arange(len(wrong)), wrong.astype(int))
     places = np.column_stack([leaf, leaf, leaf]).astype(float)
-    return Case(Findings.of(sums), Wrong(leaf, places, leaf))
+    return Case(Findings.of(sums), Wrong(leaf, places, leaf, as_planned(len(leaf))))
 
 
 def test_the_leaves_that_are_wrong_for_most_of_their_parts_are_blamed_first():

@@ -75,7 +75,9 @@ def test_json_holds_the_whole_table(tmp_path):
         assert tuple(written["release_um"]) == (node.release or node.squeeze[:2]), index
         assert written["branches"] == [branch._asdict() for branch in node.branches]
     for leaf, written in zip(table.leaves, told["leaves"], strict=True):
-        assert written == json.loads(json.dumps(leaf._asdict()))
+        several = {"hypothesis", "other_hypotheses"}  # tables for these are not exported
+        told_of = {key: value for key, value in leaf._asdict().items() if key not in several}
+        assert written == json.loads(json.dumps(told_of))
     assert told["goal"]["kind"] == table.goal.kind
     assert told["limits"]["work_area_um"] == list(table.limits.work_area_um)
     told["nodes"][0]["runs"][0]["first"] = 256

@@ -168,12 +168,17 @@ def test_every_error_class_has_its_own_exit_code_and_survives_a_process_boundary
 
 
 def test_every_key_of_a_record_can_be_stated():
-    assert [field.name for field in dataclasses.fields(job.Job)] == [*schema.TOP_LEVEL, *schema.FIELDS]
+    assert [field.name for field in dataclasses.fields(job.Job)] == [
+        *schema.TOP_LEVEL,
+        *schema.FIELDS,
+        "hypothesis",
+        "stranger",
+    ]
     further = {key for kind in schema.PRESSURE_FIELDS.values() for key in kind}
     for section, keys in schema.FIELDS.items():
         names = {field.name for field in dataclasses.fields(schema.SECTIONS[section])}
         assert names - {*keys} <= (further if section == "pressure" else set())
-        assert {*keys} - names <= {"orientation"}  # is written out as a half-width
+        assert {*keys} - names <= {"orientation", "faces"}  # written out as a half-width, as a hypothesis
 
 
 def test_the_jobs_defaults_are_valid_and_the_example_states_only_known_keys():

@@ -40,7 +40,7 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
     area = np.array([[-10.0, -10.0], [10.0, 10.0]])
     relative = np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.5]])
-    actions = ActionSet(np.zeros((1, 3)), Proposals(relative), area)
+    actions = ActionSet(np.zeros((1, 3)), (Proposals(relative),), area)
     options = actions.options(belief, metric)
     # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
@@ -51,8 +51,8 @@ def test_a_diffuse_belief_is_squeezed_at_the_fixed_placements_and_beside_them():
     belief = problems.random_poses(np.random.default_rng(1), 400, 25.0)
     fixed = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5 * np.pi]])
     area = np.array([[-99.0, -99.0], [99.0, 9.0]])
-    options = ActionSet(fixed, Proposals(np.zeros((1, 3)), (-8.0, 8.0)), area).options(belief, metric)
+    options = ActionSet(fixed, (Proposals(np.zeros((1, 3)), (-8.0, 8.0)),), area).options(belief, metric)
     shifted = [[-8.0, 0.0, 0.0], [1.0, -6.0, 0.5 * np.pi], [8.0, 0.0, 0.0]]  # the fourth leaves the area
     np.testing.assert_allclose(options, [*fixed, *shifted], atol=1e-12)
-    still = ActionSet(fixed, Proposals(np.zeros((1, 3))), area).options(belief, metric)
+    still = ActionSet(fixed, (Proposals(np.zeros((1, 3))),), area).options(belief, metric)
     np.testing.assert_array_equal(still, fixed)

@@ -22,7 +22,7 @@ from runtime.table import Calibration, dump
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
 JOURNAL = Path("j.jsonl")
-TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
+TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0, hypothesis=0)
 
 
 def run(made: FakeCell, truth: object, console: Console, count: int = 1, **options: object) -> Tally:
@@ -147,7 +147,7 @@ def test_nobody_reading_any_more_does_not_stop_the_cell() -> None:
 
 
 def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[str]) -> None:
-    nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0)
+    nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0, hypothesis=0)
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
     tally = run(made, nowhere, console)

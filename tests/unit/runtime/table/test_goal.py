@@ -18,7 +18,7 @@ def leaf_at(poses: np.ndarray) -> Leaf:
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "identity"])
 def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
     rng = np.random.default_rng(order)
     metric = Metric(3.0, 10.0, order, kind, TOLERANCE, 2)

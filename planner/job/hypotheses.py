@@ -1,0 +1,145 @@
+"""What may lie on the table, where a job leaves that open: `[[hypothesis]]` entries, and the faces of a part.
+
+    [[hypothesis]]
+    name = "hex nut"            # of the part
+    share = 0.5                 # of the parts that come; even where none is stated
+    [hypothesis.part]           # as [part]
+    [hypothesis.pressure]       # and [hypothesis.friction]: where they differ from the job's own
+
+Each entry is the document of a job with one part. `faces = "either"` in a part stands for two of them: the
+part, and the part turned over, whose outline is the mirror image. `[[stranger]]` entries are alike, without a
+share: parts that do not belong there, which no plan is made for.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from planner.errors import JobError, KeyNameError, ValueRangeError
+from planner.job.fields import Field, Number, Text, read_section
+from planner.part import symmetry
+
+KEY, STRANGER = "hypothesis", "stranger"
+OWN = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
+MOST = 16
+PARTICLES = 50_000  # of each hypothesis, where the job does not say: rare widths of any of them must be seen
+TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
+TURN = np.array([1.0, -1.0, -1.0])  # what turning a part over about its x axis makes of fx, fy and torque
+
+_FIELDS: Mapping[str, Field] = {
+    "name": Text(default=None),
+    "share": Number(0, 1, above=True, default=None),
+}
+
+
+def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
+    """The share and the document of each part that a job's document names; of its only one without entries.
+
+    Raises:
+        JobError: an entry is not one, or the shares do not add up.
+    """
+    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER)}
+    if KEY not in document:
+        return [(1.0, common)]
+    if "part" in document:
+        raise KeyNameError("stands beside [[hypothesis]]; each of these has its own", section="part")
+    found = _entries(KEY, 2, document[KEY], common)
+    shares = _shares([share for share, _ in found])
+    return [(share, alone) for share, (_, alone) in zip(shares, found, strict=True)]
+
+
+def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The document of each stranger that a job's document names.
+
+    Raises:
+        JobError: an entry is not one.
+    """
+    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER, "part")}
+    found = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
+    if any(share is not None for share, _ in found):
+        raise KeyNameError(
+            "has no share: no plan is made for it; drop the key", section=STRANGER, key="share"
+        )
+    return [alone for _, alone in found]
+
+
+def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The canonical document of a part that lies on its other face; None where both faces look alike."""
+    part, pressure = dict(document["part"]), dict(document["pressure"])
+    outline = np.array(part["outline_mm"])
+    mirrored = np.concatenate([outline[:1], outline[:0:-1]]) * np.array([1.0, -1.0]) + 0.0
+    if symmetry.congruent(outline, mirrored):
+        return None
+    if pressure.get("quartic") is not None:
+        raise ValueRangeError('of a quartic goes with one face; drop faces = "either"', section="pressure")
+    if pressure.get("points_mm") is not None:
+        pressure["points_mm"] = (np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0).tolist()
+    if pressure.get("ellipsoid") is not None:
+        pressure["ellipsoid"] = (TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0).tolist()
+    part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
+    if part.get("datum") is not None:  # whose y axis would be left-handed: that of the picks turns, too
+        part["datum"] = _mirrored(part["datum"])
+        part["picks"] = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()} or None
+    return {**document, "part": part, "pressure": pressure}
+
+
+def _mirrored(pose: list[float]) -> list[float]:
+    """A pose [mm, mm, deg] of a part turned over about its x axis."""
+    x, y, angle = pose
+    return [x, 0.0 - y, 0.0 - angle]
+
+
+def changed(document: dict[str, Any], section: str, replaced: Any) -> None:
+    """Replaces values of a section in all entries of a document (in place); `replaced` does so in one table.
+
+    Raises:
+        ValueRangeError: parts differ in the value.
+    """
+    if section == "part":
+        raise ValueRangeError("is not one for all; change each [[hypothesis]]", section="part")
+    document[KEY] = [{**entry, section: replaced(entry.get(section, {}))} for entry in document[KEY]]
+
+
+def _entries(
+    key: str, least: int, entries: Any, common: Mapping[str, Any]
+) -> list[tuple[float | None, dict[str, Any]]]:
+    """The share, if any, and the document of each entry of a list of parts."""
+    if not isinstance(entries, list) or not least <= len(entries) <= MOST:
+        raise ValueRangeError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
+    return [_entry(key, number, entry, common) for number, entry in enumerate(entries, start=1)]
+
+
+def _entry(
+    key: str, number: int, entry: Any, common: Mapping[str, Any]
+) -> tuple[float | None, dict[str, Any]]:
+    where = f"{key} {number}"
+    if not isinstance(entry, dict):
+        raise ValueRangeError("must be a section of keys and values", section=where)
+    own = {section: entry[section] for section in OWN if section in entry}
+    values = read_section({name: entry[name] for name in entry if name not in OWN}, _FIELDS, where)
+    part = own.get("part")
+    if not isinstance(part, dict):
+        raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
+    if values["name"] is not None:
+        if part.get("name", values["name"]) != values["name"]:
+            raise ValueRangeError("differs from the name of its part; keep one", section=where, key="name")
+        own["part"] = {**part, "name": values["name"]}
+    return values["share"], {**common, **own}
+
+
+def _shares(stated_shares: list[float | None]) -> list[float]:
+    shares = [share for share in stated_shares if share is not None]
+    if not shares:
+        return [1.0 / len(stated_shares)] * len(stated_shares)
+    if len(shares) < len(stated_shares) or abs(math.fsum(shares) - 1.0) > 1e-6:
+        raise ValueRangeError("must be stated for all or none, and add up to 1", section=KEY, key="share")
+    return shares
+
+
+def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:
+    """An error in an entry of a document, told with its number; one in what all have in common stays."""
+    if key not in document or error.section not in OWN or error.section not in document[key][number - 1]:
+        return error
+    return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)

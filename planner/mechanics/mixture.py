@@ -1,0 +1,56 @@
+"""Whichever part lies on the table: a simulator for each hypothesis of a job, chosen by the parts' traits."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.job.model import Job
+from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
+from planner.mechanics.traits import Traits, by_hypothesis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mixture:
+    """The squeeze of one of several parts, or of the only one, by one gripper."""
+
+    simulators: tuple[Simulator, ...]  # one a hypothesis
+
+    @classmethod
+    def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
+        """The simulators of a job, on all cores unless told otherwise."""
+        return cls(tuple(Simulator.of_job(alone, workers, step_mm) for alone in job.alone))
+
+    @property
+    def jaws(self) -> Array:
+        """Those of the gripper, as a `Simulator` has them."""
+        return self.simulators[0].jaws
+
+    @property
+    def workers(self) -> int:
+        """Threads that share the roll-outs."""
+        return self.simulators[0].workers
+
+    @property
+    def outlines(self) -> tuple[Array, ...]:
+        """Those of the parts, as a `Simulator` has them."""
+        return tuple(simulator.outline for simulator in self.simulators)
+
+    def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits) -> RollOut:
+        """Squeezes parts with traits (n,) at poses (n, 3) in the hand frame, each with random mechanics."""
+        pieces = [
+            (rows, self.simulators[k].squeeze(poses[rows], rng, traits[rows]))
+            for k, rows in by_hypothesis(traits)
+        ]
+        return pieces[0][1] if len(pieces) == 1 else _in_order(pieces, len(poses))
+
+
+def _in_order(pieces: list[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:
+    """One roll-out of n parts, of the rows that each piece has."""
+    first = pieces[0][1]
+    whole = RollOut(*(np.empty((n, *column.shape[1:]), column.dtype) for column in first))
+    for rows, piece in pieces:
+        for column, values in zip(whole, piece, strict=True):
+            column[rows] = values
+    return whole

@@ -1,0 +1,156 @@
+"""From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.compile import compile_job
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.leaves import identities
+from planner.evaluation.strangers import strangers
+from planner.job import model as job_file
+from planner.work.scheduler import Threads
+from planner.world import Assorted, ContactWorlds, World, load_world
+from runtime.table import dump, dumps, loads
+
+ROOT = Path(__file__).parents[2]
+SQUARE = """
+[[hypothesis]]
+name = "{name}"
+share = {share}
+[hypothesis.part]
+outline_mm = [[0, 0], [{side}, 0], [{side}, {side}], [0, {side}]]
+"""
+COMMON = """
+[friction]
+finger_part_min = 0.4
+finger_part_max = 0.6
+[gripper]
+finger_length_mm = 27.5
+finger_width_mm = 9.5
+opening_mm = 85.0
+[uncertainty]
+radius_mm = 4
+orientation = "unknown"
+[actions]
+angles_deg = [0, 45, 90, 135]
+centers_mm = [[0, 0]]
+[goal]
+kind = "identity"
+distance_mm = 3.0
+confidence = 0.99
+[search]
+particles = 600
+search_particles = 60
+"""
+
+
+def squares(small: int, large: int) -> str:
+    """The two parts."""
+    return "".join(
+        SQUARE.format(name=name, share=share, side=side)
+        for name, share, side in (("small", 0.3, small), ("large", 0.7, large))
+    )
+
+
+@pytest.fixture(scope="module")
+def job() -> job_file.Job:
+    return job_file.parse(COMMON + squares(20, 34))
+
+
+@pytest.fixture(scope="module")
+def plan(job):
+    return compile_job(job, workers=2, trials=1000)
+
+
+def test_two_squares_are_sorted_by_one_squeeze(plan):
+    assert plan.evaluation.squeezes.max() == 1
+    assert plan.evaluation.success.mean() > 0.99
+    assert loads(dumps(plan.table)) == plan.table
+
+
+def test_figures_count_who_was_named_what(job, plan):
+    found = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
+    named = identities(plan.table, found)
+    assert named.named.sum() == 2000
+    assert named.named[0].sum() / 2000 == pytest.approx(0.3, abs=0.04)
+    assert named.right > 0.99
+    assert np.trace(named.named) == found.success.sum()  # nothing else is asked for
+
+
+def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
+    real = job_file.parse(COMMON + squares(34, 20))
+    found = evaluate(plan.table, real, ContactWorlds.of_job(real, 5), 500, 5)
+    assert found.wrong.mean() > 0.99
+
+
+def test_strangers_are_counted_by_what_becomes_of_them(plan):
+    entries = [
+        SQUARE.format(name=side, share=1, side=side)
+        .replace("share = 1\n", "")
+        .replace("hypothesis", "stranger")
+        for side in (20.2, 50, 57)
+    ]
+    job = job_file.parse(COMMON + squares(20, 34) + "".join(entries))
+
+    def worlds(real: job_file.Job) -> ContactWorlds:
+        return ContactWorlds.of_job(real, 5)
+
+    alike, *others = strangers(plan.table, job, worlds, 400, 5, Threads(2), NONE)
+    assert alike.answered > 0.9
+    assert 20.0 < alike.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    assert [other.answered for other in others] == [0.0, 0.0]
+    assert others[0].evaluation.rejected.all()
+    assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
+    assert [other.leaf for other in others] == [None, None]
+
+
+class Lonely:
+    """A world that knows one part and squeezes one at a time."""
+
+    def __init__(self, job: job_file.Job, seed: int) -> None:
+        self.side = float(np.ptp(job.part.outline_mm[:, 0]))
+
+    def squeeze(self, pose_hand):
+        return (pose_hand[0], 0.0, 0.0), self.side, "grasped"
+
+
+def test_a_world_from_elsewhere_is_made_once_for_each_part(job, plan, monkeypatch):
+    monkeypatch.setitem(sys.modules, "elsewhere", sys.modules[__name__])
+    world: World = load_world("elsewhere:Lonely", job, 3)
+    assert isinstance(world, Assorted)
+    assert [own.side for own in world.worlds] == [20.0, 34.0]
+    found = evaluate(plan.table, job, world, 200, 3)
+    assert found.success.mean() > 0.98
+
+
+def test_a_run_names_the_part_and_its_truth(plan, tmp_path):
+    tree = tmp_path / "squares.msgpack"
+    dump(plan.table, tree)
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
+    command += ["--time-scale", "100", "--count", "4", "--seed", "5", "--journal", str(tmp_path / "journal")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {part["hypothesis"] for part in told} == {"small", "large"}
+    assert all(part["hypothesis"] == part["true_hypothesis"] for part in told)
+    assert all(part["within_goal"] for part in told)
+    recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
+    assert [row["hypothesis"] for row in recorded if "outcome" in row] == [
+        part["hypothesis"] for part in told
+    ]
+
+
+@pytest.mark.parametrize("more", [["--deliver", "50,0,0"], ["--audit", "python3 judge.py"]])
+def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, more):
+    tree = tmp_path / "squares.msgpack"
+    dump(plan.table, tree)
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", *more]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode != 0
+    assert "which part it is" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

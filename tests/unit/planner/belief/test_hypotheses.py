@@ -1,0 +1,95 @@
+"""Beliefs over several parts: modes, distances, branches and roll-outs against slow twins."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.doubts import believed
+from planner.belief.metric import Metric
+from planner.belief.particles import Belief
+from planner.frames import wrap
+from planner.job import model as job_file
+from planner.mechanics.mixture import Mixture
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.traits import as_planned
+
+GUSSET = Path(__file__).parents[4] / "trees" / "gusset" / "job.toml"
+ORDERS, RHOS = (1, 2, 6), (10.0, 8.0, 12.0)
+
+
+def metric(identify=True, kind="pose"):
+    further = tuple(zip(RHOS[1:], ORDERS[1:], strict=True))
+    return Metric(3.0, RHOS[0], ORDERS[0], kind, further=further, identify=identify)
+
+
+def states(rng, n):
+    poses = rng.normal(size=(n, 3)) * [2.0, 2.0, 0.3]
+    return np.column_stack([poses, rng.integers(0, 3, n)])
+
+
+def distance(state, reference, identify):
+    """The slow twin, of one state."""
+    k = int(state[3])
+    if identify and k != int(reference[3]):
+        return np.inf
+    turn = abs(float(wrap(state[2] - reference[2], ORDERS[k])))
+    return float(np.hypot(*(state[:2] - reference[:2]))) + RHOS[k] * turn
+
+
+@pytest.mark.parametrize("identify", [True, False])
+def test_distances_are_under_each_parts_own_symmetry(identify):
+    found, reference = states(np.random.default_rng(1), 200), np.array([0.5, 0.0, 2.0, 1.0])
+    slow = [distance(state, reference, identify) for state in found]
+    np.testing.assert_allclose(metric(identify).between(found, reference), slow)
+
+
+@pytest.mark.parametrize("identify", [True, False])
+def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(identify):
+    found = states(np.random.default_rng(2), 300)
+    mode = metric(identify).mode(found)
+    shares = [np.mean([distance(s, r, identify) < 3.0 for s in found]) for r in (mode.state, *found)]
+    assert mode.ratio == pytest.approx(shares[0])
+    assert mode.ratio >= max(shares[1:]) - 0.02  # the search starts from some of the states only
+    assert mode.hypothesis[0] == int(mode.state[3])
+
+
+def test_parts_at_one_pose_count_together_only_where_none_must_be_named():
+    both = np.column_stack([np.zeros((100, 3)), np.repeat([0, 1], [60, 40])])
+    assert metric().mode(both).ratio == pytest.approx(0.6)
+    assert metric(identify=False).mode(both).ratio == 1.0
+
+
+def test_an_identity_is_a_mode_wherever_the_parts_lie():
+    found = states(np.random.default_rng(4), 500)
+    mode = metric(kind="identity").mode(found)
+    counts = np.bincount(found[:, 3].astype(int))
+    assert mode.hypothesis == (int(np.argmax(counts)),)
+    assert mode.ratio == pytest.approx(counts.max() / 500)
+
+
+def test_states_of_the_first_part_alone_are_plain_poses():
+    poses = np.random.default_rng(5).normal(size=(50, 3))
+    belief = Belief.of(poses)
+    assert belief.states is poses
+    marked = np.column_stack([poses, np.zeros(50)])
+    one, other = metric().mode(poses), metric().mode(marked)
+    np.testing.assert_array_equal(one.pose, other.pose)
+    assert one.ratio == other.ratio
+
+
+def test_parts_are_drawn_by_their_shares_and_rolled_out_each_as_itself():
+    job = job_file.load(GUSSET, {"part": {"faces": "either"}})
+    belief = believed(job, 2000, np.random.default_rng(6))
+    share = belief.traits["hypothesis"].mean()
+    assert share == pytest.approx(0.5, abs=0.05)
+    traits = as_planned(40)
+    traits["hypothesis"] = np.arange(40) % 2
+    poses = np.random.default_rng(7).uniform(-6.0, 6.0, (40, 3))
+    mixed = Mixture.of_job(job, 1).squeeze(poses, np.random.default_rng(8), traits)
+    rng = np.random.default_rng(8)
+    for k, alone in enumerate(job.alone):
+        rows = traits["hypothesis"] == k
+        own = Simulator.of_job(alone, 1).squeeze(poses[rows], rng, traits[rows])
+        np.testing.assert_array_equal(mixed.poses[rows], own.poses)
+        np.testing.assert_array_equal(mixed.width_mm[rows], own.width_mm)

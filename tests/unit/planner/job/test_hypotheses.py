@@ -1,0 +1,154 @@
+"""Several parts in one job: how they are stated, what is the same for one, and parts turned over."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import JobError
+from planner.job import hypotheses
+from planner.job import model as job_file
+from planner.mechanics.simulator import Simulator
+from planner.part import symmetry
+from runtime.traversal.answer import frames_in
+
+TREES = Path(__file__).parents[4] / "trees"
+EITHER = {"part": {"faces": "either"}}
+CORNERS = {"kind": "points", "points_mm": [[1.0, 1.0], [30.0, 2.0], [2.0, 20.0]], "weights": [1.0, 2.0, 3.0]}
+COUPLED = {
+    "kind": "stated",
+    "rho_mm": 12.0,
+    "ellipsoid": [[1.0, 0.1, 0.2], [0.1, 1.2, -0.1], [0.2, -0.1, 0.9]],
+}
+
+
+def several(**more):
+    """The document of a job with three parts, and changes to its top level."""
+    names = ("hex-nut", "spacer", "oval-cover")
+    documents = [tomllib.loads((TREES / name / "job.toml").read_text()) for name in names]
+    common = {key: value for key, value in documents[0].items() if key != "part"}
+    return {**common, "hypothesis": [{"part": document["part"]} for document in documents], **more}
+
+
+def read(document):
+    return job_file.of_document(document, "the job", drawn=True)
+
+
+def test_several_parts_come_back_from_their_exact_text():
+    job = read(several())
+    assert job_file.from_canonical(job.canonical()) == job
+    assert [alone.part.symmetry for alone in job.alone] == [6, 2, 2]
+    assert sum(job.shares) == pytest.approx(1.0)
+    assert job.search.particles == 3 * hypotheses.PARTICLES
+    assert read(several(search={"particles": 70})).search.particles == 70
+    assert "part" not in job_file._document(job)
+
+
+def test_each_part_alone_is_the_job_of_that_part():
+    job = read(several())
+    for alone, entry in zip(job.alone, several()["hypothesis"], strict=True):
+        document = {**several(), "part": entry["part"], "cell": {"squeeze_height_mm": 4.0}}
+        del document["hypothesis"]
+        expected = read({**document, "search": {"particles": job.search.particles}})
+        assert alone.replaced(cell={"squeeze_height_mm": 4.0}) == expected
+
+
+def test_a_part_has_pressure_and_friction_of_its_own_where_it_states_them():
+    document = several()
+    document["hypothesis"][1] |= {
+        "pressure": {"kind": "uniform"},
+        "friction": {"finger_part_min": 0.1, "finger_part_max": 0.2},
+    }
+    job = read(document)
+    assert [alone.pressure.kind for alone in job.alone] == ["boundary", "uniform", "boundary"]
+    assert [alone.friction.finger_part_max for alone in job.alone] == [0.6, 0.2, 0.6]
+    assert {
+        alone.friction.finger_part_max for alone in job.replaced(friction={"finger_part_max": 0.9}).alone
+    } == {0.9}
+
+
+def broken(number=1, **entry):
+    document = several()
+    document["hypothesis"][number - 1] |= entry
+    return document
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        (several(part={}), r"\[part\]: stands beside \[\[hypothesis\]\]"),
+        (several(hypothesis=3), "2 to 16 entries"),
+        (several(hypothesis=several()["hypothesis"][:1]), "2 to 16 entries"),
+        (broken(share=0.5), "stated for all or none"),
+        (broken(2, shape=1), "unknown key 'shape'"),
+        (broken(2, part=3), "missing section part"),
+        (broken(2, name="other"), "differs from the name of its part"),
+        (broken(3, part={"name": "x"}), r"\[hypothesis 3.part\]: missing key outline_mm"),
+        (broken(1, part=several()["hypothesis"][1]["part"]), "stands twice"),
+        (several(search={"method": "paper"}), "plans for one part"),
+        (several(search={"model": "kcde"}), "learned for one part"),
+        (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_with_its_place(document, message):
+    with pytest.raises(JobError, match=message):
+        read(document)
+
+
+def test_strangers_are_parts_that_no_plan_is_made_for():
+    one = several()["hypothesis"][1]
+    job = read(several(stranger=[{**one, "pressure": {"kind": "uniform"}}]))
+    assert job_file.from_canonical(job.canonical()) == job
+    (stranger,) = job.strangers
+    assert (stranger.part.name, stranger.pressure.kind) == (one["part"]["name"], "uniform")
+    assert all(not alone.strangers for alone in (*job.alone, stranger))
+    assert len(job.alone) == 3
+
+
+@pytest.mark.parametrize(
+    ("stranger", "message"),
+    [
+        ([], "1 to 16 entries"),
+        ([{"share": 0.5, "part": several()["hypothesis"][0]["part"]}], "no plan is made for it"),
+        ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
+    ],
+)
+def test_a_wrong_stranger_is_told_with_its_place(stranger, message):
+    with pytest.raises(JobError, match=message):
+        read(several(stranger=stranger))
+
+
+def test_asking_which_part_it_is_needs_two():
+    with pytest.raises(JobError, match="only one part"):
+        job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
+
+
+def test_a_part_whose_faces_look_alike_stays_one():
+    plain = job_file.load(TREES / "rectangle" / "job.toml")
+    assert job_file.load(TREES / "rectangle" / "job.toml", EITHER) == plain
+
+
+def test_what_the_drawing_names_turns_over_with_the_part():
+    named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
+    either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})
+    one, other = (frames_in(entry["part"]) for entry in json.loads(either.canonical())["hypothesis"])
+    mirror = np.array([1.0, -1.0, -1.0])
+    np.testing.assert_allclose(other.datum, one.datum * mirror)
+    np.testing.assert_allclose(other.picks["rim"], one.picks["rim"] * mirror)
+
+
+@pytest.mark.parametrize("pressure", [{}, CORNERS, COUPLED], ids=["boundary", "points", "stated"])
+def test_a_part_turned_over_is_squeezed_as_in_a_mirror(pressure):
+    one, other = job_file.load(TREES / "gusset" / "job.toml", {**EITHER, "pressure": pressure}).alone
+    assert not symmetry.congruent(one.part.outline_mm, other.part.outline_mm)
+    rng, mirror = np.random.default_rng(3), np.array([1.0, -1.0, -1.0])
+    poses = rng.uniform((-8, -8, -np.pi), (8, 8, np.pi), (60, 3))
+    ends = []
+    for job, start in ((one, poses), (other, poses * mirror)):
+        simulator = Simulator.of_job(job, workers=1)
+        ends.append(simulator.roll_out(start, simulator.nominal(len(start), 0.5)))
+    near = np.isclose(ends[0].width_mm, ends[1].width_mm, atol=0.05)
+    assert near.mean() > 0.9  # unstable equilibria fall either way
+    np.testing.assert_allclose(ends[1].poses[near], ends[0].poses[near] * mirror, atol=0.1)

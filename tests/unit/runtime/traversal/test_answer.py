@@ -1,0 +1,38 @@
+"""What is told of a located part: its name and its own frames where one of several may lie there."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from sample_tables import several_table, small_table, with_job
+
+from runtime.table import Table
+from runtime.traversal.answer import PartFrames, frames_of, told
+
+LEFT = {"datum": [1.0, 2.0, 90.0], "picks": {"rim": [3.0, 0.0, 0.0]}}
+RIGHT = {"datum": [-1.0, 0.0, 0.0]}
+
+
+def with_parts(table: Table) -> Table:
+    return with_job(table, json.dumps({"hypothesis": [{"part": LEFT}, {"part": RIGHT}]}))
+
+
+def test_each_part_is_told_in_its_own_frames() -> None:
+    table = with_parts(several_table())
+    one, other = (told(table, leaf, frames_of(table)) for leaf in (0, 1))
+    assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
+    assert one["datum"] == {"x_mm": 1.0, "y_mm": 2.5, "angle_deg": 90.0}  # the leaf is at (0, 0.5), 0 deg
+    assert one["picks"] == {"rim": {"x_mm": 1.0, "y_mm": 5.5, "angle_deg": 90.0}}
+    assert other["datum"] == {"x_mm": -1.2, "y_mm": -3.0, "angle_deg": pytest.approx(90.0, abs=0.02)}
+    assert other["picks"] == {}
+
+
+def test_the_answer_of_one_part_has_no_name() -> None:
+    table = small_table()
+    assert "hypothesis" not in told(table, 0, frames_of(table))
+
+
+@pytest.mark.parametrize("job", [None, "{}", "[", '{"hypothesis": [{}, 3]}', '{"hypothesis": 7}'])
+def test_a_job_of_another_make_names_no_frames(job: str | None) -> None:
+    table = replace(several_table(), job=None) if job is None else with_job(several_table(), job)
+    assert frames_of(table) == (PartFrames(None, {}), PartFrames(None, {}))
