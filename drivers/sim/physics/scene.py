@@ -112,7 +112,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
 
 def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
     parts = tuple(zip(job.shares, job.alone, strict=True)) if job.hypothesis else ()
-    return Setting(job, job_geometry(job), world, factory, parts)
+    return Setting(job, job_geometry(job), world, factory, parts=parts)
 
 
 def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
