@@ -4,8 +4,9 @@ import contextlib
 import hashlib
 import json
 import re
-from collections.abc import Callable
 from random import Random
+
+from runtime.shell import strict_json
 
 LONGEST = 1 << 20  # bytes that a repeated line comes to
 # Numbers and words that a file of text may hold where it should hold something else.
@@ -124,18 +125,14 @@ def chained(entries: list[dict]) -> bytes:
     return b"".join(lines)
 
 
-def sealed(digest: Callable[[dict], str]) -> Callable[[bytes, Random], bytes]:
-    """Changes a JSON document and gives it the digest that it then has; or damages it as text."""
-
-    def change(data: bytes, random: Random) -> bytes:
-        if random.random() < 0.3:
-            return text(data, random)
-        told = odd({name: value for name, value in json.loads(data).items() if name != "sha256"}, random)
-        with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
-            told = {**told, "sha256": digest(told)} if isinstance(told, dict) else told
-        return json.dumps(told).encode()
-
-    return change
+def sealed(data: bytes, random: Random) -> bytes:
+    """A JSON document changed, with the digest that it then has; or damaged as text."""
+    if random.random() < 0.3:
+        return text(data, random)
+    told = odd({name: value for name, value in json.loads(data).items() if name != "sha256"}, random)
+    with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
+        told = {**told, "sha256": strict_json.digest(told)} if isinstance(told, dict) else told
+    return json.dumps(told).encode()
 
 
 def values(data: bytes, random: Random) -> bytes:

@@ -34,8 +34,6 @@ from hostile_changes import chained, journal, sealed, text, values
 from sample_tables import small_table, with_job
 from written_journals import write_run
 
-from drivers.camera import documents
-from runtime.execution import calibration
 from runtime.table import dumps, load
 from runtime.table.codec import encode
 
@@ -131,12 +129,12 @@ def kinds() -> tuple[Kind, ...]:
         Kind(REPORT, reports, {"t": (small, table)}),
         Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
         Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),
-        Kind(RUNTIME, "--tree {t} --check --calibration {c}", {"c": (gauged(), GRIPPERS)}, {"t": small}, 3),
+        Kind(RUNTIME, "--tree {t} --check --calibration {c}", {"c": (gauged(), sealed)}, {"t": small}, 3),
         Kind(RUNTIME, "--tree {t} --check --deliver {d.toml}", {"d.toml": (DELIVERY, text)}, {"t": small}, 2),
         *(Kind(JOURNAL, words, {"j": (runs, journal)}, {}, 2) for words in LOOKS),
         Kind(AUDIT, "{j} -o o.html --export o.csv", {"j": (runs, journal)}, {}, 4),
         Kind(AUDIT, "{j} --expected {e}", {"e": (readings(whole), values)}, {"j": runs}, 2),
-        Kind(TAG, tag, {"c": (lens(), CAMERAS)}, {"p": TOUCHED}, 2),
+        Kind(TAG, tag, {"c": (lens(), sealed)}, {"p": TOUCHED}, 2),
         Kind(TAG, tag, {"p": (TOUCHED, text)}, {"c": lens()}),
         Kind(CELL, "--tree none --faults {f.toml}", {"f.toml": (FAULTS, text)}),
     )
@@ -236,9 +234,6 @@ def gauged() -> bytes:
         gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(90.0, (3, 3))]
         save(fit(gauges, "S-1", "2026-01-01T00:00:00+00:00"), Path(name) / "g.json")
         return (Path(name) / "g.json").read_bytes()
-
-
-GRIPPERS, CAMERAS = sealed(calibration._digest), sealed(documents._digest)
 
 
 def case(seed: int, number: int) -> Case:
