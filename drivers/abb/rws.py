@@ -2,7 +2,8 @@
 
 One connection, one request after the other, each with a deadline. After one that failed the connection is
 made anew, so that no answer is ever taken for a later one's. Sign-in is Basic, or Digest where the controller
-asks for it; user and password come from the environment, since an address is printed and journalled.
+asks for it; user and password come from the environment, since an address is printed and journalled. Neither
+is sent before the certificate is known to be the one that was stated.
 """
 
 import base64
@@ -10,6 +11,7 @@ import hashlib
 import http.client
 import json
 import os
+import re
 import secrets
 import ssl
 from collections.abc import Mapping
@@ -22,7 +24,9 @@ from drivers.errors import ReadOnlyError
 
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
 USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
-CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # PEM file; without it any certificate is taken
+CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or `ANY`
+ANY = "any"
+SHA256 = re.compile(r"(?:[0-9A-Fa-f]{2}:?){32}")
 FACTORY = ("Default User", "robotics")  # as delivered; documented by ABB
 ACCEPT = "application/hal+json;v=2.0"
 FORM = "application/x-www-form-urlencoded;v=2.0"
@@ -99,7 +103,9 @@ class Rws:
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            connection = self._connection = self._connection or self._connected()
+            if self._connection is None or self._connection.sock is None:
+                self._connection = self._connected()
+            connection = self._connection
             connection.request(method, target, body if method == "POST" else None, headers)
             answer = connection.getresponse()
             text = answer.read().decode("utf-8", "replace")
@@ -107,6 +113,8 @@ class Rws:
             BaseException
         ) as error:  # Ctrl-C, too: what comes now answers nothing that is still to be asked
             self.close()
+            if isinstance(error, RwsError):
+                raise
             if isinstance(error, OSError | http.client.HTTPException):
                 raise RwsError(f"no answer to {method} {target} ({error or type(error).__name__})") from error
             raise
@@ -116,11 +124,32 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self) -> http.client.HTTPSConnection:
-        context = ssl.create_default_context(cafile=os.environ.get(CERTIFICATE))
+        """A connection to a controller that shows the certificate which was stated.
+
+        Raises:
+            RwsError: it shows another, or none was stated.
+        """
+        stated = os.environ.get(CERTIFICATE, "")
+        in_file = stated not in ("", ANY) and not SHA256.fullmatch(stated)
+        try:
+            context = ssl.create_default_context(cafile=stated if in_file else None)
+        except OSError as error:
+            raise RwsError(f"{CERTIFICATE}: {stated} cannot be read as certificates ({error})") from error
         context.check_hostname = False  # controllers are reached by address, and certify themselves
-        if CERTIFICATE not in os.environ:
+        if not in_file:
             context.verify_mode = ssl.CERT_NONE
-        return http.client.HTTPSConnection(self._host, self._port, timeout=ANSWER_S, context=context)
+        connection = http.client.HTTPSConnection(self._host, self._port, timeout=ANSWER_S, context=context)
+        connection.auto_open = 0  # by this way alone
+        connection.connect()
+        shown = hashlib.sha256(connection.sock.getpeercert(binary_form=True)).hexdigest()
+        if not in_file and stated != ANY and shown != stated.replace(":", "").lower():
+            connection.close()
+            told = "is another than was stated" if stated else "is not known"
+            raise RwsError(
+                f"the controller's certificate {told}, and no password was sent; if it is the controller's "
+                f"own, set {CERTIFICATE} to its SHA-256: {shown}"
+            )
+        return connection
 
     def _authorization(self, method: str, target: str) -> str:
         user, password = self._user

@@ -40,7 +40,7 @@ class Cut(NamedTuple):
 
     def line(self) -> str:
         """For people."""
-        cause = "Ctrl-C" if self.asked else "the budget"
+        cause = "request" if self.asked else "the budget"
         return (
             f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "
             f"finishing would take about {math.ceil(self.seconds)} s more"

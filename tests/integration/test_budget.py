@@ -121,7 +121,7 @@ def test_ctrl_c_keeps_the_tree_that_stands(job, tmp_path):
     process = interrupted(job, output, "--trials", "1000")
     out, err = process.communicate(timeout=120)
     assert process.returncode == 130
-    assert out.startswith("CUT SHORT by Ctrl-C: "), err
+    assert out.startswith("CUT SHORT by request: "), err
     assert load(output).table.predicted.success_ppm > 0
 
 

@@ -52,6 +52,15 @@ def one_line(err):
     return err.count("\n") == 1 and "Traceback" not in err
 
 
+@pytest.fixture
+def quick(tmp_path):
+    """The rectangle's job with a rough search."""
+    path = tmp_path / "quick.toml"
+    text = JOB.read_text().replace("stress_trials = 2000", "stress_trials = 0")
+    path.write_text(text + "\n[search]\nparticles = 4000\nsearch_particles = 100\n")
+    return path
+
+
 def test_evaluate_prints_the_promised_keys():
     code, out, _ = run("evaluate", TABLE, "--trials", 500, "--json")
     figures = json.loads(out)
@@ -137,23 +146,19 @@ def test_bad_worlds_are_refused_in_one_line():
     assert inside(evaluate, TABLE, "--encoder-offset-mm", "nan")[0] == 2
 
 
-def test_compile_says_what_limits_the_plan(tmp_path):
-    job = tmp_path / "quick.toml"
-    job.write_text(JOB.read_text().replace("stress_trials = 2000", "stress_trials = 0"))
-    code, out, _ = inside(compile_, job, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--json")
+def test_compile_says_what_limits_the_plan(quick, tmp_path):
+    code, out, _ = inside(compile_, quick, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--json")
     advice = json.loads(out)["advice"]
     assert code == 0
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - json.loads(out)["success_rate"])
     words = ("-o", tmp_path / "out.msgpack", "--trials", 500, "--no-advice", "--json")
-    code, out, _ = inside(compile_, job, *words)
+    code, out, _ = inside(compile_, quick, *words)
     assert json.loads(out)["advice"] is None
 
 
-def test_compile_proves_how_near_the_best_the_plan_is(tmp_path):
-    job = tmp_path / "quick.toml"
-    job.write_text(JOB.read_text().replace("stress_trials = 2000", "stress_trials = 0"))
-    words = (job, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--no-advice", "--bound", 5000)
+def test_compile_proves_how_near_the_best_the_plan_is(quick, tmp_path):
+    words = (quick, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--no-advice", "--bound", 5000)
     code, out, _ = inside(compile_, *words, "--json")
     figures = json.loads(out)
     assert code == 0

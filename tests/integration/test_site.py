@@ -118,54 +118,36 @@ def test_every_command_is_in_the_reference(site, command):
     assert f"usage: {command}" in usage or re.search(rf"<pre[^>]*><span></span>{command}\b", usage)
 
 
-def test_the_performance_page_says_what_is_kept(site, kept):
-    said = text_of(site / "tools/docs/performance.html")
+def test_the_performance_page_holds_what_is_kept(kept):
+    page = kept.PAGE.read_text()
+    assert kept.filled(page) == page, "run python tools/docs/site/kept.py"
     for row in json.loads((RESULTS / "table1.json").read_text())["rows"]:
         if "success_rate" in row:
-            assert f"{100 * row['success_rate']:.3f} (" in said
-    squeeze = json.loads((RESULTS / "squeeze.json").read_text())
-    for row in squeeze["convergence"]:
-        assert f"{row['per_second']:.0f}" in said
-    assert "None so far" in said or set(RESULTS.glob("*.json")) - {
-        RESULTS / f"{name.partition('-')[0]}.json" for name in kept.TABLES
-    }
+            assert f"{100 * row['success_rate']:.3f} (" in page
 
 
-def test_every_table_of_kept_figures_is_on_the_page_with_a_command(kept):
-    page = (ROOT / "tools" / "docs" / "performance.md").read_text()
-    shown = re.findall(r"^```\{kept\} (\S+)$", page, re.MULTILINE)
-    assert sorted(shown) == sorted([*kept.TABLES, "others"])
+def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
+    page = kept.PAGE.read_text()
+    shown = {found[1].partition("-")[0] for found in kept.PLACE.finditer(page)}
+    assert {path.stem for path in RESULTS.glob("*.json")} <= shown
     benches = {path.name for path in (ROOT / "tests" / "bench").glob("bench_*.py")}
     assert benches <= set(re.findall(r"tests/bench/(\w+\.py)", page))
-    for section in page.split("\n## ")[1:-1]:
+    for section in page.split("\n## ")[1:]:
         assert "```console" in section, section.splitlines()[0]
 
 
-def test_figures_that_are_kept_are_shown_as_a_table_of_their_own(kept):
-    for name in kept.TABLES:
-        assert not kept.table_of(name).startswith("| what | value |")
-
-
-def test_a_table_without_its_file_says_so_and_an_unknown_one_is_refused(kept, monkeypatch, tmp_path):
+def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
-    assert kept.table_of("zoo") == "Not measured in this version."
-    with pytest.raises(KeyError):
+    page = "a\n\n<!-- table push_first -->\nold\n<!-- end -->\n\nb\n"
+    assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
+    figures = {"under_a_finger": 12, "parts": 100, "after_two_pushes": 5}
+    seconds = {"seconds_of_two_pushes": 3.0, "seconds_for_each_part_saved": 43.0}
+    (tmp_path / "push_first.json").write_text(json.dumps(figures | seconds))
+    made = kept.filled(page)
+    assert "12 of 100 parts lie under a finger" in made
+    assert kept.filled(made) == made
+    with pytest.raises(AttributeError):
         kept.table_of("nothing")
-    (tmp_path / "extra.json").write_text('{"a": {"b": 0.123456}, "c": [{"d": "x|y"}], "e": [1, 2]}')
-    table = kept.table_of("others")
-    assert "| a.b | 0.1235 |" in table
-    assert "| c.1.d | x\\|y |" in table
-    assert "| e | [1, 2] |" in table
-
-
-def test_figures_of_another_shape_are_listed_all_the_same(kept, monkeypatch, tmp_path):
-    monkeypatch.setattr(kept, "RESULTS", tmp_path)
-    (tmp_path / "audit.json").write_text('{"loop": [{"agreement": 1.0}], "drift": {"x": []}}')
-    assert "| 1.agreement | 1 |" in kept.table_of("audit-loop")
-    (tmp_path / "kcde.json").write_text(
-        json.dumps({"more": list(range(3)), **{str(n): n for n in range(60)}})
-    )
-    assert "21 more" in kept.table_of("kcde")
 
 
 FAULTY = """<html><head><script src="https://cdn.example/x.js"></script></head><body>

@@ -18,14 +18,15 @@ from runtime.table import wilson_interval
 TIMED = re.compile(
     r"^(?:(Can .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
 )
+HASTY = {"squeezetree": "from planner.cli import first_look; first_look.ANSWER_S = 10;"}
+"""`squeezetree try` searches for seconds, not most of a minute; again, if that leaves it without a plan."""
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 
 
 @pytest.fixture
 def environment(tmp_path):
-    return {
-        **os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)
-    }  # fmt: skip
+    programs = shims(tmp_path / "bin", HASTY)
+    return {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The OmniCore driver and its simulated controller: sign-in, refusals, stops, the RAPID module."""
 
+import http.client
 import math
 import re
 import socket
@@ -147,6 +148,31 @@ def test_a_certificate_that_is_named_is_checked(basic, monkeypatch, tmp_path):
     other = OmniCoreRig.__init__.__globals__["certificate"].__wrapped__()
     monkeypatch.setenv(rws.CERTIFICATE, other)
     with pytest.raises(ArmError, match="certificate"):
+        basic.open()
+
+
+@pytest.mark.parametrize("stated", [None, "ab" * 32, "0" * 64])
+def test_nothing_is_sent_to_a_controller_whose_certificate_was_not_stated(basic, monkeypatch, stated):
+    if stated is None:
+        monkeypatch.delenv(rws.CERTIFICATE)
+    else:
+        monkeypatch.setenv(rws.CERTIFICATE, stated)
+    asked = []
+    monkeypatch.setattr(http.client.HTTPSConnection, "request", lambda *_: asked.append(1))
+    with pytest.raises(ArmError, match="no password was sent") as raised:
+        basic.open()
+    assert asked == []
+    monkeypatch.undo()
+    shown = re.search(r"SHA-256: ([0-9a-f]{64})", str(raised.value))[1]
+    for words in (shown, ":".join(re.findall("..", shown.upper())), rws.ANY):
+        monkeypatch.setenv(rws.CERTIFICATE, words)
+        with basic.open() as arm:
+            arm.pose()
+
+
+def test_a_file_without_certificates_is_named(basic, monkeypatch, tmp_path):
+    monkeypatch.setenv(rws.CERTIFICATE, str(tmp_path / "none.pem"))
+    with pytest.raises(ArmError, match=r"none\.pem cannot be read"):
         basic.open()
 
 

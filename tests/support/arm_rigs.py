@@ -3,6 +3,7 @@
 import atexit
 import contextlib
 import math
+import os
 import shutil
 import tempfile
 import threading
@@ -11,6 +12,7 @@ from functools import cache
 import trustme
 
 from drivers import connect
+from drivers.abb import rws
 from drivers.abb.codec import Pose, hand_angle
 from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
@@ -124,6 +126,7 @@ class OmniCoreRig(ModelRig):
         self.now = SimulatedTime(SCALE, threading.Event()).now
         self.server = RwsServer(self.model, threading.RLock(), self.now, certificate(), digest=digest)
         self.server.start()
+        os.environ[rws.CERTIFICATE] = certificate()
 
     @property
     def url(self):
@@ -133,6 +136,7 @@ class OmniCoreRig(ModelRig):
         self.server.mute = True
 
     def close(self):
+        os.environ.pop(rws.CERTIFICATE, None)
         self.server.close()
 
 

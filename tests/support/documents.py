@@ -5,7 +5,9 @@ import subprocess
 import sys
 import textwrap
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
@@ -17,6 +19,7 @@ PAGES = sorted(
     for path in ROOT.glob(pattern)
 )
 BLOCK = re.compile(r"^( *)```(console|bash|sh)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+EMPTY: Mapping[str, str] = MappingProxyType({})
 MARK = "==== next block ===="
 
 
@@ -41,12 +44,12 @@ def blocks(page: Path) -> list[Block]:
     return found
 
 
-def shims(folder: Path) -> Path:
-    """The project's commands as programs in a folder, whether or not it is installed."""
+def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
+    """The project's commands as programs in a folder, installed or not; of some, statements to run before."""
     folder.mkdir()
     for name, target in COMMANDS.items():
         module, _, function = target.partition(":")
-        body = f"import sys; from {module} import {function}; sys.exit({function}())"
+        body = f"import sys; {before.get(name, '')} from {module} import {function}; sys.exit({function}())"
         program = folder / name
         program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -c '{body}' \"$@\"\n")
         program.chmod(0o755)

@@ -1,6 +1,7 @@
 """Whether the camera still stands where it was calibrated: fixed tags must be where they were."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -27,7 +28,7 @@ def check(
         The greatest motion, mm; 0 without references.
 
     Raises:
-        MovedError: one moved farther, or none of them is seen.
+        MovedError: one moved farther, or off the table, or none of them is seen.
     """
     if not references:
         return 0.0
@@ -40,6 +41,12 @@ def check(
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
         raise MovedError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
+    beyond = [number for off_mm, number in moved if not isfinite(off_mm)]
+    if beyond:
+        raise MovedError(
+            f"reference tag {beyond[0]} is seen beyond the table's horizon: the camera or the tag moved; "
+            "calibrate again"
+        )
     worst_mm, number = max(moved)
     if worst_mm > limit_mm:
         raise MovedError(

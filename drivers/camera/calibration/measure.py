@@ -59,6 +59,11 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
     """The part's pose from its tag's corners; TagError where the tag is not of the size it should have."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
+    if not np.isfinite(corners).all():
+        raise TagError(
+            f"tag {tag.number} is seen beyond the table's horizon, where nothing lies; check that it is the "
+            "part's, and that the camera stands where it was calibrated"
+        )
     fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)
     if not abs(fit.scale - 1.0) <= LARGEST_SCALE_ERROR:
         raise TagError(

@@ -14,7 +14,7 @@ author = "the squeezetree maintainers"
 copyright = "the squeezetree maintainers, Apache-2.0"  # noqa: A001
 language = "en"
 
-extensions = ["myst_nb", "sphinx_argparse_cli", "formulas", "kept"]
+extensions = ["myst_nb", "sphinx_argparse_cli", "formulas"]
 root_doc = "README"
 include_patterns = [
     "README.md",

@@ -152,7 +152,9 @@ function link(target) {
 function spans(node, width) {
   const x = um => 256 * um / table.opening, y = number => 2 + 15 * (number % 2);
   const bars = node.branches.map(({low, high}, number) => shape("rect", {class: `span c${number % 6}`, x: x(low), y: y(number), width: Math.max(x(high) - x(low), 1), height: 14}));
-  const names = node.branches.map(({low, high}, number) => words(x((low + high) / 2), 45, "", String(number)));
+  const middles = node.branches.map(({low, high}) => x((low + high) / 2)), named = [];
+  middles.forEach((middle, number) => { if (named.every(other => Math.abs(middles[other] - middle) > 8)) named.push(number); });
+  const names = named.map(number => words(middles[number], 45, "", String(number)));
   const line = width === undefined ? [] : [shape("path", {class: "seen", d: `M${x(1000 * width)} 0V34`})];
   const label = "Widths of each outcome, between the jaws closed and open" + (width === undefined ? "" : `; ${width.toFixed(2)} mm was read`);
   return shape("svg", {viewBox: "-14 0 276 62", role: "img", "aria-label": label}, ...bars, ...names, ...line, words(0, 59, "", "0 mm"), words(260, 59, "end", `${short(table.opening)} mm`));
@@ -170,7 +172,7 @@ function detailsOf(target) {
     return make("tr", step?.target === branch.target ? {class: "came"} : {}, ...cells, make("td", {}, link(branch.target)));
   });
   const heads = ["branch", "width [mm]", "planned", "to"].map(name => make("th", {scope: "col"}, name));
-  const read = step ? `Read ${step.width_mm.toFixed(2)} mm: ${step.target === null ? "rejected" : `on to ${nameOf(step.target)}`}.` : "Not squeezed here yet.";
+  const read = step ? `Read ${step.width_mm.toFixed(2)} mm: ${step.target === null ? "rejected" : `on to ${nameOf(step.target)}`}.` : "This part was not squeezed here.";
   return [head, make("p", {}, text), spans(node, step?.width_mm), make("p", {id: "read"}, read), make("table", {}, make("thead", {}, make("tr", {}, ...heads)), make("tbody", {}, ...rows))];
 }
 let told = "";
@@ -225,7 +227,8 @@ function poseText(answer) {
   if (!answer) return "";
   const pose = answer.datum ?? answer;
   const which = answer.hypothesis ? `${answer.hypothesis}, ` : "";
-  return `${which}${pose.x_mm.toFixed(2)}, ${pose.y_mm.toFixed(2)} mm, ${pose.angle_deg.toFixed(1)}\u00b0${answer.datum ? " (datum)" : ""}`;
+  const fixed = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]+$)/, "");
+  return `${which}${fixed(pose.x_mm, 2)}, ${fixed(pose.y_mm, 2)} mm, ${fixed(pose.angle_deg, 1)}\u00b0${answer.datum ? " (datum)" : ""}`;
 }
 function take(state) {
   steps = state.steps;

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from sample_tables import random_table, small_table, with_leaf
 
-from planner.evaluation.judge import judge, metric_of_table
+from planner.evaluation.judge import claimed, judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
-from planner.evaluation.outcome import NOWHERE, REJECTED, Evaluation
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.mechanics.traits import as_planned
 from runtime.table import PPM, poses_of
 
@@ -24,6 +24,14 @@ def with_goal(**changes):
 
 def verdict(table, *offset):
     return judge(table, np.array([LEAF]), SAID + np.array([offset]))
+
+
+def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
+    table = small_table()
+    for leaves in (table.leaves[:1], table.leaves):
+        few = replace(table, leaves=leaves)
+        ends = np.array([CRASHED, REJECTED, NOWHERE, 0])
+        assert list(claimed(few, ends)) == [False, False, False, True]
 
 
 def test_the_pose_goal_is_equation_9():

@@ -193,6 +193,22 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
     assert audit(shot()).moved_mm < 0.1
 
 
+@pytest.mark.parametrize(
+    ("references", "told"),
+    [(True, "reference tag 580 is seen beyond the table's horizon"), (False, "tag 7 is seen beyond")],
+)
+def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, told):
+    known = true_calibration(BELOW, references=references)
+    away = np.diag([1.0, -1.0, -1.0]) @ known.view.rotation  # looks away from the table
+    view = replace(known.view, rotation=away, translation=-away @ known.view.eye)
+    cards = RIG.cards(POSE)[0 if references else -1 :]
+    picture = render(BELOW, cards, Flaws(), np.random.default_rng(1))
+    answer = audit(picture, calibration=replace(known, view=view))
+    assert answer.verdict == UNKNOWN
+    assert told in answer.reason
+    assert "nan" not in str(answer.fields())
+
+
 def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
     bare = rig(BELOW)
     alone = bare.cards(POSE)[-1:]
