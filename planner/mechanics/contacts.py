@@ -182,6 +182,10 @@ def find(
         j = i + 1 if i + 1 < n else 0
         b = i - 1 if i > 0 else n - 1
         xi, xj, yi, yj, yb = points[i, 0], points[j, 0], points[i, 1], points[j, 1], points[b, 1]
+        low, high = min(xi, xj) - margin, max(xi, xj) + margin
+        between = max(yi, yj) < top - margin and min(yi, yj) > bottom + margin
+        if between or low > h or high < -h:
+            continue
         for finger in (1, -1):
             face = top if finger == 1 else bottom
             reach = finger * face - margin
@@ -194,7 +198,6 @@ def find(
                     count = _add_face(C, I, count, points, b, finger, face, h, margin)
                 if after >= before:
                     count = _add_face(C, I, count, points, j, finger, face, h, margin)
-            low, high = min(xi, xj) - margin, max(xi, xj) + margin
             if (low <= h <= high) or (low <= -h <= high):
                 count = _add_corners(C, I, count, points, i, j, finger, CORNER, face, h, margin)
                 if max(y, after) >= finger * face + thickness - margin:

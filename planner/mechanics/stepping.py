@@ -175,14 +175,16 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     for m in range(work.listed[NEAR]):
         i = near[m]
         j = i + 1 if i + 1 < n else 0
-        y0, y1 = points[i, 1], points[j, 1]
+        x0, x1, y0, y1 = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
+        if min(x0, x1) > half_x or max(x0, x1) < -half_x:
+            continue
         if max(y0, y1) > work.fingers[0] + PENETRATION_MM:
             middle = work.fingers[0] + 0.5 * thickness
-            if crosses(points[i, 0], y0 - middle, points[j, 0], y1 - middle, half_x, half_y):
+            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
                 return True
         if min(y0, y1) < work.fingers[1] - PENETRATION_MM:
             middle = work.fingers[1] - 0.5 * thickness
-            if crosses(points[i, 0], y0 - middle, points[j, 0], y1 - middle, half_x, half_y):
+            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
                 return True
     return False
 
