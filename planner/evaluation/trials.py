@@ -127,6 +127,7 @@ def run(
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
     traits = disturbance.traits(job, trials, rng, foreign=not isinstance(world, ContactWorld))
+    poses += traits["arm"]
     hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(
