@@ -1,6 +1,6 @@
 """How often a table answers what it should reject: widths at random, and parts that are not the job's.
 
-    python tests/bench/bench_rejects.py trees/*/*.msgpack [--parts 2000]
+    python tests/bench/bench_rejects.py [TABLES] [--parts 2000]
 
 For each table the share of parts that end in a resolved leaf: where every width is drawn evenly between open
 and closed, where all but the first are, which is one that the plan expects, and where the part is larger,
@@ -21,6 +21,7 @@ from planner.evaluation.trials import Program
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
 
+RECTANGLE = Path("trees/rectangle/rectangle.msgpack")
 RUNS = 20_000
 SCALES = {"larger by 10 %": (1.1, 1.1), "smaller by 10 %": (0.9, 0.9), "longer by 20 %": (1.2, 1.0)}
 SCALES |= {"larger by 5 %": (1.05, 1.05), "thinner by 20 %": (1.0, 0.8)}
@@ -57,7 +58,7 @@ def others(job):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("trees", type=Path, nargs="+")
+    parser.add_argument("trees", type=Path, nargs="*", default=[RECTANGLE])
     parser.add_argument("--job", default=None)
     parser.add_argument("--parts", type=int, default=2000)
     options = parser.parse_args()
