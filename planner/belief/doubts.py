@@ -20,7 +20,8 @@ WAVY = 0.5  # standard deviation of all the waves of a contour together, in unit
 
 def believed(job: Job, n: int, rng: np.random.Generator) -> Belief:
     """Draws n parts as the job believes in them: where they lie, and their traits."""
-    return Belief.of(initial(job, n, rng), traits=traits_of(job, n, rng))
+    poses, traits = initial(job, n, rng), traits_of(job, n, rng)
+    return Belief.of(poses + traits["arm"], traits=traits)
 
 
 def certain(job: Job) -> bool:
@@ -92,6 +93,11 @@ def _draws(job: Job, rng: np.random.Generator) -> list[tuple[str, float, Callabl
         draws.append(("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64)))
     if tolerance_mm:
         draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
+    if doubt.release_mm or doubt.release_deg:
+        most = np.array([doubt.release_mm or 0.0, np.radians(doubt.release_deg or 0.0)])
+        draws.append(("release", 0, lambda n: most * np.abs(_within((-1.0, 1.0), n, rng))[:, None]))
+    if doubt.arm_mm or doubt.arm_deg:
+        draws.append(("arm", 0, partial(_arms, doubt.arm_mm or 0.0, doubt.arm_deg or 0.0, rng=rng)))
     return draws
 
 
@@ -113,6 +119,13 @@ def _within(interval: Interval, n: int, rng: np.random.Generator) -> Array:
     """Values (n,) by the arcsine law: faults that matter lie near the ends of their interval."""
     low, high = interval
     return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5)))
+
+
+def _arms(most_mm: float, most_deg: float, n: int, rng: np.random.Generator) -> Array:
+    """How parts lie off (n, 3) in the frame of an arm that is off itself, in any direction [mm, mm, rad]."""
+    off, bearing = _within((0.0, most_mm), n, rng), rng.uniform(0.0, 2.0 * np.pi, n)
+    turn = np.radians(_within((-most_deg, most_deg), n, rng))
+    return np.stack([off * np.cos(bearing), off * np.sin(bearing), turn], axis=1)
 
 
 def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:

@@ -92,6 +92,17 @@ def believed_cases(job: Job) -> list[Case]:
         arm = Disturbance(placement_mm=doubt.placement_mm, placement_deg=doubt.placement_deg)
         name = f"placement {doubt.placement_mm:g} mm, {doubt.placement_deg:g} deg"
         cases.append(Case(name, disturbance=arm))
+    if doubt.release_mm or doubt.release_deg:
+        shift, turn = doubt.release_mm or 0.0, doubt.release_deg or 0.0
+        own = {
+            "shift_mm": float(np.hypot(job.release.shift_mm, shift)),
+            "turn_deg": float(np.hypot(job.release.turn_deg, turn)),
+        }
+        cases.append(Case(f"release {shift:g} mm, {turn:g} deg", {"release": own}))
+    if doubt.arm_mm or doubt.arm_deg:
+        shift, turn = doubt.arm_mm or 0.0, doubt.arm_deg or 0.0
+        arm = Disturbance(bias_mm=(shift, 0.0), bias_deg=turn)
+        cases.append(Case(f"arm off by {shift:g} mm, {turn:g} deg", disturbance=arm))
     return [case for case in cases if _stands(case, job)]
 
 

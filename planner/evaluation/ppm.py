@@ -131,8 +131,8 @@ class Study:
     def looked_into(self, chunk: int) -> tuple[Sums, Wrong]:
         """The sums of a chunk, and its parts that were answered wrongly."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
-        poses = initial(self.job, CHUNK, rng)
-        return self._run(poses, self.disturbance.traits(self.job, CHUNK, rng), self.worlds.world(chunk), rng)
+        poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
+        return self._run(poses + traits["arm"], traits, self.worlds.world(chunk), rng)
 
     def _run(
         self, poses: Array, traits: Traits, world: World, rng: np.random.Generator

@@ -126,9 +126,9 @@ def run(
     """
     depth, encoder = program.table.limits.max_depth, encoder_of(job)
     poses = initial(job, trials, rng)
-    traits = disturbance.traits(
-        job, trials, rng, foreign=not isinstance(of_hypothesis(world, 0), ContactWorld)
-    )
+    foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
+    traits = disturbance.traits(job, trials, rng, foreign=foreign)
+    poses += traits["arm"]
     hand = np.zeros((trials, 2))
     node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
     found = Evaluation(

@@ -91,6 +91,12 @@ class Doubt:
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
     placement_mm: Annotated[float, Number(0, 10, default=0.0)]  # std of the hand's x and y, in each squeeze
     placement_deg: Annotated[float, Number(0, 45, default=0.0)]  # and of its angle
+    # How far the arm's frame may lie off where parts are expected, in every motion.
+    arm_mm: Annotated[float | None, Number(0, 20, default=None)]
+    arm_deg: Annotated[float | None, Number(0, 45, default=None)]  # and be turned, either way
+    # Most that opening jaws may do to held parts besides [release]: a part's standard deviation of x and y,
+    release_mm: Annotated[float | None, Number(0, 10, default=None)]
+    release_deg: Annotated[float | None, Number(0, 45, default=None)]  # and of its angle
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,7 +106,7 @@ class Simulator:
             surfaces[rows] = limit_surface.sample(other, dof[rows], rng, len(rows))
         drawn = rng.uniform(*self.friction, size=n)
         mu = np.where(own["friction"] == FRESH, drawn, own["friction"])
-        release = rng.standard_normal((n, 3)) * np.array(self.release)
+        release = rng.standard_normal((n, 3)) * np.hypot(self.release, own["release"][:, [0, 0, 1]])
         share = np.clip(self.jaws[3] + own["share"], 0.0, 1.0)
         return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release, share, own["deviation"])
 

@@ -28,6 +28,8 @@ TRAITS = np.dtype(
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # of the encoder: so much of a width is added to it
         ("across_mm", np.float64),  # how far the hand stands off its place, along the closing direction
+        ("release", np.float64, 2),  # what held parts do on opening, besides the job's: std [mm, rad]
+        ("arm", np.float64, 3),  # how far the part lies off in the arm's frame before the first squeeze
     ]
 )
 Traits: TypeAlias = NDArray[np.void]
@@ -48,6 +50,7 @@ def ordinary(traits: Traits) -> BoolArray:
         | (traits["surface"] != 0)
         | (traits["dof"] != 0)
         | traits["deviation"].any(axis=1)
+        | traits["release"].any(axis=1)
     )
     return np.asarray((traits["friction"] == FRESH) & ~moved)
 

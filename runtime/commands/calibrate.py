@@ -38,7 +38,8 @@ EXAMPLE = "grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gr
 EXIT_CODES = """\
 exit codes:
    0  measured and written    2  usage             21  gripper fault, or not activated
-  20  gripper link fault     23  port not opened   33  the measurements contradict one another
+  20  gripper link fault     22  arm, or a motion refused    23  port not opened
+  33  the measurements contradict one another                30  table refused
   40  stopped by the operator
 """
 EPILOG = f"""\

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
 from runtime.execution.events import Console, Phase, Sighting, Tally
 from runtime.monitoring.status import Status
+from runtime.spc.summary import Drift
 from runtime.table import TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import PartResult, Step
@@ -37,6 +38,7 @@ class Monitor:
         self._status = Status(
             self._name, loaded.digest, self._table.predicted.success_ppm,
             partial(answer.told, self._table, frames=answer.frames_of(self._table)),
+            Drift(self._table).add,
         )  # fmt: skip
         self._views = views or Views()
         self._view: View | None = None

@@ -21,9 +21,14 @@ class Status:
         table_sha256: str,
         predicted_ppm: int,
         answer: Callable[[int], dict[str, object]] | None = None,
+        drift: Callable[[PartResult], bool] | None = None,
     ) -> None:
-        """Begin without a part; `answer` tells what a leaf says, in words of `runtime.traversal.answer`."""
-        self._answer = answer
+        """Begin without a part.
+
+        `answer` tells what a leaf says, in words of `runtime.traversal.answer`, and `drift`, shown each part,
+        whether a refit would pay.
+        """
+        self._answer, self._drift, self._refit = answer, drift, False
         self._lock = threading.Lock()
         self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
@@ -57,6 +62,7 @@ class Status:
             if self._answer is not None and result.leaf is not None and result.outcome is Outcome.LEAF:
                 answer = self._answer(result.leaf)
             self._recent.append({**result.fields(), "answer": answer})
+            self._refit = self._drift is not None and self._drift(result)
             if result.leaf is not None:
                 self._leaves[result.leaf] += 1
             if result.audit is not None:
@@ -82,6 +88,7 @@ class Status:
                 "steps": list(self._steps),
                 "outcomes": {outcome.value: self._outcomes[outcome] for outcome in Outcome},
                 "audits": dict(self._audits),
+                "refit_pays": self._refit,
                 "last_part": self._recent[-1] if self._recent else None,
                 "recent_parts": list(self._recent),
             }

@@ -9,13 +9,15 @@ from typing import NamedTuple
 
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.expectation import LIMIT, Expectation
-from runtime.spc.history import History, Part
+from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import COORDINATES, Alarm, Monitor, branch_counts, branch_shares, failure_share
-from runtime.table import PPM, wilson_interval
+from runtime.table import PPM, Node, Table, wilson_interval
+from runtime.traversal.results import PartResult
 
 PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
 LEAST_REFIT = 20  # parts that a refit learns anything from
 STRANGE = 1e-3  # probability of branches below which the cell is taken for another than planned
+DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of what a refit learns from
 REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
 GROUP = 50  # audited parts of one point of the p-chart
 
@@ -78,7 +80,7 @@ class Summary:
     @property
     def refit(self) -> bool:
         """Whether the readings are not those of the cell that was planned for, so that a refit would pay."""
-        drifted = any(alarm.chart in ("widths", "branches", "readings", "rejects") for alarm in self.alarms)
+        drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 
     def fields(self) -> dict[str, object]:
@@ -96,6 +98,30 @@ class Summary:
             "refit_pays": self.refit,
             "alarms": [alarm._asdict() for alarm in self.alarms],
         }
+
+
+class Drift:
+    """Whether a refit would pay, told as a run goes on: the charts of its table, part after part."""
+
+    def __init__(self, table: Table) -> None:
+        self._table, self._charts = table, Monitor.of(table)
+        self._parts, self._drifted = 0, False
+
+    def add(self, result: PartResult) -> bool:
+        """Take a part that has ended in; whether a refit would pay by now."""
+        nodes = self._table.nodes
+        squeezes = (
+            Squeezed(step.node, _branch(nodes[step.node], step.target), step.width_um)
+            for step in result.steps
+        )
+        part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
+        self._parts += 1
+        self._drifted |= any(chart in DRIFTED for chart, _ in self._charts.add(part))
+        return self._drifted and self._parts >= LEAST_REFIT
+
+
+def _branch(node: Node, target: int | None) -> int | None:
+    return next((k for k, branch in enumerate(node.branches) if branch.target == target), None)
 
 
 def summarise(history: History, expected: Expectation | None = None) -> Summary:

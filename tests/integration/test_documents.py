@@ -21,7 +21,7 @@ PARSED = {
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
-    DOCS / "refit.md": "its cell is a world of the reader's own; compiling and refitting take minutes",
+    DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

@@ -6,10 +6,11 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
-from documents import DOCS, ROOT, blocks, matches, run, shims
+from documents import DOCS, ROOT, Block, blocks, matches, run, shims
 
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from runtime.execution import calibration
@@ -102,6 +103,40 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     for block, lines in zip([look, *others], printed[1:], strict=False):
         assert matches(block.printed, lines)
     assert (work / "report.html").stat().st_size < 3_000_000
+
+
+# What a page says of hundreds of parts, as a test tries it.
+FEWER = {"--count 100": "--count 40", "--cells 40": "--cells 8", "--trials 2000": "--trials 300"}
+FEWER |= {"--trials 4000": "--trials 500"}
+
+
+@pytest.mark.slow
+def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
+    """The blind cell of the page: what its journals tell is written, and mends nearly all answers."""
+    page = DOCS / "refit.md"
+    (work / "hidden.py").write_text(re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1])
+    shutil.copy(DOCS / "lever.dxf", work)
+    made = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
+    made += " --gripper robotiq-2f-85"
+    for key, value in (
+        ("finger_part_min", 0.4), ("finger_part_max", 0.6), ("particles", 2000), ("search_particles", 200)
+    ):  # fmt: skip
+        made += f" && sed -i 's/^\\(# \\)\\?{key} = .*/{key} = {value}/' cell.toml"
+    begin = Block([made, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
+    found = []
+    for block in blocks(page):
+        lines = [line.replace("plan-refit", "plan-refit --seed 1") for line in block.commands]
+        for told, fewer in FEWER.items():
+            lines = [line.replace(told, fewer) for line in lines]
+        found.append(block._replace(commands=[f"{line} || test $? -eq 13" for line in lines]))
+    printed = run([begin, *found], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
+    assert any(line.startswith("advice    a refit would pay") for line in printed[1])
+    assert any(line.startswith("  widths read +0.") for line in printed[2])
+    low, high = tomllib.loads((work / "cell2.toml").read_text())["doubt"]["encoder_mm"]
+    assert 0.3 < low < 0.6 < high < 0.9
+    before, after = (json.loads(line) for line in printed[3] if line.startswith("{"))
+    assert before["wrong_rate"] > 0.3
+    assert after["wrong_rate"] < 0.1 * before["wrong_rate"]
 
 
 def test_a_hundred_good_parts_say_what_the_page_says():

@@ -19,6 +19,7 @@ from rich.text import Text
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.status import Status
+from runtime.spc.summary import REFIT
 from runtime.table import Table
 from runtime.traversal.results import PartResult, Step
 
@@ -111,7 +112,7 @@ def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Termin
     lines = [
         Text.assemble((name, "bold"), "  ", "  ".join(doing)),
         _outcomes(state["outcomes"]),
-        Text(),
+        Text(f"{REFIT.partition(':')[0]}: see plan-refit" if state["refit_pays"] else "", "bold yellow"),
         *(_line(row, utf8=utf8) for row in outline.rows(outline.way(state), room)),
         Text(),
         *(_part(part) for part in state["recent_parts"][-PARTS:]),

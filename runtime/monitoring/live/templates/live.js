@@ -242,6 +242,7 @@ function take(state) {
   put("width", state.last_width_mm === null ? "–" : `${state.last_width_mm.toFixed(2)} mm`);
   put("squeezes", String(state.squeezes));
   count(state.outcomes);
+  byId("advice").hidden = !state.refit_pays;
   list(state.recent_parts);
   put("answer", poseText(state.recent_parts.findLast(part => part.answer)?.answer) || "\u2013");
   draw();

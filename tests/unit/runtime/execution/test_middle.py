@@ -3,17 +3,24 @@
 import math
 import random
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from fake_cell import FakeClock, FakeJournal
 from fake_scene import setting
 from sample_tables import small_table
 
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.errors import CalibrationError, GripperStateError, MotionRefusedError
-from runtime.execution import middle
+from runtime.execution import carry, middle
+from runtime.execution.asked import AskedParts
+from runtime.execution.delivery import from_text
+from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
+from runtime.monitoring.console import Objects
 from runtime.traversal.geometry import compose, placement, sent
 
 BLOCK_MM, OPENING_MM = 30.0, 85.0
@@ -142,3 +149,37 @@ def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_plan
     assert middle.off_mm(Middle(width + 10.0, 1.5, 0.05, 0.45, 0.01), table) == pytest.approx(2.0)
     left = middle.left(Middle(width, 1.5, 0.05, 0.45, 0.01), table)
     assert left == {"middle_mm": [-0.1, 0.1], "finger_share": [-0.07, -0.03]}
+
+
+def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
+    told = []
+    for middle_mm in (0.0, 1.5):
+        table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))
+        asked = AskedParts(
+            table,
+            "0" * 64,
+            FakeJournal(),
+            FakeClock(),
+            Objects(table, Path("j")),
+            Tally(),
+            options,
+            ignore_phase,
+        )
+        asked.answer("NEXT")
+        told.append(asked.answer("WIDTH 30.0 OBJECT").split())
+    at, beside = ([float(word) for word in words[2:5]] for words in told)
+    assert told[0][:2] == told[1][:2] == ["SQUEEZE", "1"]
+    there = compose((beside[0], beside[1], math.radians(beside[2])), (0.0, 1.5, 0.0))
+    assert there[:2] == pytest.approx(at[:2], abs=2e-3)
+    assert told[0][4:] == told[1][4:]
+
+
+def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():
+    table, drop = small_table(), from_text("50,0,0")
+    pose, start = (0.0, 0.0, 0.0), (0.0, 0.0, 60.0, 0.0)
+    assert carry.choose(drop, table, pose, start, None, 1.5) == carry.choose(drop, table, pose, start, None)
+    edge = replace(table.limits, work_area_um=(-60_000, -1_000, 60_000, 1_000))
+    tight = replace(table, limits=edge)
+    carry.choose(drop, tight, pose, start, None)
+    with pytest.raises(MotionRefusedError, match="outside the work area"):
+        carry.choose(drop, tight, pose, start, None, 1.5)

@@ -18,9 +18,11 @@ from drivers.camera.commands import audit as main
 from runtime.errors import ArgumentsError, JournalError
 from runtime.spc import history as reading
 from runtime.spc.command import COLUMNS, rows
+from runtime.spc.monitor import Monitor
 from runtime.spc.page import MOST_POINTS, page, thinned
-from runtime.spc.summary import GROUP, failures, moments, summarise
+from runtime.spc.summary import DRIFTED, GROUP, LEAST_REFIT, Drift, failures, moments, summarise
 from runtime.table import dumps, load
+from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = table()
 STAMP = "2026-01-02T03:04:05.000Z"
@@ -323,3 +325,30 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, "1" * 64, 10)))
     assert main(words) == 2
     assert "another table" in capsys.readouterr().err
+
+
+def as_result(part):
+    """How the run that wrote a part told of it."""
+    targets = [
+        None if squeeze.branch is None else TABLE.nodes[squeeze.node].branches[squeeze.branch].target
+        for squeeze in part.squeezes
+    ]
+    steps = [
+        Step(k, squeeze.node, TABLE.nodes[squeeze.node].squeeze, 0, squeeze.width_um, target, None)
+        for k, (squeeze, target) in enumerate(zip(part.squeezes, targets, strict=True), start=1)
+    ]
+    return PartResult.of(part.number, Outcome(part.outcome), steps, None)
+
+
+@pytest.mark.parametrize("shift_um", [0.0, 1000.0])
+def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
+    parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
+    drift = Drift(TABLE)
+    told = [drift.add(as_result(part)) for part in parts]
+    alarms = [
+        alarm.place for alarm in Monitor.of(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED
+    ]
+    assert any(told) == bool(alarms) == (shift_um > 0.0)
+    if alarms:
+        assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)
+        assert all(told[told.index(True) :])

@@ -1,0 +1,91 @@
+"""How often a table answers what it should reject: widths at random, and parts that are not the job's.
+
+    python tests/bench/bench_rejects.py [TABLES] [--parts 2000]
+
+For each table the share of parts that end in a resolved leaf: where every width is drawn evenly between open
+and closed, where all but the first are, which is one that the plan expects, and where the part is larger,
+smaller, longer or thinner than the job's, or another; of these also the share whose pose is wrong.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from planner.cli.shell import loaded
+from planner.errors import JobError
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.trials import Program
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
+
+RECTANGLE = Path("trees/rectangle/rectangle.msgpack")
+RUNS = 20_000
+SCALES = {"larger by 10 %": (1.1, 1.1), "smaller by 10 %": (0.9, 0.9), "longer by 20 %": (1.2, 1.0)}
+SCALES |= {"larger by 5 %": (1.05, 1.05), "thinner by 20 %": (1.0, 0.8)}
+
+
+def random_widths(program, rng, first_by_plan):
+    """Share of runs (of widths drawn at random, held) that end in a resolved leaf."""
+    table, gripper = program.table, program.table.gripper
+    node, answered = np.zeros(RUNS, np.int64), 0
+    for depth in range(table.limits.max_depth):
+        counts = rng.integers(gripper.count_open, gripper.count_closed, len(node))
+        target = program.target[node, 256 + counts]
+        if depth == 0 and first_by_plan:
+            shares = np.array([branch.probability_ppm for branch in table.nodes[0].branches], float)
+            taken = rng.choice(len(shares), len(node), p=shares / shares.sum())
+            target = np.array([branch.target for branch in table.nodes[0].branches])[taken]
+            target = target[target >= 0]
+        leaves = ~target[(target < 0) & (target > np.iinfo(np.int64).min)]
+        answered += sum(table.leaves[leaf].resolved for leaf in leaves)
+        node = target[target >= 0]
+    return answered / RUNS
+
+
+def others(job):
+    """The job with other parts, by what is other about them."""
+    outline = np.asarray(job.part.outline_mm)
+    for name, scale in SCALES.items():
+        yield name, outline * scale
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    least = min(np.ptp(outline @ np.array([np.cos(a), np.sin(a)])) for a in turns)
+    yield "a disc as wide as it", 0.5 * least * np.column_stack([np.cos(turns), np.sin(turns)])
+    yield "a square as wide as it", 0.5 * least * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("trees", type=Path, nargs="*", default=[RECTANGLE])
+    parser.add_argument("--job", default=None)
+    parser.add_argument("--parts", type=int, default=2000)
+    options = parser.parse_args()
+    for tree in options.trees:
+        found, job = loaded(argparse.Namespace(tree=tree, job=options.job))
+        program = Program.of(found.table)
+        rng = np.random.default_rng(1)
+        told = {
+            "random": random_widths(program, rng, False),
+            "random but the first": random_widths(program, rng, True),
+        }
+        for name, outline in others(job):
+            try:
+                other = job.replaced(part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None})
+            except JobError as error:
+                told[name] = str(error)
+                continue
+            run = evaluate(
+                found.table, other, ContactWorlds.of_job(other, 2), options.parts, 2, Threads(1), NONE
+            )
+            answered = (run.leaf >= 0) & run.resolved
+            told[name] = [
+                round(float(np.mean(answered)), 4),
+                round(float(np.mean(answered & ~run.within)), 4),
+            ]
+        print(json.dumps({"tree": tree.stem, **told}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
