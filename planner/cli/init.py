@@ -8,10 +8,12 @@ from typing import TypeVar
 
 from planner.cli import shell
 from planner.errors import UsageError
+from planner.job.checks import tips_height_mm
 from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
 from planner.job.presets import FINGERS, GRIPPERS
-from planner.part.importers.file import SUFFIXES, Imported, Options, read_outline
+from planner.part.importers.file import SUFFIXES, Face, Imported, Options, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM
+from planner.part.outline import reach
 from planner.part.rectangle import smallest_rectangle
 from runtime.shell.command import Parser, number
 from runtime.shell.files import usable, writing
@@ -33,11 +35,16 @@ def parser() -> Parser:
         "a terminal. The file that comes out explains every field.",
         f"{NAME} bracket.dxf -o job.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber",
         f"{NAME} bracket.svg -o job.toml",
+        f"{NAME} bracket.stl --units mm --faces -o job.toml",
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
     built.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     shell.add_drawing(built.add_argument_group("the drawing"))
+    built.add_argument(
+        "--faces", action="store_true",
+        help="of an STL solid, that may lie on any of its stable faces: each becomes one of several parts",
+    )  # fmt: skip
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
     add("--name", help="of the part")
@@ -61,11 +68,16 @@ def _init(arguments: argparse.Namespace) -> int:
     if output.exists() and not arguments.force:
         raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
     asking = sys.stdin.isatty() and not arguments.json
-    imported = _imported(arguments.outline, shell.drawing_of(arguments), asking)
+    faces = _faces(arguments) if arguments.faces else []
+    if faces:  # the answers have to do for all
+        imported = max((face.imported for face in faces), key=lambda each: reach(each.outline_mm))
+    else:
+        imported = _imported(arguments.outline, shell.drawing_of(arguments), asking)
+    several = faces if len(faces) > 1 else []
     if not arguments.json:
-        _show(imported)
+        _show_faces(faces) if several else _show(imported)
     answers = _answers(arguments, imported, asking)
-    text = draft(imported, arguments.outline.name, answers)
+    text = draft(imported, arguments.outline.name, answers, several)
     with writing(output) as file:
         file.write_text(text, encoding="utf-8")
     if arguments.json:
@@ -74,6 +86,7 @@ def _init(arguments: argparse.Namespace) -> int:
                 "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
                 "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm,
                 "notes": list(imported.notes),
+                **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
             }
         )  # fmt: skip
     else:
@@ -81,6 +94,37 @@ def _init(arguments: argparse.Namespace) -> int:
             print("note: the part's thickness is not stated; state --thickness, or height_mm in the file")
         print(f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}")
     return 0
+
+
+def _faces(arguments: argparse.Namespace) -> list[Face]:
+    """The faces that a solid comes to rest on."""
+    for name in ("contour", "thickness"):
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--faces takes all that from the solid; leave out --{name}")
+    return read_faces(arguments.outline, shell.drawing_of(arguments), tips_height_mm)
+
+
+def _told(face: Face) -> dict[str, object]:
+    """A face for machines."""
+    return {
+        "share": round(face.share, 6), "down": face.down, "size_mm": face.imported.size_mm.tolist(),
+        "height_mm": face.imported.height_mm, "cut_mm": face.cut_mm, "notes": face.imported.notes,
+    }  # fmt: skip
+
+
+def _show_faces(faces: list[Face]) -> None:
+    for place, face in enumerate(faces, start=1):
+        width, height = face.imported.size_mm
+        print(
+            f"face {place}: {face.share:.1%} of the parts, {face.down_told} of the solid down; "
+            f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
+        )
+        for note in face.imported.notes:
+            print(f"note: {note}")
+    print(
+        "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
+        "on are ignored, so count some parts"
+    )
 
 
 def _imported(path: Path, options: Options, asking: bool) -> Imported:

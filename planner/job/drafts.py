@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from planner.job import model as job_file
 from planner.job.checks import tips_height_mm
 from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
-from planner.part.importers.file import Imported
+from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 
 FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
@@ -29,8 +30,10 @@ class Answers(NamedTuple):
     height_mm: float | None = None  # the part's thickness; None where nobody knows it
 
 
-def draft(imported: Imported, source: str, answers: Answers) -> str:
+def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
     """The text of a job file for an outline from the file `source`, checked as every job is.
+
+    Where the part is a solid that may lie on several faces, each of them is a hypothesis.
 
     Raises:
         JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
@@ -42,6 +45,7 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     width, height = imported.size_mm
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
+    tips = faces[0].cut_mm if faces else tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
@@ -49,7 +53,8 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
         size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
         height=thickness,
-        tips=tips_height_mm(thickness),
+        tips=tips,
+        faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
         vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
@@ -60,6 +65,21 @@ def draft(imported: Imported, source: str, answers: Answers) -> str:
     )
     job_file.parse(text, "the new job")
     return text
+
+
+def _face(number: int, face: Face, name: str) -> dict[str, object]:
+    """What the template says of a hypothesis."""
+    assert face.imported.height_mm is not None
+    width, height = face.imported.size_mm
+    return {
+        "name": f"{name}, face {number}",
+        "share": round(face.share, 9),
+        "down": face.down_told,
+        "size": f"{width:.3f} x {height:.3f}",
+        "notes": [_one_line(note) for note in face.imported.notes],
+        "height": round(face.imported.height_mm, DECIMALS),
+        "vertices": np.round(face.imported.outline_mm, DECIMALS).tolist(),
+    }
 
 
 def room_mm(imported: Imported, gripper: GripperPreset) -> float:

@@ -15,7 +15,7 @@ import tomllib
 import pytest
 from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
 
-RUN = {ROOT / "README.md", DOCS / "tutorial.md", DOCS / "commissioning.md"}
+RUN = {ROOT / "README.md", DOCS / "tutorial.md", DOCS / "from-a-solid.md", DOCS / "commissioning.md"}
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",

@@ -47,6 +47,22 @@ def test_the_tutorial_runs_as_written(work, environment):
 
 
 @pytest.mark.slow
+def test_a_solid_becomes_a_running_cell_as_written(work, environment, tmp_path):
+    """How far the search comes within its budget is up to the machine; each located part is named rightly."""
+    python = tmp_path / "bin" / "python3"
+    python.write_text(f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n")
+    python.chmod(0o755)
+    found = blocks(DOCS / "from-a-solid.md")
+    assert len(found) == 4
+    printed = run(found, work, environment)
+    for block, lines in zip(found, printed, strict=False):  # what follows the last mark is empty
+        assert matches(block.printed, lines)
+    ends = re.findall(r"LEAF, leaf \d+, (.*?), \(.*; it is (.*)", "\n".join(printed[3]))
+    assert ends
+    assert all(said == true for said, true in ends)
+
+
+@pytest.mark.slow
 def test_the_readme_runs_as_written(work, environment):
     """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test.
 

@@ -1,9 +1,11 @@
 """Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
@@ -16,6 +18,9 @@ SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
+WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
+LEAST_SHARE = 0.01
+"""Of the parts that lie on a face; rarer ones are left out."""
 
 
 class Options(NamedTuple):
@@ -39,6 +44,20 @@ class Imported(NamedTuple):
     height_mm: float | None = None  # of the solid; None where the file holds an outline alone
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
     origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's origin in the outline's frame
+
+
+class Face(NamedTuple):
+    """How a solid may lie on the table."""
+
+    share: float  # of the parts that come to lie so
+    imported: Imported
+    cut_mm: float  # height of the cut, of all faces of the solid
+    down: tuple[tuple[float, float, float], ...]  # outward normals of the solid's faces that may be down
+
+    @property
+    def down_told(self) -> str:
+        """Which faces of the solid are down, for people."""
+        return " or ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in self.down)
 
 
 def read_outline(path: Path, options: Options) -> Imported:
@@ -65,13 +84,78 @@ def read_outline(path: Path, options: Options) -> Imported:
         contour, more = contours.choose(found, options.contour, where)
         imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
         holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
-        return imported._replace(
-            height_mm=pieces.height_mm, holes_mm=holes, origin_mm=(float(shift[0]), float(shift[1]))
+        return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+
+
+def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
+    """Reads a solid as it lies on each of its stable faces, the commonest first.
+
+    All are cut at one height: that of the options, or the least of `tips_mm` of their heights. Those whose
+    cuts look alike are one.
+
+    Raises:
+        UsageError: the file is no solid.
+        PlannerError: as `read_outline`; or the solid is not closed.
+    """
+    where = str(path)
+    if path.suffix.lower() != ".stl":
+        raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
+    data = _bytes(path)
+    with time_limit(where):
+        found = [face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE]
+        height_mm = options.height_mm or min(
+            tips_mm(float(np.ptp(face.solid.bounds[:, 2]))) for face in found
         )
+        faces: list[Face] = []
+        for face in found:
+            imported = _lying(face, where, height_mm, options.tolerance_mm)
+            same = [k for k, other in enumerate(faces) if _alike(imported, other.imported)]
+            if same:
+                other = faces[same[0]]
+                down = (*other.down, face.down)
+                faces[same[0]] = other._replace(share=other.share + face.share, down=down)
+            else:
+                faces.append(Face(face.share, imported, height_mm, (face.down,)))
+    total = sum(face.share for face in faces)
+    return sorted((face._replace(share=face.share / total) for face in faces), key=lambda face: -face.share)
+
+
+def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
+    """The outline of a solid on a face; around several contours their hull, as flat jaws meet them."""
+    pieces = mesh.cut(face.solid, where, height_mm)
+    found, notes = contours.contours(pieces, tolerance_mm, where)
+    outer = [contour.points for contour in found if contour.outer]
+    points = outer[0]
+    if len(outer) > 1:
+        points = _corners(shapely.convex_hull(shapely.multipoints(np.concatenate(outer))))
+        notes.append(f"{len(outer)} contours, taken as their convex hull")
+    above = np.asarray(face.solid.vertices)
+    above = above[above[:, 2] > face.solid.bounds[0, 2] + height_mm, :2]
+    hull = shapely.convex_hull(shapely.multipoints(points))
+    beyond_mm = float(shapely.distance(shapely.points(above), hull).max(initial=0.0))
+    if beyond_mm > WIDER_MM:
+        notes.append(
+            f"above the cut it is up to {beyond_mm:.3g} mm wider, where fingers meet it first: raise --height"
+        )
+    imported, _ = _checked(points, where, tolerance_mm, tuple(notes))
+    return imported._replace(height_mm=pieces.height_mm)
+
+
+def _alike(one: Imported, other: Imported) -> bool:
+    """Whether nobody can tell two faces apart by what lies on the table."""
+    assert one.height_mm is not None
+    assert other.height_mm is not None
+    return abs(one.height_mm - other.height_mm) < WIDER_MM and symmetry.congruent(
+        one.outline_mm, other.outline_mm, WIDER_MM
+    )
+
+
+def _unit_mm(options: Options) -> float | None:
+    return options.scale or (UNITS_MM[options.units] if options.units else None)
 
 
 def _pieces(data: bytes, where: str, suffix: str, options: Options) -> Pieces:
-    unit_mm = options.scale or (UNITS_MM[options.units] if options.units else None)
+    unit_mm = _unit_mm(options)
     if suffix == ".stl":
         return mesh.read(data, where, unit_mm, options.height_mm)
     tolerance_mm = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
@@ -116,7 +200,12 @@ def _checked(
         problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
         raise OutlineError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
-    return Imported(simple, order, size, notes), first + second
+    shift = first + second
+    return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+
+
+def _corners(polygon: shapely.Geometry) -> Array:
+    return np.asarray(shapely.get_coordinates(polygon)[:-1])
 
 
 def _apart(points: Array, where: str) -> Array:

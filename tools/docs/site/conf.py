@@ -64,6 +64,7 @@ Overview <self>
 tools/docs/how-it-works
 tools/docs/architecture
 tools/docs/tutorial
+tools/docs/from-a-solid
 tools/docs/cheat-sheet
 tools/docs/performance
 ```

@@ -1,0 +1,83 @@
+"""A solid as it lies on its stable faces: shares by solid angles, outlines at one height, alike ones once."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputFileError, UsageError
+from planner.job.checks import tips_height_mm
+from planner.part.importers.file import Options, read_faces
+
+BRACKET = [(0, 0), (34, 0), (34, 5), (5, 34), (0, 34)]
+
+
+def read(path, mesh, **options):
+    path.write_bytes(trimesh.exchange.stl.export_stl(mesh))
+    return read_faces(path, Options(**{"units": "mm", **options}), tips_height_mm)
+
+
+def prism(corners, height):
+    return trimesh.convex.convex_hull(np.array([[x, y, z] for z in (0, height) for x, y in corners], float))
+
+
+def solid_angle(a, b, distance):
+    """Of a rectangle a x b, seen from a point above its middle."""
+    return 4.0 * math.asin(a * b / math.sqrt((a * a + 4 * distance**2) * (b * b + 4 * distance**2)))
+
+
+def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
+    sides = (40.0, 25.0, 12.0)
+    faces = read(tmp_path / "brick.stl", trimesh.creation.box(sides))
+    assert sum(face.share for face in faces) == pytest.approx(1.0)
+    assert [round(face.imported.height_mm) for face in faces] == [12, 25, 40]
+    for face, (a, b, up) in zip(faces, ((40, 25, 12), (40, 12, 25), (25, 12, 40)), strict=True):
+        assert face.share == pytest.approx(2.0 * solid_angle(a, b, 0.5 * up) / (4.0 * math.pi), rel=1e-3)
+        assert len(face.down) == 2
+        assert sorted(np.ptp(face.imported.outline_mm, axis=0).round(6)) == [b, a]
+
+
+def test_a_bracket_has_three_faces_that_differ(tmp_path):
+    solid = prism(BRACKET, 16)
+    faces = read(tmp_path / "bracket.stl", solid)
+    assert [len(face.down) for face in faces] == [2, 2, 1]  # ends and legs come in pairs
+    assert {face.cut_mm for face in faces} == {8.0}
+    # A ray from the centre of mass leaves through some face; from the blunt tips the bracket tips over.
+    rays = np.random.default_rng(4).standard_normal((20_000, 3))
+    planes = np.einsum("ij,ij->i", solid.triangles[:, 0] - solid.center_mass, solid.face_normals)
+    towards = rays @ solid.face_normals.T
+    through = solid.face_normals[np.where(towards > 0.0, planes / towards, np.inf).argmin(axis=1)]
+    shares = [
+        np.abs(through[:, 2]) > 0.5,
+        through[:, :2].min(axis=1) < -0.5,
+        through[:, :2].sum(axis=1) > 0.5,
+    ]
+    assert [face.share for face in faces] == pytest.approx([share.mean() for share in shares], abs=0.015)
+
+
+def test_a_mirrored_end_is_a_face_of_its_own(tmp_path):
+    faces = read(tmp_path / "wedge.stl", prism([(0, 0), (40, 0), (40, 5), (5, 22), (0, 22)], 16))
+    ends = [face for face in faces if abs(face.down[0][2]) == 1.0]
+    assert [len(face.down) for face in ends] == [1, 1]
+    assert ends[0].share == pytest.approx(ends[1].share, rel=1e-6)
+
+
+def test_a_solid_in_two_legs_is_met_at_their_hull_and_an_overhang_is_told(tmp_path):
+    seat = [trimesh.creation.box((6, 20, 14)).apply_translation((x, 0, 7)) for x in (-15, 15)]
+    plate = trimesh.creation.box((50, 20, 6)).apply_translation((0, 0, 17))
+    stool = trimesh.util.concatenate([*seat, plate])
+    faces = read(tmp_path / "stool.stl", stool, height_mm=4.0)
+    upright = next(face for face in faces if face.down[0] == (0.0, 0.0, -1.0))
+    assert any("2 contours, taken as their convex hull" in note for note in upright.imported.notes)
+    assert any("up to 7 mm wider" in note for note in upright.imported.notes)
+    assert upright.imported.size_mm == pytest.approx([36, 20])
+
+
+def test_what_is_no_solid_has_no_faces(tmp_path):
+    broken = trimesh.creation.box((20, 20, 20))
+    broken.faces = broken.faces[1:]
+    with pytest.raises(InputFileError, match="no closed solid"):
+        read(tmp_path / "broken.stl", broken)
+    with pytest.raises(UsageError, match="name an STL file"):
+        read_faces(tmp_path / "part.dxf", Options(), tips_height_mm)
