@@ -3,7 +3,7 @@
 Cells are drawn from the prior, parts are squeezed in each, and the rank of what is true among the draws of
 the posterior is noted: uniform if the posterior is right. A hidden cell takes about 10 s on a core:
 
-    python tests/bench/bench_refit.py --hidden 200
+    python tests/bench/bench_refit.py [TABLE] --hidden 78 --parts 60 --keep
 """
 
 import argparse
@@ -22,6 +22,7 @@ from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
+KEPT = Path(__file__).parent / "results" / "refit.json"
 BINS, LEAST_P, COVERED = 10, 0.01, (0.85, 0.95)
 
 
@@ -34,6 +35,7 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=100)
     parser.add_argument("--cells", type=int, default=60)
     parser.add_argument("--simulated", type=int, default=400, help="parts in each cell")
+    parser.add_argument("--keep", action="store_true", help="keep the figures in results/refit.json")
     options = parser.parse_args()
     found, job = loaded(options)
     cells = Cells.of(job, found.table)
@@ -50,19 +52,24 @@ def main() -> int:
         told = {key: round(float(rank), 3) for key, rank in zip(keys, ranks[-1], strict=True)}
         took = round(time.process_time() - begun, 1)
         print(json.dumps({"hidden": number, "cpu_s": took, "ranks": told}), flush=True)
-    return judge(keys, np.array(ranks), np.array(errors))
+    kept, bad = judge(keys, np.array(ranks), np.array(errors))
+    if options.keep:
+        told = {"hidden": options.hidden, "parts": options.parts, **kept}
+        KEPT.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    return bad
 
 
-def judge(keys, ranks, errors) -> int:
-    bad = 0
+def judge(keys, ranks, errors):
+    bad, kept = 0, {}
     for key, column, error in zip(keys, ranks.T, errors.T, strict=True):
         histogram = np.histogram(column, BINS, (0.0, 1.0))[0]
         p = float(chisquare(histogram).pvalue)
         covered = float(np.mean((column >= 0.05) & (column <= 0.95)))
         rms = float(np.sqrt(np.mean(error**2)))
         print(f"{key}: ranks {histogram.tolist()}, p = {p:.3g}, 90 % cover {covered:.1%}, rms {rms:.3g}")
+        kept[key] = {"ranks": histogram.tolist(), "p": p, "covered": covered, "rms": rms}
         bad += p < LEAST_P or not COVERED[0] <= covered <= COVERED[1]
-    return min(bad, 1)
+    return kept, min(bad, 1)
 
 
 if __name__ == "__main__":
