@@ -141,7 +141,7 @@ class Rws:
         connection = http.client.HTTPSConnection(self._host, self._port, timeout=ANSWER_S, context=context)
         connection.auto_open = 0  # by this way alone
         connection.connect()
-        shown = hashlib.sha256(connection.sock.getpeercert(binary_form=True)).hexdigest()
+        shown = hashlib.sha256(connection.sock.getpeercert(binary_form=True) or b"").hexdigest()
         if not in_file and stated != ANY and shown != stated.replace(":", "").lower():
             connection.close()
             told = "is another than was stated" if stated else "is not known"

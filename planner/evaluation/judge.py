@@ -43,7 +43,7 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
 def claimed(table: Table, leaf: IntArray) -> BoolArray:
     """Whether the leaves (n,) claim to know the pose; negative ones, which are none, do not."""
     known = np.array([leaf.resolved for leaf in table.leaves])
-    return (leaf >= 0) & known[np.maximum(leaf, 0)]
+    return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
 
 
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
