@@ -74,6 +74,8 @@ def read(
 def _document(data: bytes, where: str) -> Drawing:
     if not data.strip():
         raise InputFileError("is empty; export the drawing again", where=where)
+    if b"SECTION" not in data:  # of such a file the parser would make a drawing without shapes
+        raise InputFileError("is no DXF file; export the drawing again, as DXF R2000 or later", where=where)
     try:
         document, _ = recover.read(io.BytesIO(data))
     except InputFileError:

@@ -256,6 +256,13 @@ def test_text_dimensions_and_hidden_layers_are_no_outline(tmp_path):
     assert any("1 POINT, 1 TEXT" in note for note in found.notes)
 
 
+def test_bytes_that_are_no_drawing_are_not_taken_for_an_empty_one(tmp_path):
+    path = tmp_path / "part.dxf"
+    path.write_bytes(np.random.default_rng(1).bytes(2000))
+    with pytest.raises(InputFileError, match="is no DXF file"):
+        read(path)
+
+
 def test_a_drawing_without_shapes_says_so(tmp_path):
     with pytest.raises(OutlineError, match="no closed contour"):
         read(drawn(tmp_path, lambda m, d: m.add_text("nothing")))
