@@ -116,7 +116,7 @@ def push(
         status = solve_surface(
             body.surface, q[2], mu, mu, C, I, count, work.step, work.A, work.local, work.F, V
         )
-        fraction = event_fraction(C, count, V) if status == SOLVED else 0.25
+        fraction = event_fraction(C, count, V)[0] if status == SOLVED else 0.25
         if fraction < 0.95 and share > full * SMALLEST_STEP:
             share *= max(fraction, SMALLEST_STEP)
             continue

@@ -21,7 +21,7 @@ from planner.mechanics.stepping import (
     FOUND,
     HELD,
     NEAR_MM,
-    RETRY,
+    ROLLED,
     Body,
     Grip,
     Scratch,
@@ -131,7 +131,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
     work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
     work.F[0], work.F[1], work.F[2] = 0.0, 1.0, 0.0
     touched, verdict = False, ACCEPTED
-    budget, size, margin = 0.0, step, 2.0 * step + 0.05
+    budget, size, margin, resumed = 0.0, step, 2.0 * step + 0.05, 0.0
     rows = _record(trace, 0, q, work.fingers)
     _place_all(body.outline, q, scratch)
     if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
@@ -146,17 +146,20 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             list_near(scratch)
             find_contacts(q, grip, margin, scratch)
             budget = NEAR_MM
-        elif verdict == RETRY:
+        elif verdict != ACCEPTED:
             find_contacts(q, grip, margin, scratch)
         if work.listed[FOUND] == 0 and budget < NEAR_MM:
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        top = work.fingers[0]
+        top, tried = work.fingers[0], size
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
-        if verdict == ACCEPTED:
+        if verdict == ROLLED:
+            resumed = max(resumed, tried)
+        elif verdict == ACCEPTED:
+            size, resumed = max(size, resumed), 0.0  # the next edge of a curve asks for no shorter steps
             dx, dy, turned = work.trial[0] - q[0], work.trial[1] - q[1], abs(work.trial[2] - q[2])
             budget -= np.sqrt(dx * dx + dy * dy) + turned * body.reach + 2.0 * (top - work.fingers[0])
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]

@@ -13,7 +13,7 @@ from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
-from planner.mechanics.contacts import C_COLUMNS, GAP, I_COLUMNS, MAX_CONTACTS
+from planner.mechanics.contacts import C_COLUMNS, CORNER, GAP, I_COLUMNS, KIND, MAX_CONTACTS, OUTER, VERTEX
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
@@ -24,6 +24,7 @@ EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a s
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
 WIDEN = 2  # Vertices kept placed on either side of one near a finger
+CURVED = 0.36  # Tangent of the largest turn between two edges of one curve
 NEAR_MM = 3.0  # How far around the fingers vertices are followed between two looks at the whole outline
 
 
@@ -52,8 +53,9 @@ step, in the part's frame. trial, half: pose after the step and in its middle. f
 SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
-ACCEPTED, RETRY, HELD, GIVEN_UP = 0, 1, 2, 3
-"""What came of a step: taken; to be tried again, shorter; no solution; neither."""
+ACCEPTED, RETRY, ROLLED, HELD, GIVEN_UP = range(5)
+"""What came of a step: taken; to be tried again, shorter; the same, up to the next edge of a curve; no
+solution; neither."""
 
 
 def squeeze_workspace() -> SqueezeWork:
@@ -190,6 +192,21 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
 
 
 @inner_kernel
+def _on_curve(outline: Array, kind: int, i: int) -> bool:
+    """Whether a finger's corner touches the edge from vertex i, and the edge goes on as a curve both ways."""
+    if kind != CORNER and kind != OUTER:
+        return False
+    n = outline.shape[0]
+    for first in (i - 1, i):
+        a, b, c = first % n, (first + 1) % n, (first + 2) % n
+        ax, ay = outline[b, 0] - outline[a, 0], outline[b, 1] - outline[a, 1]
+        bx, by = outline[c, 0] - outline[b, 0], outline[c, 1] - outline[b, 1]
+        if abs(ax * by - ay * bx) > CURVED * (ax * bx + ay * by):
+            return False
+    return True
+
+
+@inner_kernel
 def try_step(
     body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
@@ -212,9 +229,10 @@ def try_step(
         return RETRY, size * max(
             0.2, min(0.8 * np.sqrt(allowed / (error + 1e-12)), 0.8 * LARGEST_TURN / (turned + 1e-12))
         )
-    fraction = event_fraction(work.C, work.listed[FOUND], work.V)
+    fraction, ended = event_fraction(work.C, work.listed[FOUND], work.V)
     if fraction < 0.95 and not smallest:
-        return RETRY, size * max(fraction, SMALLEST_STEP)
+        rolled = ended >= 0 and _on_curve(body.outline, work.I[ended, KIND], work.I[ended, VERTEX])
+        return ROLLED if rolled else RETRY, size * max(fraction, SMALLEST_STEP)
     contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom

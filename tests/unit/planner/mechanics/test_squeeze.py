@@ -260,3 +260,15 @@ def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
     alike = np.abs(10.0 * tiny.width_mm - large.width_mm) < 0.05
     assert alike.mean() > 0.9
     assert np.mean(tiny.status[alike] == large.status[alike]) > 0.985
+
+
+# Steps.
+
+
+def test_steps_go_on_at_their_length_from_edge_to_edge_of_a_curve():
+    part = simulator(OUTLINES["ellipse"]())
+    path, status = part.trace(np.array([16.0, 0.0, 1.0]), part.surface.A, 0.5)
+    assert STATUS_NAMES[status] == "slipped"
+    closed = -0.5 * np.diff(path[:, 3])
+    stepped = closed[(closed > 1e-9) & (closed <= part.step_mm + 1e-9)]
+    assert stepped.mean() > 0.25 * part.step_mm  # doubled anew after every vertex they were 0.13 of it
