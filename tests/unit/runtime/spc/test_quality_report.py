@@ -13,6 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from histories import LESS, TREE, drawn, expectation_document, history, table
+from sample_tables import several_table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import ArgumentsError, JournalError
@@ -323,3 +324,17 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, "1" * 64, 10)))
     assert main(words) == 2
     assert "another table" in capsys.readouterr().err
+
+
+def test_names_are_counted_against_the_shares_that_were_planned():
+    tree = several_table()
+    right, open_still = (reading.Part(k, (), outcome, 1) for k, outcome in enumerate(("leaf", "unresolved")))
+    left = reading.Part(2, (), "leaf", 0)
+    as_planned = summarise(reading.History(tree, (left,) * 40 + (right,) * 60 + (open_still,) * 50))
+    assert [row.parts for row in as_planned.names] == [40, 60]
+    assert as_planned.names_tail == 1.0
+    other = summarise(reading.History(tree, (left,) * 70 + (right,) * 30))
+    assert other.names_tail == pytest.approx(math.erfc(math.sqrt(0.5 * (30**2 / 40 + 30**2 / 60))), rel=1e-6)
+    assert [row["name"] for row in other.fields()["names"]] == ["left hand", "right hand"]
+    assert "left hand" in page("t", other)
+    assert "names" not in summarise(reading.History(TABLE, ())).fields()
