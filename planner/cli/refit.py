@@ -71,6 +71,7 @@ def parser() -> Parser:
 def _refit(arguments: argparse.Namespace) -> int:
     usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
+    shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
     loaded, parts = _parts(arguments, job)
     seen = seen_of_parts(parts, loaded.table)
     if seen.parts < LEAST_PARTS:

@@ -136,9 +136,10 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
     )
     add(
         "--deliver",
-        default="job",
-        metavar="X,Y,ANGLE|FILE|no",
-        help="take a localised part and put it down there (default: as the job's section delivery says)",
+        action="append",
+        metavar="[NAME=]X,Y,ANGLE|FILE|no",
+        help="take a localised part and put it down there (default: as the job's section delivery says); for "
+        "a table of several parts once for each, by its name: one that is not named stays where it lies",
     )
     add(
         "--audit",

@@ -120,16 +120,21 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that asks carries the part wherever it likes.
-    asked = "no" if arguments.serve is not None else arguments.deliver
+    asked = ["no"] if arguments.serve is not None else arguments.deliver
     patience = PATIENCE if MANUAL in (arguments.port, arguments.arm) else 1.0
     return RunOptions(policy, handling, _delivery(asked, table), patience)
 
 
-def _delivery(named: str, table: Table) -> delivery.Delivery | None:
-    if named == "no":
-        return None
-    if named == "job":
+def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:
+    if words is None or words == ["job"]:
         return delivery.from_job(job_of(table))
+    if words == ["no"]:
+        return None
+    if table.hypotheses:
+        return delivery.by_name(words, table)
+    if len(words) > 1:
+        raise ArgumentsError("--deliver stands twice, and the table is of one part; give one place")
+    (named,) = words
     return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
 
 

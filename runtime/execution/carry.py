@@ -13,10 +13,10 @@ from typing import NamedTuple
 from drivers.ports import Arm, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
-from runtime.execution.delivery import Delivery
+from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Limits, Node, Pose2, Table, job_of, predicted_pose
+from runtime.table import PPM, Branch, Leaf, Limits, Node, Pose2, Table, job_of, predicted_pose
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import compose, placement, same_turns, sent
 
@@ -28,35 +28,39 @@ class Way(NamedTuple):
     put: Pose2
 
 
-def check(delivery: Delivery | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0) -> None:
+def check(
+    delivery: Delivery | Sorting | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0
+) -> None:
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
     Without a connected arm, which tells its reach and its wrist's range, only the areas are checked. The
     fingers meet `middle_mm` off the hand's middle.
 
     Raises:
-        MotionRefusedError: the table is of several parts, or names the first leaf without a way there.
+        MotionRefusedError: names the first leaf without a way there.
     """
     if delivery is None:
         return
-    if table.hypotheses:
-        raise MotionRefusedError("the table leaves open which part it is, and a drop-off is for one part")
     for node in table.nodes:
         x_mm, y_mm, angle_rad = placement(node.squeeze, node.release)
         start = (x_mm, y_mm, table.limits.retreat_height_um / 1000, angle_rad)
         for branch in node.branches:
             if branch.target >= 0 or not table.leaves[~branch.target].resolved:
                 continue
+            leaf = table.leaves[~branch.target]
+            own = delivery.of(leaf.hypothesis)
+            if own is None:
+                continue
             try:
-                choose(delivery, table, predicted_pose(table.leaves[~branch.target]), start, arm, middle_mm)
+                choose(own, table, leaf, start, arm, middle_mm)
             except MotionRefusedError as error:
                 raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
 
 
 def choose(
-    delivery: Delivery, table: Table, pose: Pose2, start: PoseOfHand, arm: Arm | None, middle_mm: float = 0.0
+    delivery: Delivery, table: Table, leaf: Leaf, start: PoseOfHand, arm: Arm | None, middle_mm: float = 0.0
 ) -> Way:
-    """The path that turns the hand least, among equivalent ones, for a part at `pose` (mm, mm, rad).
+    """The path that turns the hand least, among equivalent ones, for the part of a leaf.
 
     The hand comes from `start`; without an arm, which tells reach and wrist, only the areas are looked at.
     Areas and reach are asked for where the arm is sent, `middle_mm` beside the places where fingers meet.
@@ -66,7 +70,7 @@ def choose(
     """
     refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
     found: list[tuple[float, Way]] = []
-    for taken, put in _same(delivery, table, pose):
+    for taken, put in _same(delivery, table, leaf):
         to = Way(sent(taken, middle_mm), sent(put, middle_mm))
         places = (*to.taken[:2], *to.put[:2])
         if places not in refusals:
@@ -86,8 +90,8 @@ def choose(
     return min(found)[1]
 
 
-def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | None:
-    """Grasp a part at its pose (mm, mm, rad) with the root's speed and force, carry it and put it down.
+def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | None:
+    """Grasp the part of a leaf with the root's speed and force, carry it and put it down.
 
     Returns:
         None where the part was put down, else why it was left where it lay: no way leads there, or the
@@ -98,7 +102,7 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
     """
     hand.retreat()
     try:
-        taken, put = choose(delivery, table, pose, hand.where(), hand.arm, hand.middle_mm)
+        taken, put = choose(delivery, table, leaf, hand.where(), hand.arm, hand.middle_mm)
     except MotionRefusedError as error:
         return f"the part was not taken: {error}"
     node = _grasp_node(table)
@@ -125,13 +129,14 @@ def deliver(hand: Hand, delivery: Delivery, pose: Pose2, table: Table) -> str | 
     return None
 
 
-def _same(delivery: Delivery, table: Table, pose: Pose2) -> Iterator[Way]:
+def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
     """The equivalent paths; the one without a turn of the part's symmetry first."""
     halves = (0.0, pi) if _close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
-    for turn, half in product(range(table.goal.symmetry), halves):
-        taken = compose(pose, delivery.grasp)
-        put = compose((x_mm, y_mm, theta_rad + tau * turn / table.goal.symmetry), delivery.grasp)
+    symmetry = table.goal_of(leaf.hypothesis).symmetry
+    for turn, half in product(range(symmetry), halves):
+        taken = compose(predicted_pose(leaf), delivery.grasp)
+        put = compose((x_mm, y_mm, theta_rad + tau * turn / symmetry), delivery.grasp)
         yield Way((*taken[:2], taken[2] + half), (*put[:2], put[2] + half))
 
 

@@ -5,12 +5,13 @@ Declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOME
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from runtime.errors import ArgumentsError
-from runtime.table import Pose2
+from runtime.table import Pose2, Table
 from runtime.traversal.answer import frames_in
 
 KEYS = {
@@ -46,6 +47,34 @@ class Delivery:
             "area_um": None if self.area_um is None else list(self.area_um),
         }
 
+    def of(self, hypothesis: int) -> Self:  # noqa: ARG002
+        """That of the only part."""
+        return self
+
+    def each(self) -> list[tuple[str, Self]]:
+        """What is delivered, in words, and how."""
+        return [("the part", self)]
+
+
+@dataclass(frozen=True, slots=True)
+class Sorting:
+    """Where each of several parts is put down; one that is not named stays where it lies."""
+
+    named: Mapping[str, Delivery]
+    numbers: Mapping[int, str]  # the names by hypothesis
+
+    def told(self) -> dict[str, object]:
+        """As a journal's header keeps it."""
+        return {name: own.told() for name, own in self.named.items()}
+
+    def of(self, hypothesis: int) -> Delivery | None:
+        """That of a hypothesis."""
+        return self.named.get(self.numbers[hypothesis])
+
+    def each(self) -> list[tuple[str, Delivery]]:
+        """What is delivered, by its name, and how."""
+        return list(self.named.items())
+
 
 def from_text(text: str) -> Delivery:
     """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
@@ -60,6 +89,31 @@ def from_text(text: str) -> Delivery:
             f"--deliver {text!r}: write x,y,angle in mm, mm and degrees, or a file"
         ) from None
     return from_keys({"drop_mm": [x_mm, y_mm], "drop_angle_deg": angle_deg}, "--deliver")
+
+
+def by_name(words: Sequence[str], table: Table) -> Sorting:
+    """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
+
+    Raises:
+        ArgumentsError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
+            which part lies where.
+    """
+    goal, numbers = table.goal, dict(enumerate(own.name for own in table.hypotheses))
+    if goal.kind == "identity" or not goal.identify:
+        raise ArgumentsError("--deliver: this table does not tell both which part it is and where it lies")
+    found: dict[str, Delivery] = {}
+    for word in words:
+        name, sign, place = word.rpartition("=")
+        if not sign or name not in numbers.values():
+            known = ", ".join(numbers.values())
+            raise ArgumentsError(
+                f"--deliver {word!r}: the table leaves open which part it is; write NAME=x,y,angle, the name "
+                f"one of: {known}"
+            )
+        if name in found:
+            raise ArgumentsError(f"--deliver {word!r}: {name} has a place already; give each part one")
+        found[name] = from_text(place) if "," in place else from_file(Path(place))
+    return Sorting(found, numbers)
 
 
 def from_file(path: Path) -> Delivery:

@@ -52,8 +52,8 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         )
     if options.delivery is not None:
         carry.check(options.delivery, table, arm, handling.middle_mm)
-        x_mm, y_mm, angle_rad = options.delivery.drop
-        told.append(
-            f"delivery: the part from every leaf to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
-        )
+        for part, own in options.delivery.each():
+            x_mm, y_mm, angle_rad = own.drop
+            place = f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
+            told.append(f"delivery: {part} from every leaf to {place}")
     return told

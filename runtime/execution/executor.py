@@ -14,7 +14,7 @@ from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
-from runtime.execution.delivery import Delivery
+from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.events import Phase, Watcher, ignore_phase
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.reading import reading_fields
@@ -60,7 +60,7 @@ class RunOptions:
 
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
-    delivery: Delivery | None = None
+    delivery: Delivery | Sorting | None = None
     patience: float = 1.0  # how much longer than by arm and gripper a squeeze may take: for a person
 
 
@@ -196,13 +196,15 @@ class Executor:
             answer = answer_of(self._cell.auditor, result.part, pose)
             result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
-        if self._options.delivery is not None:
+        places = self._options.delivery
+        delivery = None if places is None else places.of(leaf.hypothesis)
+        if delivery is not None:
             self._watch(result.part, Phase.DELIVER, None)
             # With the pose, which is the answer even where the delivery comes to nothing.
             found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
             self._found = result.leaf
-            missed = deliver(self._hand, self._options.delivery, pose, self._table)
+            missed = deliver(self._hand, delivery, leaf, self._table)
             result = result.delivered(missed)
             self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
         return result

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from drivers.ports import GripperState
 from runtime.errors import GripperStateError
-from runtime.execution.delivery import Delivery
+from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import CLEAR_MM, Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.execution.safety import needs_activation
@@ -67,7 +67,9 @@ def look(state: GripperState, calibration: Calibration) -> Held | None:
     return Held(count, width_um / 1000, certain, not needs_activation(state))
 
 
-def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journal) -> Mapping[str, object]:
+def put_down(
+    hand: Hand, table: Table, delivery: Delivery | Sorting | None, journal: Journal
+) -> Mapping[str, object]:
     """Lower what the fingers hold straight down where the arm stands, let go of it, retreat.
 
     Done within the work area, or else within the area of the delivery. The journal is told before and after
@@ -83,7 +85,8 @@ def put_down(hand: Hand, table: Table, delivery: Delivery | None, journal: Journ
     limits = hand.limits
     x_min, y_min, x_max, y_max = limits.work_area_um
     inside = x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
-    if delivery is not None and delivery.area_um is not None and not inside:
+    # Of several parts nobody knows which one they hold, and so in which area it was carried.
+    if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
     told = {"x_mm": pose[0], "y_mm": pose[1], "position_counts": count, "width_mm": round(width_mm, 3)}
     journal.record("put_down", {**told, "begun": True})

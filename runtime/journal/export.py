@@ -29,6 +29,7 @@ SQUEEZE = {
 PART = {
     "outcome": "outcome",
     "leaf": "leaf",
+    "hypothesis": "hypothesis",
     "exit_code": "exit_code",
     "audit": "audit",
     "delivery": "delivery",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 INFO, WARNING, ERROR = 2, 3, 4  # levels of foxglove.Log
 LIBRARY = "squeezetree"
-TEXTS = frozenset({"time", "outcome", "audit", "delivery", "reject_reason"})
+TEXTS = frozenset({"time", "outcome", "hypothesis", "audit", "delivery", "reject_reason"})
 HIDDEN = frozenset({"seq", "time", "kind", "previous", "digest", "table_base64", "widths_um"})
 
 Schema = dict[str, object]

@@ -101,6 +101,9 @@ def _lines(summary: Summary) -> list[str]:
             f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
             f"predicted {summary.predicted:.4f}"
         )
+    if summary.names:
+        shares = ", ".join(f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names)
+        told.append(f"names     {shares}; p = {summary.names_tail:.3g}")
     told.append(f"branches  p = {summary.tail:.3g} against the table")
     told += [f"advice    {REFIT}"] * summary.refit
     told += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]

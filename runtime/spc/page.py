@@ -28,6 +28,7 @@ def page(title: str, summary: Summary) -> str:
         *_alarms(summary),
         *([f"<p>{escape(REFIT.capitalize())}.</p>"] * summary.refit),
         *(part for chart in summary.charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
+        *_names(summary),
         "<h2>Residuals by leaf</h2>",
         _table(
             ("leaf", "parts", "passed", "predicted", "x mm", "y mm", "theta deg"),
@@ -110,6 +111,15 @@ def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in names)
     lines = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
     return "\n".join(['<div class="wide"><table>', f"<tr>{head}</tr>", *lines, "</table></div>"])
+
+
+def _names(summary: Summary) -> Iterator[str]:
+    if not summary.names:
+        return
+    yield "<h2>Which part it was</h2>"
+    yield f"<p>Chi-square against the planned shares: p = {summary.names_tail:.3g}.</p>"
+    rows = ((row.name, str(row.parts), f"{100.0 * row.share:.1f}") for row in summary.names)
+    yield _table(("part", "parts", "planned %"), rows)
 
 
 def _leaf(row: LeafRow) -> Iterator[str]:

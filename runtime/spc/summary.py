@@ -49,6 +49,14 @@ class LeafRow(NamedTuple):
     residuals: tuple[Moments, ...]  # of x [mm], y [mm] and theta [rad]; empty where none was measured
 
 
+class NameRow(NamedTuple):
+    """The parts that got one of several names."""
+
+    name: str
+    parts: int
+    share: float  # of the parts that come, as the table states it
+
+
 class NodeRow(NamedTuple):
     """The squeezes at one node, against the table's shares by Pearson's chi-square."""
 
@@ -76,6 +84,14 @@ class Summary:
     tail: float  # of the chi-square over all nodes
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
+    names: tuple[NameRow, ...] = ()  # of a table of several parts
+
+    @property
+    def names_tail(self) -> float:
+        """Probability of counts further from the stated shares than those of the names are."""
+        return chi_square_tail(
+            *chi_square([row.parts for row in self.names], [row.share for row in self.names])
+        )
 
     @property
     def refit(self) -> bool:
@@ -97,6 +113,8 @@ class Summary:
             "branches_p": self.tail,
             "refit_pays": self.refit,
             "alarms": [alarm._asdict() for alarm in self.alarms],
+            **({"names": [row._asdict() for row in self.names]} if self.names else {}),
+            **({"names_p": self.names_tail} if self.names else {}),
         }
 
 
@@ -150,6 +168,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         chi_square_tail(statistic, freedom),
         alarms,
         tuple(_charts(history, monitor)),
+        tuple(_names(history)),
     )
 
 
@@ -193,6 +212,18 @@ def _judged(parts: Sequence[Part]) -> tuple[int, int]:
 
 def _counted(names: Iterator[str]) -> dict[str, int]:
     return dict(sorted(Counter(names).items()))
+
+
+def _names(history: History) -> Iterator[NameRow]:
+    """The names that resolved leaves gave."""
+    table = history.table
+    given = Counter(
+        table.leaves[part.leaf].hypothesis
+        for part in history.parts
+        if part.leaf is not None and part.outcome == "leaf"
+    )
+    for number, own in enumerate(table.hypotheses):
+        yield NameRow(own.name, given[number], own.share_ppm / PPM)
 
 
 def _leaves(history: History) -> Iterator[LeafRow]:

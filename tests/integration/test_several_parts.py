@@ -16,6 +16,7 @@ from planner.evaluation.strangers import strangers
 from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
+from runtime.journal.export import rows
 from runtime.table import dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
@@ -140,9 +141,11 @@ def test_a_run_names_the_part_and_its_truth(plan, tmp_path):
     assert all(part["hypothesis"] == part["true_hypothesis"] for part in told)
     assert all(part["within_goal"] for part in told)
     recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
-    assert [row["hypothesis"] for row in recorded if "outcome" in row] == [
-        part["hypothesis"] for part in told
+    names = [part["hypothesis"] for part in told]
+    assert [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")] == [
+        name for name in names for _ in range(2)
     ]
+    assert [row["hypothesis"] for row in rows(recorded)] == names  # one squeeze each
 
 
 @pytest.mark.parametrize("more", [["--deliver", "50,0,0"], ["--audit", "python3 judge.py"]])

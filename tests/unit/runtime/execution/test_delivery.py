@@ -1,13 +1,15 @@
 """Where a part goes: read from text, file or job, or refused with the key that is wrong."""
 
 import json
+from dataclasses import replace
 from math import inf, nan, pi
 from pathlib import Path
 
 import pytest
+from sample_tables import several_table
 
 from runtime.errors import ArgumentsError
-from runtime.execution.delivery import Delivery, from_file, from_job, from_keys, from_text
+from runtime.execution.delivery import Delivery, by_name, from_file, from_job, from_keys, from_text
 
 FULL = """
 drop_mm = [50.0, -10]
@@ -96,3 +98,31 @@ def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
     assert made.grasp == pytest.approx((10.0, 5.0, pi / 2))
     with pytest.raises(ArgumentsError, match="none of"):
         from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
+
+
+def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
+    path = tmp_path / "d.toml"
+    path.write_text(FULL)
+    sorting = by_name(["right hand=1,2,0", f"left hand={path}"], several_table())
+    assert sorting.of(0) == from_file(path)
+    assert sorting.of(1) == from_text("1,2,0")
+    told = sorting.told()
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+
+
+@pytest.mark.parametrize(
+    ("words", "goal", "told"),
+    [
+        (["1,2,3"], {}, "which part it is; write NAME=x,y,angle, the name one of: left hand, right hand"),
+        (["hand=1,2,3"], {}, "one of: left hand"),
+        (["left hand=1,2,3", "left hand=1,2,3"], {}, "left hand has a place already"),
+        (["left hand=1,2,x"], {}, "write x,y,angle"),
+        (["left hand=1,2,3"], {"kind": "identity"}, "both which part it is and where"),
+        (["left hand=1,2,3"], {"identify": False}, "both which part it is and where"),
+    ],
+)
+def test_a_place_of_no_known_part_is_refused(words: list[str], goal: dict[str, object], told: str) -> None:
+    table = several_table()
+    table = replace(table, goal=replace(table.goal, **goal))
+    with pytest.raises(ArgumentsError, match=told):
+        by_name(words, table)

@@ -176,10 +176,10 @@ def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
 
 def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():
     table, drop = small_table(), from_text("50,0,0")
-    pose, start = (0.0, 0.0, 0.0), (0.0, 0.0, 60.0, 0.0)
-    assert carry.choose(drop, table, pose, start, None, 1.5) == carry.choose(drop, table, pose, start, None)
+    leaf, start = table.leaves[0]._replace(x_um=0, y_um=0, theta_urad=0), (0.0, 0.0, 60.0, 0.0)
+    assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(drop, table, leaf, start, None)
     edge = replace(table.limits, work_area_um=(-60_000, -1_000, 60_000, 1_000))
     tight = replace(table, limits=edge)
-    carry.choose(drop, tight, pose, start, None)
+    carry.choose(drop, tight, leaf, start, None)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
-        carry.choose(drop, tight, pose, start, None, 1.5)
+        carry.choose(drop, tight, leaf, start, None, 1.5)

@@ -13,6 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history, table
+from sample_tables import several_table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import ArgumentsError, JournalError
@@ -340,7 +341,7 @@ def as_result(part):
     return PartResult.of(part.number, Outcome(part.outcome), steps, None)
 
 
-@pytest.mark.parametrize("shift_um", [0.0, 1000.0])
+@pytest.mark.parametrize("shift_um", [0.0, SHIFT_UM])
 def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
@@ -352,3 +353,17 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     if alarms:
         assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)
         assert all(told[told.index(True) :])
+
+
+def test_names_are_counted_against_the_shares_that_were_planned():
+    tree = several_table()
+    right, open_still = (reading.Part(k, (), outcome, 1) for k, outcome in enumerate(("leaf", "unresolved")))
+    left = reading.Part(2, (), "leaf", 0)
+    as_planned = summarise(reading.History(tree, (left,) * 40 + (right,) * 60 + (open_still,) * 50))
+    assert [row.parts for row in as_planned.names] == [40, 60]
+    assert as_planned.names_tail == 1.0
+    other = summarise(reading.History(tree, (left,) * 70 + (right,) * 30))
+    assert other.names_tail == pytest.approx(math.erfc(math.sqrt(0.5 * (30**2 / 40 + 30**2 / 60))), rel=1e-6)
+    assert [row["name"] for row in other.fields()["names"]] == ["left hand", "right hand"]
+    assert "left hand" in page("t", other)
+    assert "names" not in summarise(reading.History(TABLE, ())).fields()
