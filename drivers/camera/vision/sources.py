@@ -76,9 +76,21 @@ class Folder(Source):
             time.sleep(POLL_S)
         self._last = name
         try:
-            return decoded((self._path / name).read_bytes(), str(self._path / name))
+            return self._whole(self._path / name, until)
         except OSError as error:
             raise SourceError(f"picture {self._path / name}: {error.strerror}") from error
+
+    def _whole(self, path: Path, until: float) -> Picture:
+        """The picture of a file, which may be still being written."""
+        data = path.read_bytes()
+        while True:
+            try:
+                return decoded(data, str(path))
+            except PictureError:
+                time.sleep(POLL_S)
+                before, data = data, path.read_bytes()
+                if data == before and (data or time.monotonic() >= until):
+                    raise
 
     def _next(self) -> str | None:
         try:

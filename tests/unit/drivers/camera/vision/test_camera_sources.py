@@ -90,6 +90,15 @@ def test_folder_waits_for_a_picture_to_come(tmp_path):
     later.join()
 
 
+def test_a_picture_that_is_still_being_written_is_waited_for(tmp_path):
+    path = tmp_path / "a.png"
+    path.touch()
+    later = threading.Timer(0.3, lambda: cv2.imwrite(str(path), np.full((4, 5), 7, np.uint8)))
+    later.start()
+    assert Folder(tmp_path).picture(soon())[0, 0] == 7
+    later.join()
+
+
 def test_file_that_is_no_picture_is_told(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"not a picture")
     with pytest.raises(PictureError, match=r"what came is no picture \(13 bytes\)"):
