@@ -79,6 +79,7 @@ COMMANDS = {
     "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
     "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
     "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
+    "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
     "plan-report": Command(
         "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
     ),

@@ -19,7 +19,7 @@ from typing import Any
 
 import msgpack
 from grown_tables import grown_table
-from sample_tables import every_field_table, random_table, small_table
+from sample_tables import every_field_table, random_table, several_table, small_table
 
 from runtime.table import TableError, dumps, loads
 
@@ -41,7 +41,8 @@ class Tally:
 @cache
 def seeds() -> tuple[bytes, ...]:
     """The files that are mutated."""
-    tables = (small_table(), every_field_table(), random_table(1, 8), grown_table(2, 12), grown_table(3, 40))
+    drawn = (random_table(1, 8), grown_table(2, 12), grown_table(3, 40))
+    tables = (small_table(), several_table(), every_field_table(), *drawn)
     return tuple(map(dumps, tables))
 
 

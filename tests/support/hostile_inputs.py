@@ -45,9 +45,9 @@ INTERNAL = 1
 ALARM = 13  # an answer, not an error: grasp-audit report found what it looks for
 
 
-INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REPORT = (
+INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REFIT, REPORT = (
     (f"planner.cli.{name}", "main")
-    for name in ("init", "simulate", "compile", "identify", "evaluate", "report")
+    for name in ("init", "simulate", "compile", "identify", "evaluate", "refit", "report")
 )
 RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
     (f"{name}", "main")
@@ -126,6 +126,7 @@ def kinds() -> tuple[Kind, ...]:
         Kind(IDENTIFY, "{l.csv} -o o.toml --splits 2 --kind ellipsoid", {"l.csv": (pairs(), text)}, {}, 2),
         Kind(IDENTIFY, "{l.txt} -o o.toml --splits 2 --kind ellipsoid", {"l.txt": (PUSHES, text)}, {}, 2),
         Kind(EVALUATE, "{t} --trials 20 --workers 1", {"t": (small, table)}, {}, 2),
+        Kind(REFIT, "{j.toml} --journal {l} -o o.toml", {"l": (runs, journal)}, {"j.toml": job}),
         Kind(REPORT, reports, {"t": (small, table)}),
         Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
         Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),

@@ -48,7 +48,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         notes.append(f"the file says {stated:.6g} mm a unit, overruled by --units")
     for name in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(name, None)
-    curves = _curves(Tree.tostring(root), scale, tolerance_mm, where)
+    curves = _curves(Tree.tostring(root, "utf-8"), scale, tolerance_mm, where)
     rings, strokes = sorted_out(curves, tolerance_mm, where)
     return Pieces(rings, strokes, notes)
 

@@ -72,6 +72,10 @@ def test_units_overrule_the_file_and_say_so(tmp_path):
     assert any("overruled" in note for note in found.notes)
 
 
+def test_names_of_any_alphabet_are_read(tmp_path):
+    is_rectangle(read(written(tmp_path, RECT, f'{MM} \u00c9paisseur="3"')))
+
+
 def test_a_stretched_drawing_is_refused(tmp_path):
     size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
     with pytest.raises(OutlineError, match="two different scales"):
