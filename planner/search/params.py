@@ -47,7 +47,7 @@ class SearchParams:
     """Particles of a child belief assumed to lie outside its mode: small samples look too pure."""
     doubt: float = 0.05
     """Chance that a part near a cut strays: more makes fewer wrong if encoders are off, and more squeezes."""
-    astray: float = 0.7
+    astray: float = 0.3
     """Squeezes that such a part costs in a branch that is squeezed again: likewise."""
     astray_carried: float = 0.15
     """The same where particles carry the encoder's offset: what strays is in their beliefs already."""
