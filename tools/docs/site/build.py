@@ -31,7 +31,9 @@ def quiet_kernels(folder: Path) -> None:
     os.environ["IPYTHONDIR"] = str(folder)
     (folder / "profile_default").mkdir()
     (folder / "profile_default" / "ipython_kernel_config.py").write_text(
+        "import logging\n"
         "c.IPKernelApp.log_level = 'ERROR'\n"
+        "logging.getLogger('tornado.general').setLevel(logging.CRITICAL)  # sockets close before the last flush\n"
     )
 
 
