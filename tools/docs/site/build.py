@@ -33,7 +33,8 @@ def quiet_kernels(folder: Path) -> None:
     (folder / "profile_default" / "ipython_kernel_config.py").write_text(
         "import logging\n"
         "c.IPKernelApp.log_level = 'ERROR'\n"
-        "logging.getLogger('tornado.general').setLevel(logging.CRITICAL)  # sockets close before the last flush\n"
+        # Sockets may close before the last flush.
+        "logging.getLogger('tornado.general').setLevel(logging.CRITICAL)\n"
     )
 
 
