@@ -21,12 +21,19 @@ os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 os.environ.pop("PYTHONUNBUFFERED", None)
 
 
+USUAL = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
+
+
 @pytest.fixture(autouse=True)
 def _handlers() -> Iterator[None]:
-    """A command that is its process's last leaves the signals ignored; the next test needs them."""
-    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
+    """A command that is its process's last leaves the signals ignored, in a test or a fixture of any scope."""
+    _handle_as_usual()
     yield
-    for number, handler in before.items():
+    _handle_as_usual()
+
+
+def _handle_as_usual() -> None:
+    for number, handler in USUAL.items():
         signal.signal(number, handler)
 
 
