@@ -25,7 +25,8 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.trials > MAX_TRIALS:
             raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
         (table, data, digest), job = shell.loaded(arguments)
-        shell.check_one_part(table.hypotheses, str(arguments.tree), "a report")
+        if arguments.bound or arguments.bound_dense:
+            shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
         log = run_log.read(arguments.journal, digest) if arguments.journal else None
         judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
         bound = bounds.bound_of(arguments, job, table)

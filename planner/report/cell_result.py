@@ -4,6 +4,7 @@ from collections import Counter
 from typing import Literal, NamedTuple
 
 from planner.report.run_log import PartLog, RunLog
+from planner.report.tree import names_parts
 from runtime.table import Calibration, Node, Table
 
 FAR_MM = 2.0  # from every planned width: not noise, but another part or another lie
@@ -23,7 +24,8 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     if not total:
         return CellResult("fair", "no part was begun")
     located = sum(not part.failed for part in log.parts)
-    told = f"{located} of {total} parts located"
+    told = f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
+    told += _names_told(log.parts) if names_parts(table) else ""
     wrong = sum(part.audit == "fail" for part in log.parts)
     told += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
@@ -56,6 +58,12 @@ def planned_spans(node: Node) -> list[tuple[float, float]]:
         else:
             spans.append((low, high))
     return spans
+
+
+def _names_told(parts: list[PartLog]) -> str:
+    """How often each name was given, in brackets."""
+    names = Counter(part.name for part in parts if part.outcome == "leaf" and part.name is not None)
+    return f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})" if names else ""
 
 
 def _commonest_reject(parts: list[PartLog]) -> tuple[int, list[int]] | None:

@@ -17,7 +17,9 @@ from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.cases import assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
+from planner.evaluation.leaves import identities
 from planner.evaluation.trials import Step
+from planner.job import hypotheses
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
@@ -26,9 +28,9 @@ from planner.report import verdict as verdicts
 from planner.report.cell_result import cell_result, reject_told
 from planner.report.models import Models
 from planner.report.replay import Replay, replay
-from planner.report.run_log import RunLog
+from planner.report.run_log import PartLog, RunLog
 from planner.report.templating import points, template
-from planner.world import make, supply
+from planner.world import World, make, supply, world_of
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 
 TRIALS = 4000
@@ -67,6 +69,7 @@ def page(
     data = {
         "outline": points(job.part.outline_mm),
         "datum": None if job.part.datum is None else job.part.datum.tolist(),
+        **(_several(table, job) if table.hypotheses else {}),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,
@@ -76,24 +79,45 @@ def page(
         "log": _log(table, source.log) if source.log else None,
     }
     few = min(trials, SENSITIVITY_TRIALS)
-    others = list(sweep(table, job, assumption_cases(job), lambda real: make(real, seed), few, seed))
+
+    def worlds_of(real: Job) -> World:
+        return world_of(real, seed, make)
+
+    others = list(sweep(table, job, assumption_cases(job), worlds_of, few, seed))
     worlds = [_told(line) for line in others]
     if world is not None:
-        judged = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed).summary()
-        worlds.append((f"{world}, {judged['trials']} parts", judged))
-    believed = worst_of(sweep(table, job, believed_cases(job), lambda real: make(real, seed), few, seed))
-    evaluation = evaluate(table, job, make(job, seed), trials, seed).summary()
-    worst, summary = verdicts.weakest(others), _summary(table, evaluation)
+        other = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed).summary()
+        worlds.append((f"{world}, {other['trials']} parts", other))
+    believed = worst_of(sweep(table, job, believed_cases(job), worlds_of, few, seed))
+    judged = evaluate(table, job, worlds_of(job), trials, seed)
+    named = identities(table, judged).figures() if table.hypotheses else {}
+    worst, summary = verdicts.weakest(others), _summary(table, judged.summary() | named)
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=summary, widths=_width_function(job), worst=worst,
+        summary=summary, worst=worst,
+        widths=[(alone.part.name, _width_function(alone)) for alone in job.alone],
         believed=believed and _told(believed),
         verdict=verdicts.verdict(job, summary["figures"], worst),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
-        colors=vars(canvas),
+        colors=vars(canvas), outlines=[alone.part.outline_mm for alone in job.alone],
+        named=tree.names_parts(table), posed=table.goal.kind != "identity",
     )  # fmt: skip
+
+
+def _several(table: Table, job: Job) -> dict[str, Any]:
+    """The parts that may lie there, and what leaves say of them."""
+    datums = [alone.part.datum for alone in job.alone]
+    return {
+        "parts": [
+            {"name": own.name, "datum": None if datum is None else datum.tolist()}
+            for own, datum in zip(table.hypotheses, datums, strict=True)
+        ],
+        "which": [[leaf.hypothesis, *leaf.other_hypotheses] for leaf in table.leaves],
+        "named": tree.names_parts(table),
+        "posed": table.goal.kind != "identity",
+    }
 
 
 def _told(line: Line) -> tuple[str, dict[str, Any]]:
@@ -105,8 +129,8 @@ def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
     """One object a node: its squeeze, branches, belief, and counts read in the replay."""
     most, calibration = _most(table), Calibration.linear(table.gripper)
     return [
-        _node(node, visit, by_count(decision_map(node, calibration)), most)
-        for node, visit in zip(table.nodes, beliefs.visits, strict=True)
+        _node(node, visit, states, by_count(decision_map(node, calibration)), most)
+        for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True)
     ]
 
 
@@ -163,14 +187,27 @@ def _job_text(job: Job) -> str:
     """The job, one value a line, the outline's rows as they are."""
     lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
-        if not isinstance(table, dict):
+        if section in (hypotheses.KEY, hypotheses.STRANGER):
+            lines += [line for entry in table or () for line in _section(section, entry, "[[{}]]")]
+        elif isinstance(table, dict):
+            lines += _section(section, table)
+        else:
             lines.insert(0, f"{section} = {json.dumps(table)}")
-            continue
-        lines += ["", f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in table.items())]
     return "\n".join(lines)
 
 
+def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
+    """A section of the job's text, then those within it."""
+    inner = {key: value for key, value in table.items() if isinstance(value, dict)}
+    own = (f"{key} = {json.dumps(value)}" for key, value in table.items() if key not in inner)
+    below = [line for key, value in inner.items() for line in _section(f"{name}.{key}", value)]
+    return ["", head.format(name), *own, *below]
+
+
 def _log(table: Table, log: RunLog) -> dict[str, Any]:
+    def named(part: PartLog) -> list[str | None]:
+        return [part.name] if tree.names_parts(table) else []
+
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])
@@ -183,7 +220,7 @@ def _log(table: Table, log: RunLog) -> dict[str, Any]:
         "outcomes": dict(log.outcomes().most_common()),
         "branches": [[node, target, n] for (node, target), n in log.branch_counts().items()],
         "parts": [
-            [part.part, part.outcome, part.leaf, part.reason, part.audit, part.squeezes]
+            [part.part, part.outcome, part.leaf, part.reason, part.audit, part.squeezes, *named(part)]
             for part in (log.parts[number] for number in shown)
         ],
         "rejects": [
@@ -199,7 +236,9 @@ def _most(table: Table) -> int:
     return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
 
 
-def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[str, Any]:
+def _node(
+    node: Node, visit: Step, states: Array, outcome: tuple[int, ...], most: int
+) -> dict[str, Any]:  # fmt: skip
     """Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table."""
     squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
     return {
@@ -210,7 +249,7 @@ def _node(node: Node, visit: Step, outcome: tuple[int, ...], most: int) -> dict[
         "clearance": squeeze.clearance_um,
         "release": node.release,
         "visits": len(visit.before),
-        "belief": _poses(visit.before, most),
+        "belief": _poses(states, most),
         "branches": [
             [
                 branch.low_um, branch.expected_um, branch.high_um, branch.probability_ppm, branch.target,
@@ -239,6 +278,6 @@ def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
     }
 
 
-def _poses(poses: Array, most: int) -> list[list[int]]:
-    scaled = np.rint(subsample(poses, most) * (100.0, 100.0, 1000.0))
+def _poses(states: Array, most: int) -> list[list[int]]:
+    scaled = np.rint(subsample(states, most) * (100.0, 100.0, 1000.0, 1.0)[: states.shape[1]])
     return cast(list[list[int]], scaled.astype(np.int64).tolist())

@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.doubts import hypotheses_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.trials import Program, Step, step
 from planner.job.model import Job
-from planner.world import ContactWorld
+from planner.mechanics.traits import with_hypothesis
+from planner.world import ContactWorld, world_of
 from runtime.table import Table
 
 
@@ -21,25 +23,30 @@ class Replay(NamedTuple):
     """All parts, node by node."""
 
     visits: tuple[Step, ...]  # one for each node of the table
-    leaves: tuple[Array, ...]  # for each leaf, the poses (m, 3) of the parts that ended there
+    arrivals: tuple[
+        Array, ...
+    ]  # for each node, the states of the parts that come there, as `with_hypothesis`
+    leaves: tuple[Array, ...]  # for each leaf, those of the parts that ended there
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     """Sends parts through the table of a job; the seed is that of poses, mechanics and encoder's noise."""
     rng = np.random.default_rng([seed, 0x5245504C])
-    world, encoder = ContactWorld(job, seed), encoder_of(job)
+    world, encoder = world_of(job, seed, ContactWorld), encoder_of(job)
     program = Program.of(table)
     arrivals = [np.empty((0, 3))] * len(table.nodes)
     leaves = [np.empty((0, 3))] * len(table.leaves)
-    arrivals[0] = initial(job, trials, rng)
+    traits = [hypotheses_of(job, 0, rng)] * len(table.nodes)
+    arrivals[0], traits[0] = initial(job, trials, rng), hypotheses_of(job, trials, rng)
     visits = []
     for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
-        made = step(program, at, arrivals[index], program.placement[at], world, encoder, rng)
+        made = step(program, at, arrivals[index], program.placement[at], world, encoder, rng, traits[index])
         visits.append(made)
         for number, branch in enumerate(node.branches):
+            poses, own = made.through(number), traits[index][made.branch == number]
             if branch.target >= 0:
-                arrivals[branch.target] = made.through(number)
+                arrivals[branch.target], traits[branch.target] = poses, own
             else:
-                leaves[~branch.target] = made.through(number)
-    return Replay(tuple(visits), tuple(leaves))
+                leaves[~branch.target] = with_hypothesis(poses, own)
+    return Replay(tuple(visits), tuple(map(with_hypothesis, arrivals, traits)), tuple(leaves))

@@ -30,6 +30,7 @@ class PartLog:
     leaf: int | None = None
     reason: str = ""
     audit: str | None = None
+    name: str | None = None  # of the part that was found, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
     widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
 
@@ -116,6 +117,7 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         part = parts[-1]
         part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")
         part.reason, part.audit = str(entry.get("reason") or ""), entry.get("audit")
+        part.name = None if entry.get("hypothesis") is None else str(entry["hypothesis"])
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:

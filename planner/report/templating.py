@@ -20,12 +20,18 @@ def template(name: str) -> Template:
     environment.filters["percent"] = lambda share: f"{100 * share:.2f} %"
     environment.filters["transform"] = transform
     environment.filters["points"] = points
+    environment.filters["part"] = part
     return environment.get_template(name)
 
 
 def transform(pose: Array) -> str:
     """A pose (3,) [mm, mm, rad] as an SVG transform; the picture's y axis points up."""
     return f"translate({pose[0]:.2f} {pose[1]:.2f})rotate({np.degrees(pose[2]):.1f})"
+
+
+def part(state: Array) -> int:
+    """Which hypothesis a state (3 or 4,) is of, as `planner.mechanics.traits.with_hypothesis` writes it."""
+    return int(state[3]) if len(state) > 3 else 0
 
 
 def points(shape: Array) -> str:

@@ -25,6 +25,7 @@ PANEL = 64.0
 EDGE = 8.0
 DARKNESS = 0.7  # of the place that all outlines of a panel cover
 MOST = 40  # most outlines in one panel
+NAME = 11  # most letters of a part's name below a leaf
 BUDGET = 4000  # outlines that a page draws at once without a wait; shared by all panels
 TRIALS = 20_000
 NOTHING = np.empty((0, 3, 2))
@@ -51,13 +52,13 @@ class Panel(NamedTuple):
     label: str  # in words, for those who do not see it
     x: float  # left edge [px]
     y: float  # upper edge [px]
-    poses: Array  # (m, 3) of the outlines [mm, mm, rad]
+    poses: Array  # (m, 3) of the outlines [mm, mm, rad], or (m, 4) with their hypotheses
     opacity: float  # of one outline, so that full overlap looks alike in all panels
     fingers: Array  # (0 or 2, 4, 2) of the squeeze that led here [mm]
     lines: list[str]  # text: the angle of the hand, or the leaf's pose and success
     text: tuple[float, float, str]  # where it begins [px, from the corner], and its SVG anchor
     arrows: Array  # (0 or 2, 3, 2) of the next squeeze [px, from the middle]
-    predicted: Array | None  # a resolved leaf's pose (3,) [mm, mm, rad]
+    predicted: Array | None  # a resolved leaf's pose and hypothesis (4,) [mm, mm, rad, -]
 
 
 class Line(NamedTuple):
@@ -100,8 +101,8 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> str:
     """The tree as an SVG of its own, with a legend; arguments as of `drawing`."""
     return template("tree.svg").render(
-        table=table, drawing=drawing(table, job, beliefs, style), part=job.part.outline_mm,
-        colors=vars(canvas),
+        table=table, drawing=drawing(table, job, beliefs, style), colors=vars(canvas),
+        outlines=[alone.part.outline_mm for alone in job.alone],
     )  # fmt: skip
 
 
@@ -128,13 +129,13 @@ class _Tree:
         self.most = max(1, min(MOST, BUDGET // (len(table.nodes) + len(table.leaves))))
         # Half the side of a square in the world that holds nearly all beliefs and closed fingers [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
-        reach = spread + float(np.max(np.hypot(*job.part.outline_mm.T)))
+        reach = spread + max(float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone)
         self.reach = 1.03 * max(
             reach, *(float(np.abs(self._fingers(target)).max()) for target in self.parent)
         )
 
     def node(self, index: int) -> Panel:
-        node, arrivals = self.table.nodes[index], self.beliefs.visits[index].before
+        node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]
         angle = float(np.degrees(node.squeeze.angle_urad / 1e6))
         seen = f"{percent(len(arrivals) / self.trials)} of the parts"
         label = f"Node {index}: squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
@@ -146,13 +147,17 @@ class _Tree:
 
     def leaf(self, index: int) -> Panel:
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
-        lines = leaf_lines(leaf)
+        name = self.table.name_of(leaf) if names_parts(self.table) else None
+        posed = self.table.goal.kind != "identity"
+        lines = leaf_lines(leaf, name, posed)
         text = (32.0, 74.0, "middle")
         if self.style.sideways:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
         kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
-        predicted = np.array(predicted_pose(leaf)) if leaf.resolved else None
-        return self._panel(~index, kind, leaf_label(index, leaf), poses, lines, text, NOTHING, predicted)
+        predicted = np.array([*predicted_pose(leaf), leaf.hypothesis]) if leaf.resolved and posed else None
+        return self._panel(
+            ~index, kind, leaf_label(index, leaf, name, posed), poses, lines, text, NOTHING, predicted
+        )
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
         index, number = step
@@ -193,25 +198,34 @@ class _Tree:
         return (along, EDGE + spot.x) if self.style.sideways else (EDGE + spot.x, along)
 
 
-def leaf_label(index: int, leaf: Leaf) -> str:
-    """A leaf in words."""
+def names_parts(table: Table) -> bool:
+    """Whether leaves must tell which of several parts lies there."""
+    return bool(table.hypotheses) and table.goal.identify
+
+
+def leaf_label(index: int, leaf: Leaf, name: str | None = None, posed: bool = True) -> str:
+    """A leaf in words, with the name that it gives, if any; without a pose where none is asked for."""
     if not leaf.resolved:
         return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
     x, y, turn = predicted_pose(leaf)
-    place = f"Leaf {index}: part at {x:.1f}, {y:.1f} mm, {np.degrees(turn):.0f} degrees"
+    pose = f" at {x:.1f}, {y:.1f} mm, {np.degrees(turn):.0f} degrees" if posed else ""
+    place = f"Leaf {index}: {name or 'part'}{pose}"
     success = "untried" if leaf.success is None else f"success {100 * leaf.success:.2f} percent"
     return f"{place}; {success}"
 
 
-def leaf_lines(leaf: Leaf) -> list[str]:
-    """What stands at a leaf."""
+def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[str]:
+    """What stands at a leaf, in four lines at most; arguments as of `leaf_label`."""
     if not leaf.resolved:
         return ["unresolved", f"of {leaf.trials}" if leaf.trials else "untried"]
     x, y, turn = predicted_pose(leaf)
-    lines = [f"{signed(x)}, {signed(y)}", f"{signed(float(np.degrees(turn)))}°"]
+    lines = [f"{signed(x)}, {signed(y)}", f"{signed(float(np.degrees(turn)))}°"] if posed else []
+    if name is not None:
+        lines.insert(0, name if len(name) <= NAME else f"{name[: NAME - 1]}…")
     if leaf.success is None:
         return [*lines, "untried"]
-    return [*lines, f"{100 * leaf.success:.1f} %", f"of {leaf.trials}"]
+    lines.append(f"{100 * leaf.success:.1f} %")
+    return lines if len(lines) == 4 else [*lines, f"of {leaf.trials}"]
 
 
 def percent(share: float) -> str:

@@ -49,7 +49,7 @@ def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict
 
     Args:
         job: the job that the table was planned for.
-        figures: as `Evaluation.summary` returns them.
+        figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
         worst: the assumption that the table leans on most, if worlds were tried.
     """
     success, wrong = figures["success_rate"], figures["wrong_rate"]
@@ -59,10 +59,24 @@ def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict
     if success < POOR_SUCCESS or wrong > 2.0 * (1.0 - job.goal.confidence):
         grade = "poor"
     found = (
-        f"finds a {described(job)} lying {belief(job)} {aim(job)} in {percent(success)} of trials, "
+        f"{_found(job, figures)}, "
         f"{figures['mean_squeezes']:.1f} squeezes, about {figures['mean_seconds']:.1f} s"
     )
-    return Verdict(grade, found + _leaning(job, worst), error_text(figures["error_mm"]))
+    sorts = job.goal.kind == "identity"
+    error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
+    return Verdict(grade, found + _leaning(job, worst), error)
+
+
+def _found(job: Job, figures: dict[str, Any]) -> str:
+    """What is found, and how often; of several parts, also how often the name is right."""
+    share = f"in {percent(figures['success_rate'])} of trials"
+    if not job.hypothesis:
+        return f"finds a {described(job)} lying {belief(job)} {aim(job)} {share}"
+    lying = f"a part ({job.name}) lying {belief(job)}"
+    if job.goal.identify is False:
+        return f"finds {lying} {aim(job)} {share}, whichever it is"
+    done = f"names {lying}" if job.goal.kind == "identity" else f"finds and names {lying} {aim(job)}"
+    return f"{done} {share} ({percent(figures['identity_rate'])} of the names given are right)"
 
 
 def _leaning(job: Job, worst: Weakest | None) -> str:

@@ -1,13 +1,16 @@
 """From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from html_pages import Page
 
+from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
@@ -157,3 +160,91 @@ def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, m
     assert done.returncode != 0
     assert "which part it is" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+EVIL = "large <i>&"
+
+
+@pytest.fixture(scope="module")
+def posed():
+    entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
+    goal = COMMON.replace('kind = "identity"\n', "").replace("distance_mm = 3.0", "distance_mm = 6.0")
+    return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
+
+
+def report_of(table, folder, *more):
+    """The page of a table, as a browser would find it, and its data."""
+    tree, output = folder / "t.msgpack", folder / "page.html"
+    dump(table, tree)
+    assert report.main([str(tree), "-o", str(output), "--trials", "400", *more]) == 0
+    text = output.read_text()
+    page = Page(text)
+    assert page.open == []
+    ids = [attributes["id"] for _, attributes in page.found if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    links = {attributes["href"][1:] for tag, attributes in page.found if tag in ("a", "use")}
+    assert links <= set(ids)
+    return text, page, json.loads(page.scripts["data"])
+
+
+def named_in(text):
+    """The rows of the table of names, the last column of parts without a name."""
+    body = text.split('<table id="names">')[1].split("<tbody>")[1].split("</tbody>")[0]
+    rows_of = re.findall(r"<tr>(.*?)</tr>", body)
+    return [[int(count) for count in re.findall(r"<td>(?:<strong>)?(\d+)", row)] for row in rows_of]
+
+
+def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
+    text, page, data = report_of(posed.table, tmp_path)
+    assert not [tag for tag, _ in page.found if tag == "i"]
+    assert "finds and names a part (small or large &lt;i&gt;&amp;)" in text
+    assert [part["name"] for part in data["parts"]] == ["small", EVIL]
+    counted = np.array(named_in(text))
+    assert counted.shape == (2, 3)
+    assert counted.sum() == 400
+    assert counted[0].sum() / 400 == pytest.approx(0.3, abs=0.12)
+    assert np.trace(counted) >= 0.97 * counted[:, :2].sum()
+    for leaf, (which, *_) in zip(data["leaves"], data["which"], strict=True):
+        drawn = [pose[3] if len(pose) > 3 else 0 for pose in leaf["belief"]]
+        assert not leaf["resolved"] or drawn.count(which) >= 0.8 * len(drawn)
+    sides = {a["id"]: points for a, points in polygons(page)}
+    assert np.ptp(sides["part"]) == pytest.approx(20.0, abs=0.02)
+    assert np.ptp(sides["part-1"]) == pytest.approx(34.0, abs=0.02)
+
+
+def polygons(page):
+    """The outlines that panels use, each with its first coordinates [mm]."""
+    return [
+        (attributes, [float(point.split(",")[0]) for point in attributes["points"].split()])
+        for tag, attributes in page.found
+        if tag == "polygon" and attributes.get("id", "").startswith("part")
+    ]
+
+
+def test_a_report_of_parts_that_are_sorted_shows_names_and_no_poses(plan, tmp_path):
+    text, _, data = report_of(plan.table, tmp_path)
+    assert not data["posed"]
+    assert "x [mm]" not in text.split("<script")[0]
+    assert "where the part lies is not asked for" in text.lower()
+    assert np.trace(np.array(named_in(text))) > 0.97 * 400
+
+
+def test_names_of_a_journal_stand_in_the_report(plan, tmp_path):
+    tree, journal = tmp_path / "t.msgpack", tmp_path / "journal"
+    dump(plan.table, tree)
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
+    command += ["--time-scale", "100", "--count", "4", "--seed", "5", "--journal", str(journal)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    told = [json.loads(line)["hypothesis"] for line in done.stdout.splitlines()]
+    text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))
+    assert [entry[6] for entry in data["log"]["parts"]] == told
+    assert all(f"{told.count(name)} {name}" in text for name in set(told))
+    assert "4 of 4 parts named" in text
+
+
+def test_a_bound_on_several_parts_is_refused_in_one_line(plan, tmp_path, capsys):
+    dump(plan.table, tmp_path / "t.msgpack")
+    assert report.main([str(tmp_path / "t.msgpack"), "-o", str(tmp_path / "p.html"), "--bound"]) == 2
+    error = capsys.readouterr().err
+    assert "--bound is for one part" in error
+    assert error.count("\n") == 1

@@ -119,10 +119,11 @@ function shape(name, attributes = {}, ...children) {
   return element;
 }
 const placed = ([x, y, turn]) => `translate(${x} ${y})rotate(${turn * 180 / Math.PI})`;
+const partOf = which => which ? `#part-${which}` : "#part";
 const poseOf = ([x, y, turn]) => [x / 1000, y / 1000, turn / 1e6];
 function scene(r, belief, label, ...more) {
   const fill = 1 - Math.pow(0.3, 1 / Math.max(belief.length, 1));
-  const outlines = belief.map(([x, y, turn]) => shape("use", {href: "#part", transform: placed([x / 100, y / 100, turn / 1000])}));
+  const outlines = belief.map(([x, y, turn, which = 0]) => shape("use", {href: partOf(which), class: `p${which % 6}`, transform: placed([x / 100, y / 100, turn / 1000])}));
   const group = shape("g", {class: "belief", "fill-opacity": fill, "stroke-opacity": Math.min(0.8, 4 * fill)}, ...outlines);
   return shape("svg", {viewBox: `${-r} ${-r} ${2 * r} ${2 * r}`, role: "img", "aria-label": label}, shape("g", {transform: "scale(1 -1)"}, group, ...more));
 }
@@ -174,28 +175,31 @@ function nodeDetails(index, mark) {
     make("div", {class: "wide", tabindex: "0", role: "region", "aria-label": "Branches"}, make("table", {}, make("thead", {}, make("tr", {}, ...heads.map(text => make("th", {scope: "col"}, text)))), make("tbody", {}, ...rows))),
   ];
 }
-function datumAt(pose) {
-  const [x, y, turn] = poseOf(pose), [dx, dy, angle] = data.datum;
+function datumAt(pose, datum) {
+  const [x, y, turn] = poseOf(pose), [dx, dy, angle] = datum;
   const across = x + Math.cos(turn) * dx - Math.sin(turn) * dy, up = y + Math.sin(turn) * dx + Math.cos(turn) * dy;
   return `${across.toFixed(2)}, ${up.toFixed(2)} mm, ${(turn * 180 / Math.PI + angle).toFixed(1)}\u00b0`;
 }
 function leafDetails(index) {
   const leaf = data.leaves[index], [x, y, turn] = leaf.pose, up = parents.get(~index);
-  const outline = (pose, kind) => shape("use", {href: "#part", class: `predicted ${kind}`, transform: placed(poseOf(pose))});
+  const which = data.which?.[index] ?? [0], posed = data.posed ?? true, own = data.parts?.[which[0]];
+  const datum = own ? own.datum : data.datum, name = data.named ? own.name : null;
+  const outline = (pose, kind, part) => shape("use", {href: partOf(part ?? which[0]), class: `predicted ${kind}`, transform: placed(poseOf(pose))});
+  const shown = posed ? [outline(leaf.pose, ""), ...leaf.alternatives.map((pose, k) => outline(pose, "other", which[k + 1]))] : [];
   const [xx, , yy, , , tt] = leaf.covariance;
   return [
     make("h3", {}, `Leaf ${index}`, ...(up ? [" after ", link(up[0])] : [])),
-    scene(data.reach, leaf.belief, "Where parts that end here lie, and the predicted pose", outline(leaf.pose, ""), ...leaf.alternatives.map(pose => outline(pose, "other"))),
+    scene(data.reach, leaf.belief, `Where parts that end here lie${posed ? ", and the predicted pose" : ""}`, ...shown),
     facts([
-      ["says", leaf.resolved ? "the part is located" : "unresolved: it does not know"],
-      ["pose", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`],
-      ...(data.datum ? [["datum", datumAt(leaf.pose)]] : []),
-      ["spread", `${(Math.sqrt(xx) / 10).toFixed(2)}, ${(Math.sqrt(yy) / 10).toFixed(2)} mm, ${(Math.sqrt(tt) * 0.57296).toFixed(1)}\u00b0`],
+      ["says", leaf.resolved ? (name === null ? "the part is located" : `${posed ? "located" : "named"}: ${name}`) : "unresolved: it does not know"],
+      ...(posed ? [["pose", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`]] : []),
+      ...(posed && datum ? [["datum", datumAt(leaf.pose, datum)]] : []),
+      ...(posed ? [["spread", `${(Math.sqrt(xx) / 10).toFixed(2)}, ${(Math.sqrt(yy) / 10).toFixed(2)} mm, ${(Math.sqrt(tt) * 0.57296).toFixed(1)}\u00b0`]] : []),
       ["success", leaf.trials ? `${percent(leaf.success / 1e6)} of ${leaf.trials}` : "untried"],
       ["95 % interval", `${percent(leaf.interval[0])} to ${percent(leaf.interval[1])}`],
       ["parts here", `${leaf.visits} of ${data.trials} replayed`],
       ...(data.log ? [["in the cell", `${logged(up[0], ~index)} parts`]] : []),
-      ...leaf.alternatives.map((pose, k) => [k ? "" : "or at", `${mm(pose[0])}, ${mm(pose[1])} mm, ${degrees(pose[2])}\u00b0`]),
+      ...(posed ? leaf.alternatives : []).map((pose, k) => [k ? "" : "or at", `${mm(pose[0])}, ${mm(pose[1])} mm, ${degrees(pose[2])}\u00b0`]),
     ]),
   ];
 }

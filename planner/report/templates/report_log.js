@@ -28,7 +28,7 @@ if (log.rejects.length) {
 let part = null, step = 0;
 function fill() {
   const shown = log.parts.map((entry, index) => [entry, index]).filter(([entry]) => !onlyFailed.checked || failed(entry));
-  partList.replaceChildren(...shown.map(([entry, index]) => make("option", {value: index}, `${entry[0]}: ${entry[1]}${entry[4] ? `, audit ${entry[4]}` : ""}`)));
+  partList.replaceChildren(...shown.map(([entry, index]) => make("option", {value: index}, `${entry[0]}: ${entry[1]}${entry[6] ? `, ${entry[6]}` : ""}${entry[4] ? `, audit ${entry[4]}` : ""}`)));
   take(shown.length ? shown[0][1] : -1);
 }
 function take(index) { part = log.parts[index] ?? null; step = 0; show(); }
@@ -38,7 +38,7 @@ function show() {
   document.getElementById("log-next").disabled = !part || step >= part[5].length;
   const text = document.getElementById("log-step");
   if (!part) { text.textContent = onlyFailed.checked ? "No part failed." : "No parts."; return; }
-  const [number, outcome, , reason, audit, squeezes] = part;
+  const [number, outcome, , reason, audit, squeezes, name] = part;
   const mark = key => { for (const id of [key, `to-${key}`]) document.getElementById(id)?.classList.add("taken"); };
   squeezes.slice(0, step + 1).forEach(([node]) => mark(keyOf(node)));
   const done = squeezes.slice(0, step), last = done.at(-1);
@@ -46,7 +46,7 @@ function show() {
   const begun = squeezes.length ? `${squeezes.length} squeezes; it stands at node ${squeezes[0][0]}.` : "it was never squeezed.";
   let sentence = `Part ${number}, before the first squeeze: ${begun}`;
   if (last) sentence = `Part ${number}, squeeze ${step}: node ${last[0]} read count ${last[1]} (${widthAt(last[1]).toFixed(2)} mm) \u2192 ${last[2] === null ? "REJECT" : nameOf(last[2])}.`;
-  if (step === squeezes.length) sentence += ` Outcome: ${outcome}${audit ? `, audit ${audit}` : ""}${reason ? `: ${reason}` : ""}.`;
+  if (step === squeezes.length) sentence += ` Outcome: ${outcome}${name ? `, ${name}` : ""}${audit ? `, audit ${audit}` : ""}${reason ? `: ${reason}` : ""}.`;
   text.textContent = sentence;
   if (last) { choose(keyOf(last[0]), {show: true}); details.replaceChildren(...nodeDetails(last[0], last[1])); }
 }
