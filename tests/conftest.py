@@ -26,7 +26,7 @@ USUAL = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALR
 
 @pytest.fixture(autouse=True)
 def _handlers() -> Iterator[None]:
-    """A command that is its process's last leaves the signals ignored, in a test or a fixture of any scope."""
+    """Commands that are their process's last leave signals ignored, in a fixture of any scope too."""
     _handle_as_usual()
     yield
     _handle_as_usual()
