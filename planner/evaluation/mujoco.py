@@ -33,6 +33,7 @@ FEET = 24  # a pressure along a line or over an area stands on so many
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
 PLATE_M = 5e-5  # thickness of the faces
+CLOSED_M = 5e-5  # jaws that are nearer have met: a sharp corner's rounding is all that fits between them
 TIMESTEP_S = 2.5e-4
 CONTACT_S = 5e-4  # time constant of contacts: they give way by less than 0.05 mm under 40 N
 LEAD_M = 5e-4  # the fingers start at least so far from the first touch
@@ -114,7 +115,7 @@ class RigidWorld:
         while len(widths) <= looks or widths[-1 - looks] - widths[-1] >= least:
             mujoco.mj_step(self.model, self.data, BLOCK)
             widths.append(self._width())
-            if widths[-1] <= 0.0:
+            if widths[-1] <= CLOSED_M:
                 return 0.0
         return widths[-1]
 

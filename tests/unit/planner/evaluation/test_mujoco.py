@@ -84,6 +84,16 @@ def test_half_the_step_changes_few_widths():
     assert np.quantile(off, 0.85) < 0.1  # an impact of a part that shoots away decides the rest
 
 
+@pytest.mark.parametrize(("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)])
+def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(half_deg, inside_mm, held):
+    side, slope = 15.0, math.tan(math.radians(half_deg))
+    job = job_of([[0.0, 0.0], [side / slope, -side], [side / slope, side]])
+    ahead = 0.5 * JOB.gripper.finger_length_mm - job.part.outline_mm[:, 0].min() - inside_mm
+    width = RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.6)
+    assert width == pytest.approx(2.0 * inside_mm * slope if held else 0.0, abs=0.03)
+    assert (width > 0.0) == held
+
+
 def test_evenly_spaced_feet_carry_the_same():
     job = job_of(l_shape(), pressure={"kind": "boundary"})
     world, points = RigidWorld(job, 0), feet(job)[0]
