@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import metric_of
-from planner.belief.observation import Encoder, Partition, encoder_of
+from planner.belief.observation import Encoder, Partition, encoder_of, resolution_of
 from planner.belief.particles import Belief
 from planner.frames import wrap
 from planner.job.model import Job
@@ -66,10 +66,16 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The counts of each branch: what was read in it and the margin to either side, at most half a gap."""
-    margin = math.ceil(MARGIN_MM / encoder.mm_per_count)
-    gap = clusters.low[:-1] - clusters.high[1:] - 1  # counts fall as widths rise
+    """The counts of each branch: what was read in it and the margin to either side, at most half a gap.
+
+    A thin grip that may read as an empty hand does, to the last count but that of jaws that met: the object
+    flag tells them apart.
+    """
+    margin, free = math.ceil(MARGIN_MM / encoder.mm_per_count), resolution_of(encoder).free
+    gap = np.maximum(clusters.low[:-1] - clusters.high[1:] - 1, 0)  # counts fall as widths rise
     above = np.concatenate([[margin], np.minimum(margin, gap // 2)])
+    thin = (clusters.low < free) & (clusters.high >= free - 1)
+    above = np.where(thin, encoder.count_closed - 1 - clusters.high, above)
     below = np.concatenate([np.minimum(margin, gap - gap // 2), [margin]])
     return [(int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)]
 

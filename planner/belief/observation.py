@@ -59,6 +59,10 @@ class Encoder:
         counts = np.rint(self.count_closed - noisy / self.mm_per_count)
         return np.asarray(np.clip(counts, self.count_open, self.count_closed), dtype=np.int64)
 
+    def with_flag(self, counts: IntArray, width_mm: Array) -> IntArray:
+        """Counts (n,) as a plan tells them apart: the object flag parts thin grips from an empty hand."""
+        return np.where(width_mm > 0.0, np.minimum(counts, resolution_of(self).free - 1), counts)
+
     def width_mm(self, counts: Array | IntArray) -> Array:
         """Width at a count, the middle of what reads so; fractions of a count allowed."""
         return np.asarray((self.count_closed - np.asarray(counts, dtype=np.float64)) * self.mm_per_count)

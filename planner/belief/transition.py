@@ -161,7 +161,7 @@ def squeezed_by(
     hand = placing.placed(np.repeat([placement for _, placement in cases], size, axis=0), traits, rng)
     poses = np.concatenate([belief.poses for belief, _ in cases])
     rolled = roll_out(to_hand(poses, hand.T), np.repeat(np.arange(len(cases)), size), traits)
-    counts = encoder.read(read_as(rolled.width_mm, traits), rng)
+    counts = encoder.with_flag(encoder.read(read_as(rolled.width_mm, traits), rng), rolled.width_mm)
     after = to_world(rolled.poses, hand.T)
     squeezed = []
     start = 0

@@ -24,6 +24,7 @@ class Advice(NamedTuple):
     """What limits a plan."""
 
     failing: float  # share of the parts that are not located
+    rejected: float  # share whose width no branch has
     unresolved: float  # share that ends in leaves from which no squeeze gained anything
     at_depth_limit: float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
     pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
@@ -37,6 +38,7 @@ class Advice(NamedTuple):
         """For JSON."""
         return {
             "failing": self.failing,
+            "rejected": self.rejected,
             "unresolved": self.unresolved,
             "at_depth_limit": self.at_depth_limit,
             "pairs": [pair._asdict() for pair in self.pairs],
@@ -78,6 +80,7 @@ def advise(
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
+        rejected=float(evaluation.rejected.mean()),
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=close_pairs(table, evaluation, job),

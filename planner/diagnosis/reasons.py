@@ -21,6 +21,7 @@ ALIKE = "poses not told apart"
 TIME = "search cut short"
 DEPTH = "longest path reached"
 SCATTER = "scatter about a pose"
+REJECTED = "widths that no branch has"
 NO_START = "no first squeeze"
 
 
@@ -83,6 +84,10 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
     if several and (found := likeness(job, cut)):
         return found
+    if advice.rejected > 0.5 * advice.failing:
+        return Reason(
+            REJECTED, f"{advice.rejected:.1%} of the parts are rejected for a width that is not planned"
+        )
     if cut:
         return Reason(TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over")
     if advice.at_depth_limit > 0.5 * advice.failing:
@@ -91,5 +96,6 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
         return Reason(ALIKE, several[0].line())
     if advice.open_poses:
         return Reason(SCATTER, advice.open_poses[0].line())
-    wrong = advice.failing - advice.unresolved
-    return Reason(SCATTER, f"{wrong:.1%} of the parts are answered wrongly or rejected")
+    return Reason(
+        SCATTER, f"{advice.failing - advice.unresolved:.1%} of the parts are answered wrongly or rejected"
+    )

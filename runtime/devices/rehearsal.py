@@ -8,7 +8,7 @@ from math import dist, remainder, tau
 from random import Random
 
 from runtime.errors import ArgumentsError
-from runtime.table import HELD_UM, Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+from runtime.table import Branch, Calibration, Node, Pose2, Table, by_count, decision_map
 from runtime.traversal.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
@@ -63,7 +63,7 @@ class Rehearsal:
             key=lambda target: target != branch.target,
         )
         self._last, self._width_mm = index, self._width_um(node, branch) / 1000
-        self._status = "grasped" if branch.expected_um >= HELD_UM else "untouched"
+        self._status = "grasped" if branch.grip else "untouched"
         return pose_hand, self._width_mm, self._status
 
     def _node_of(self, pose_hand: Pose2) -> int | None:

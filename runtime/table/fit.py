@@ -1,7 +1,7 @@
 """Whether a table fits one gripper: every branch still read, by counts that still mean its widths."""
 
 from runtime.table.lookup import REJECT, Calibration, decide, decision_map
-from runtime.table.model import HELD_UM, Table
+from runtime.table.model import Table
 
 
 def misfits(table: Table, calibration: Calibration) -> list[str]:
@@ -29,7 +29,7 @@ def misfits(table: Table, calibration: Calibration) -> list[str]:
                     f"node {index}, branch {number}: no count of this gripper means {width}; "
                     "calibrate it again, or recompile the table for its encoder"
                 )
-            elif decide(decided, nearest, branch.expected_um >= HELD_UM) not in (number, REJECT):
+            elif decide(decided, nearest, branch.grip) not in (number, REJECT):
                 problems.append(
                     f"node {index}, branch {number}: this gripper reads {branch.expected_um / 1000:.2f} mm "
                     "as another branch; recompile the table for its encoder"

@@ -6,7 +6,7 @@ from operator import neg
 from typing import Self
 
 from runtime.errors import TableError
-from runtime.table.model import HELD_UM, UNDETECTED_UM, GripperSpec, Node
+from runtime.table.model import UNDETECTED_UM, GripperSpec, Node
 
 REJECT = -1
 COUNTS = 256
@@ -53,37 +53,46 @@ class Calibration:
 def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
     """What every settled reading of a closing motion means at a node: the whole rule (decision 0020).
 
-    The width says which branch: among those whose interval contains it the one of the nearest expected width,
-    the lower of two equally near. A branch of expected width `HELD_UM` or more is a grip, and never read at
-    width 0; a narrower one means that nothing is held. With an object felt only a grip is believed. With none
-    felt no width above `UNDETECTED_UM` is believed; up to it a grip may have gone unfelt. All else is
+    Of the branches whose interval contains the width, and which the flag admits, the one of the nearest
+    expected width is meant, the lower of two equally near. A branch that does not reach down to width 0, or
+    is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
+    held. With an object felt only grips are admitted. With none felt no width above `UNDETECTED_UM` is
+    believed; up to it nothing was held, or, where no branch says that, a grip went unfelt. All else is
     `REJECT`.
 
     Returns:
         512 entries, each an index into `node.branches` or `REJECT`: at each count with no object felt, then
         at each count with one felt.
     """
-    unfelt, felt = [REJECT] * COUNTS, [REJECT] * COUNTS
-    nearest = [0] * COUNTS  # distance to the expected width of the branch that has the count so far
-    taken = [REJECT] * COUNTS
-    for number, branch in enumerate(node.branches):
-        grip = branch.expected_um >= HELD_UM
-        for count in calibration.counts(branch.low_um, branch.high_um):
-            width = calibration.widths_um[count]
-            distance = abs(width - branch.expected_um)
-            if taken[count] != REJECT and nearest[count] <= distance:
-                continue
-            taken[count], nearest[count] = number, distance
-            believed = number if width > 0 or not grip else REJECT
-            unfelt[count] = believed if width <= UNDETECTED_UM else REJECT
-            felt[count] = believed if grip else REJECT
+    grips = _nearest(node, True, calibration)
+    empty = _nearest(node, False, calibration)
+    felt = [
+        number if width > 0 else REJECT for number, width in zip(grips, calibration.widths_um, strict=True)
+    ]
+    unfelt = [
+        REJECT if width > UNDETECTED_UM else held if number == REJECT else number
+        for number, held, width in zip(empty, felt, calibration.widths_um, strict=True)
+    ]
     return (*unfelt, *felt)
+
+
+def _nearest(node: Node, grip: bool, calibration: Calibration) -> list[int]:
+    """At each count the branch of the nearest expected width, of the grips or of the others."""
+    taken, nearest = [REJECT] * COUNTS, [0] * COUNTS
+    for number, branch in enumerate(node.branches):
+        if branch.grip != grip:
+            continue
+        for count in calibration.counts(branch.low_um, branch.high_um):
+            distance = abs(calibration.widths_um[count] - branch.expected_um)
+            if taken[count] == REJECT or distance < nearest[count]:
+                taken[count], nearest[count] = number, distance
+    return taken
 
 
 def by_count(decided: tuple[int, ...]) -> tuple[int, ...]:
     """A `decision_map` as drawings show it: what each of the 256 counts means, with the flag that it needs.
 
-    The two halves of a map never name two branches, since the width alone says which.
+    Where the flag decides between nothing and a thin grip, it is the grip.
     """
     return tuple(map(max, decided[:COUNTS], decided[COUNTS:]))
 

@@ -43,6 +43,11 @@ class Branch(NamedTuple):
     probability_ppm: int  # predicted share of this outcome among the node's outcomes
     target: int  # >= 0 an index into `Table.nodes`, < 0 a leaf: index ~target into `Table.leaves`
 
+    @property
+    def grip(self) -> bool:
+        """Whether something is between the jaws: no reading of the branch is that of jaws that met."""
+        return self.low_um > 0 or self.expected_um >= HELD_UM
+
 
 class Node(NamedTuple):
     """One decision: a squeeze and its outcomes, ordered by width."""

@@ -37,7 +37,7 @@ class Decision(NamedTuple):
         widths = [
             f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
             for branch in self.node.branches
-            if branch.expected_um >= HELD_UM  # an object was felt
+            if branch.grip  # an object was felt
         ]
         planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
         return f"no outcome of this squeeze has this width (planned: {planned})"

@@ -54,7 +54,7 @@ def test_numbers_in_the_prose_are_the_ones_of_the_code() -> None:
     angle = f"{MAX_ANGLE_URAD:,}".replace(",", " ")
     assert TEXT.count(f"-{angle}..{angle}") == 2
     assert f"expected width >= {HELD_UM} um is a grip" in TEXT
-    assert f"widths up to {UNDETECTED_UM} um" in TEXT
+    assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in TEXT
 
 
 def test_the_kinds_of_goal_are_listed_by_their_numbers() -> None:

@@ -15,9 +15,10 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.search.expand import breadth_first
 from planner.world import ContactWorlds, make
-from runtime.table import Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
+from runtime.table import HELD_UM, Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
 
 TREES = Path(__file__).parents[2] / "trees"
+FEW = {"particles": 300, "search_particles": 30, "depth": 1, "max_depth": 4}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 
 
@@ -147,6 +148,29 @@ def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart()
         compile_job(l_job("none", search={"max_depth": 3}, friction={"doubt": 0}), workers=2, trials=1000)
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
+
+
+def test_prongs_that_the_jaws_pinch_are_told_from_an_empty_hand(job):
+    """A connector whose prongs of 1 mm read within a count or two of jaws that met."""
+    prongs = [
+        [7.5, 12.6],
+        [6.5, 12.6],
+        [6.5, 9.7],
+        [-6.5, 9.7],
+        [-6.5, 12.6],
+        [-7.5, 12.6],
+        [-7.5, 0],
+        [7.5, 0],
+    ]
+    pronged = job.replaced(
+        part={"outline_mm": prongs, "symmetry": 1}, uncertainty={"radius_mm": 2}, search=FEW,
+        actions={"angles_deg": [0, 90], "centers_mm": [[0, 0], [0, 18], [18, 0]], "proposals": "none"},
+        goal={"confidence": 0.9, "stress_trials": 0},
+    )  # fmt: skip
+    plan = compile_job(pronged, workers=2, trials=1000)
+    thin = [b for node in plan.table.nodes for b in node.branches if b.low_um > 0 and b.expected_um < HELD_UM]
+    assert sum(branch.probability_ppm for branch in thin) > 10_000
+    assert plan.evaluation.rejected.mean() < 0.05, plan.evaluation.summary()
 
 
 def test_a_goal_of_two_poses_is_met_where_one_cannot_be():

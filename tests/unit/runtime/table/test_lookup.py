@@ -26,19 +26,17 @@ TABLES = [small_table(), every_field_table(), random_table(1, 60), grown_table(1
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
-    """Contained, nearest expected width, the lower of two; then decision 0020."""
-    held = [
-        (abs(width_um - branch.expected_um), number)
-        for number, branch in enumerate(node.branches)
-        if branch.low_um <= width_um <= branch.high_um
-    ]
-    if not held:
-        return REJECT
-    number = min(held)[1]
-    grip = node.branches[number].expected_um >= HELD_UM
+    """Decision 0020: those that the flag admits, contained, nearest expected width, the lower of two."""
+    grips, others = [], []
+    for number, branch in enumerate(node.branches):
+        if branch.low_um <= width_um <= branch.high_um:
+            grip = branch.expected_um >= HELD_UM or branch.low_um > 0
+            (grips if grip else others).append((abs(width_um - branch.expected_um), number))
+    if width_um == 0:
+        grips = []
     if object_detected:
-        return number if grip and width_um > 0 else REJECT
-    return number if width_um <= 5_000 and not (grip and width_um == 0) else REJECT
+        return min(grips)[1] if grips else REJECT
+    return min(others or grips)[1] if (others or grips) and width_um <= 5_000 else REJECT
 
 
 def node_of(*intervals: tuple[int, int, int]) -> Node:
@@ -90,17 +88,26 @@ def test_what_is_no_count_is_rejected(count: int) -> None:
         assert decide(decided, count, felt=False) == REJECT
 
 
-def test_a_grip_begins_at_two_millimetres_of_expected_width_and_may_go_unfelt() -> None:
-    """TABLE.md: from this expected width on the jaws hold a part, which the flag may miss up to 5 mm."""
+def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt() -> None:
+    """TABLE.md: the flag may miss it up to 5 mm."""
     assert (HELD_UM, REJECT) == (2_000, -1)
     at = LINE.count(1_900)
-    for expected, grip in ((1_999, False), (2_000, True)):
-        decided = decision_map(node_of((1_500, expected, 2_500)), LINE)
+    for low, expected, grip in ((0, 1_999, False), (0, 2_000, True), (1, 1_999, True)):
+        decided = decision_map(node_of((low, expected, 2_500)), LINE)
         assert (decide(decided, at, felt=True) == 0) == grip
         assert decide(decided, at, felt=False) == 0
     wide = decision_map(node_of((2_000, 6_000, 10_000)), LINE)
     widths = [width for count, width in enumerate(LINE.widths_um) if decide(wide, count, False) == 0]
     assert max(widths) == max(width for width in LINE.widths_um if width <= 5_000)
+
+
+def test_the_flag_tells_a_thin_grip_from_jaws_that_met() -> None:
+    decided = decision_map(node_of((0, 0, 900), (200, 1_000, 1_900)), LINE)
+    dimly = LINE.count(700)
+    assert decide(decided, dimly, felt=True) == 1
+    assert decide(decided, dimly, felt=False) == 0
+    assert decide(decided, LINE.count(1_500), felt=False) == 1  # wider than any empty hand
+    assert by_count(decided)[dimly] == 1
 
 
 def test_jaws_a_micrometre_apart_may_hold_something() -> None:
