@@ -223,7 +223,7 @@ class AskedParts:
         return self._part, flag
 
     def _flag_of(self, count: int, decided: tuple[int, ...]) -> int:
-        """The flag that goes with a width alone: the one with a branch there; where both have one, none felt."""
+        """The flag that goes with a width alone: the one with a branch; where both have one, none felt."""
         if decide(decided, count, True) != decide(decided, count, False):
             return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
         return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
