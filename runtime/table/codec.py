@@ -32,6 +32,7 @@ from runtime.table.model import (
 FORMAT = 3
 SEVERAL = 4
 MAGIC = "squeezetree"
+BEGINNING = 16  # bytes within which a table names itself
 MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
@@ -100,7 +101,8 @@ def decode(data: bytes) -> Table:
     """
     if len(data) > MAX_BYTES:
         raise TableError(f"{len(data)} bytes, allowed are {MAX_BYTES}; this is not a table")
-    frame = _unpacked(data, "the file")
+    named = not data or MAGIC.encode() in data[:BEGINNING]
+    frame = _unpacked(data, "the file") if named else None
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
     if type(frame[1]) is not int or frame[1] not in (FORMAT, SEVERAL):

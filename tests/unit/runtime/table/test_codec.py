@@ -148,11 +148,12 @@ HOSTILE = [
     (with_field("node_x_um", [0] * MANY), "holds 2 integers where 16384 belong"),
     (with_field("node_x_um", [0] * (MANY + 1)), "damaged or cut short"),
     (with_field("tool", "x" * (3 << 20)), "bytes, allowed are"),
-    (b"\x91" * 100_000, "damaged or cut short"),
+    (b"\x91" * 100_000, "not a squeezetree table"),
+    (b"x_mm,y_mm\n0,0\n30,0\n", "not a squeezetree table"),
     (framed(b"\x91" * 1_000_000), "damaged or cut short"),
     (framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383), "the payload is not an array"),
-    (b"\xdd\xff\xff\xff\xff", "damaged or cut short"),
-    (b"\xc6\xff\xff\xff\xff", "damaged or cut short"),
+    (b"\xdd\xff\xff\xff\xff", "not a squeezetree table"),
+    (b"\xc6\xff\xff\xff\xff", "not a squeezetree table"),
     (bytes(MAX_BYTES + 1), "bytes, allowed are"),
 ]
 
