@@ -116,7 +116,7 @@ class LookAhead:
         options = self.ranking.candidates(belief, thin)
         if not len(options):
             return []
-        (squeezed,) = self.ranking.squeeze([thin], self.ranking.shortlisted([thin], [options], rng), rng)
+        (squeezed,) = self.ranking.squeeze([thin], [options], rng)
         near = self.ranking.refined(belief, squeezed)
         if len(near):
             squeezed = squeezed.joined(self.ranking.squeeze([thin], [near], rng)[0])
@@ -144,9 +144,8 @@ class LookAhead:
         options = [self.ranking.candidates(beliefs[i], beliefs[i]) for i in short]
         movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
         before = ratio.copy()
-        moved = [beliefs[i] for i, _ in movable]
-        shortlisted = self.ranking.shortlisted(moved, [choice for _, choice in movable], rng)
-        squeezed = self.ranking.squeeze(moved, shortlisted, rng)
+        moved, choices = [beliefs[i] for i, _ in movable], [choice for _, choice in movable]
+        squeezed = self.ranking.squeeze(moved, choices, rng)
         for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
             best = int(np.argmin(found.cost_to_go))
             cost_to_go[i], ratio[i] = found.cost_to_go[best], max(ratio[i], found.ratio[best])

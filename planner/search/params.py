@@ -18,10 +18,12 @@ class SearchParams:
 
     followed: tuple[int, ...] = (4, 4, 4)
     """Actions followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
-    shortlist: int = 32
-    """Actions of a belief that all its particles judge; of more, those that rank best by few particles."""
-    shortlist_particles: int = 50
-    """Particles that rank an action first."""
+    finalists: int = 4
+    """Actions of a belief that all its particles judge; of more, half are dropped after each round."""
+    first_share: float = 0.125
+    """Share of the particles that judge in the first round; each round judges by twice as many."""
+    first_particles: int = 16
+    """The least number of them."""
     refined: int = 2
     """Best actions whose placements are varied."""
     nearly_done: float = 0.5
