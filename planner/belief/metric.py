@@ -18,6 +18,9 @@ from planner.part.outline import radius_of_gyration
 
 CANDIDATES = 48
 REFINEMENTS = 4
+STEPS = 12  # towards what lies farthest from a mode
+WIDER = 1.4  # goals of a mode within which what it does not explain pulls at it
+ROOM = 0.8  # goals of a mode within which what it explains leaves room for what was not drawn
 
 
 class Mode(NamedTuple):
@@ -193,6 +196,71 @@ def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
     return count
 
 
+@inner_kernel
+def farthest(states: Array, centre: Array, weights: Array, reach: float, off: Array) -> tuple[int, float]:
+    """Counts states as `inliers`; the distance of the farthest within `reach`, in goals.
+
+    `off` receives how that one lies off the centre.
+    """
+    several = states.shape[1] > 3
+    which, count, most = 0, 0, 0.0
+    off[0] = off[1] = off[2] = 0.0
+    for i in range(states.shape[0]):
+        if several:
+            if weights[0, 5] > 0.0 and states[i, 3] != centre[3]:
+                continue
+            which = int(states[i, 3])
+        dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
+        turn, period = states[i, 2] - centre[2], weights[which, 4]
+        turn -= period * np.round(turn / period)
+        x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
+        distance = np.sqrt(x * x + y * y) + angle if weights[which, 0] > 0.0 else max(abs(x), abs(y), angle)
+        if distance < 1.0:
+            count += 1
+        if most < distance < reach:
+            most = distance
+            off[0], off[1], off[2] = dx, dy, turn
+    return count, most
+
+
+@kernel
+def _widened(states: Array, weights: Array, best: int, state: Array, centre: Array, off: Array) -> int:
+    """Moves a mode so that it explains more than `best` states, if it can; returns how many.
+
+    Its mean lies near the peak of a skewed belief, and leaves out the tail.
+    """
+    centre[:] = state
+    for k in range(STEPS):
+        count, most = farthest(states, centre, weights, WIDER, off)
+        if count > best:
+            best = count
+            state[:] = centre
+        if most < 1.0:
+            break
+        for j in range(3):
+            centre[j] += off[j] / (k + 2)
+    return best
+
+
+@kernel
+def _centred(states: Array, weights: Array, best: int, state: Array, centre: Array, off: Array) -> None:
+    """Moves a mode to the middle of the `best` states that it explains, where they leave no room.
+
+    Steps towards the farthest lead to the middle (Badoiu and Clarkson, SODA 2003).
+    """
+    centre[:] = state
+    least = 1.0
+    for k in range(STEPS):
+        count, most = farthest(states, centre, weights, 1.0, off)
+        if count >= best and most < least:
+            least = most
+            state[:] = centre
+        if least <= ROOM:
+            break
+        for j in range(3):
+            centre[j] += off[j] / (k + 2)
+
+
 @kernel
 def largest_mode(states: Array, weights: Array, state: Array) -> float:
     """Share of the states within the goal of the best one found.
@@ -231,6 +299,8 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
             state[:] = centre
         if best == n:
             break
+    if best < n:
+        best = _widened(states, weights, best, state, centre, mean)
     # Among equals the mean is the better prediction.
     inliers(states, state, weights, mean)
     for _ in range(REFINEMENTS):
@@ -240,4 +310,5 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
             break
         best = count
         state[:] = centre
+    _centred(states, weights, best, state, centre, mean)
     return float(best / n)
