@@ -18,7 +18,7 @@ from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.judge import claimed
+from planner.evaluation.judge import claimed, rejudged
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
@@ -154,11 +154,15 @@ class Planning:
             evaluation = judge(table, attempt)
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
             others = stressed(table, self.job, attempt, self.work)
+            short = self._learn(table, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
-            short, doubts = self._faults(table, evaluation, others)
+            doubts = doubt(self.root, others, self.growth.objective.metric)
             if short < PARAMS.least_short and not doubts:
                 break
+        # The last trials, too, have told the leaves where parts lie.
+        table = lower(self.root, self.job)
+        evaluation, *others = (rejudged(table, run) for run in [evaluation, *others])
         return Planned(self, table, evaluation, others, self.anytime.report())
 
     def begin(self) -> None:
@@ -184,17 +188,12 @@ class Planning:
         """Tries other squeezes for the nodes that matter most, until it is late."""
         improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
-    def _faults(
-        self, table: Table, evaluation: Evaluation, others: list[Evaluation]
-    ) -> tuple[float, list[Doubt]]:
-        """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
-        metric = self.growth.objective.metric
+    def _learn(self, table: Table, evaluation: Evaluation) -> float:
+        """Teaches the leaves where parts came to lie; the share of those that do not hold any longer."""
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
         ended = Belief(evaluation.poses, evaluation.traits, last)
         beliefs = {k: ended[evaluation.leaf == k] for k in range(len(table.leaves))}
-        against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
-        short = learn(self.root, beliefs, self.growth, self._reopen, against)
-        return short, doubt(self.root, others, metric)
+        return learn(self.root, beliefs, self.growth, self._reopen, self._refuted)
 
     def _refuted(self, within: BoolArray) -> bool:
         """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""

@@ -113,6 +113,11 @@ class Metric(NamedTuple):
         """Where the distance is below the goal."""
         return np.asarray(self.between(states, reference) < self.goal)
 
+    def explained(self, states: Array, mode: Mode) -> BoolArray:
+        """Which of states (n, 3 or 4) are within the goal of a mode, or of one of its further poses."""
+        said = np.column_stack([np.vstack([mode.pose, mode.others]), mode.hypothesis])
+        return np.asarray(self.reached(states[:, None], said).any(axis=1))
+
     def mode(self, states: Array) -> Mode:
         """The state with most of the belief within the goal, or as many states as the goal allows.
 
