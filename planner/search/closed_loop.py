@@ -134,7 +134,7 @@ class LookAhead:
     ) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
-        ratio = np.array([self.objective.metric.mode(belief.states).ratio for belief in beliefs])
+        ratio = np.array([self.objective.metric.share(belief.states) for belief in beliefs])
         short = np.flatnonzero(ratio < self.objective.confidence)
         size = np.array([len(belief) for belief in beliefs])
         cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)

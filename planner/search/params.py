@@ -90,8 +90,6 @@ class SearchParams:
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
     refinements: int = 3
     """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
-    leaf_trials: int = 100
-    """Trials of a leaf from which its measured success rate itself is compared with the goal."""
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
