@@ -179,25 +179,32 @@ def metric_of(job: Job) -> Metric:
 
 
 @inner_kernel
+def off(states: Array, i: int, centre: Array, weights: Array) -> tuple[float, float, float, float]:
+    """How state i lies off `centre`: the distance in goals, infinite for another part; x, y and the angle."""
+    which = 0
+    if states.shape[1] > 3:
+        if weights[0, 5] > 0.0 and states[i, 3] != centre[3]:
+            return np.inf, 0.0, 0.0, 0.0
+        which = int(states[i, 3])
+    dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
+    turn, period = states[i, 2] - centre[2], weights[which, 4]
+    turn -= period * np.round(turn / period)
+    x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
+    if weights[which, 0] > 0.0:
+        return np.sqrt(x * x + y * y) + angle, dx, dy, turn
+    return max(abs(x), abs(y), angle), dx, dy, turn
+
+
+@inner_kernel
 def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
     """Counts states within the goal of `centre`, taken under the symmetry of each.
 
     `mean` receives their mean pose, taken about the centre, and its hypothesis.
     """
-    several = states.shape[1] > 3
-    which, count = 0, 0
-    identify = weights[0, 5] > 0.0
+    count = 0
     mean[0] = mean[1] = mean[2] = 0.0
     for i in range(states.shape[0]):
-        if several:
-            if identify and states[i, 3] != centre[3]:
-                continue
-            which = int(states[i, 3])
-        dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
-        turn, period = states[i, 2] - centre[2], weights[which, 4]
-        turn -= period * np.round(turn / period)
-        x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
-        distance = np.sqrt(x * x + y * y) + angle if weights[which, 0] > 0.0 else max(abs(x), abs(y), angle)
+        distance, dx, dy, turn = off(states, i, centre, weights)
         if distance < 1.0:
             count += 1
             mean[0] += dx
@@ -205,9 +212,27 @@ def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
             mean[2] += turn
     for j in range(3):
         mean[j] = centre[j] + mean[j] / max(count, 1)
-    if several:
+    if states.shape[1] > 3:
         mean[3] = centre[3]
     return count
+
+
+@inner_kernel
+def farthest(states: Array, centre: Array, weights: Array, reach: float, way: Array) -> tuple[int, float]:
+    """Counts states as `inliers`; the distance of the farthest within `reach`, in goals.
+
+    `way` (3,) receives how that one lies off the centre.
+    """
+    count, most = 0, 0.0
+    way[0] = way[1] = way[2] = 0.0
+    for i in range(states.shape[0]):
+        distance, dx, dy, turn = off(states, i, centre, weights)
+        if distance < 1.0:
+            count += 1
+        if most < distance < reach:
+            most = distance
+            way[0], way[1], way[2] = dx, dy, turn
+    return count, most
 
 
 @kernel
@@ -260,33 +285,6 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
     return float(best / n)
 
 
-@inner_kernel
-def farthest(states: Array, centre: Array, weights: Array, reach: float, off: Array) -> tuple[int, float]:
-    """Counts states as `inliers`; the distance of the farthest within `reach`, in goals.
-
-    `off` receives how that one lies off the centre.
-    """
-    several = states.shape[1] > 3
-    which, count, most = 0, 0, 0.0
-    off[0] = off[1] = off[2] = 0.0
-    for i in range(states.shape[0]):
-        if several:
-            if weights[0, 5] > 0.0 and states[i, 3] != centre[3]:
-                continue
-            which = int(states[i, 3])
-        dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
-        turn, period = states[i, 2] - centre[2], weights[which, 4]
-        turn -= period * np.round(turn / period)
-        x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
-        distance = np.sqrt(x * x + y * y) + angle if weights[which, 0] > 0.0 else max(abs(x), abs(y), angle)
-        if distance < 1.0:
-            count += 1
-        if most < distance < reach:
-            most = distance
-            off[0], off[1], off[2] = dx, dy, turn
-    return count, most
-
-
 @kernel
 def settled_mode(states: Array, weights: Array, state: Array) -> float:
     """Moves a mode to where it explains most states, and leaves room around them.
@@ -303,25 +301,25 @@ def settled_mode(states: Array, weights: Array, state: Array) -> float:
     Returns:
         The share of the states within the goal of it, 0 to 1.
     """
-    centre, off = np.copy(state), np.empty(3)
+    centre, way = np.copy(state), np.empty(3)
     best, least = 0, 1.0
     for k in range(STEPS):
-        count, most = farthest(states, centre, weights, WIDER, off)
+        count, most = farthest(states, centre, weights, WIDER, way)
         if count > best:
             best = count
             state[:] = centre
         if most < 1.0:
             break
         for j in range(3):
-            centre[j] += off[j] / (k + 2)
+            centre[j] += way[j] / (k + 2)
     centre[:] = state
     for k in range(STEPS):
-        count, most = farthest(states, centre, weights, 1.0, off)
+        count, most = farthest(states, centre, weights, 1.0, way)
         if count >= best and most < least:
             least = most
             state[:] = centre
         if least <= ROOM:
             break
         for j in range(3):
-            centre[j] += off[j] / (k + 2)
+            centre[j] += way[j] / (k + 2)
     return float(best / states.shape[0])

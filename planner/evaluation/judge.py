@@ -77,6 +77,4 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
 def rejudged(table: Table, evaluation: Evaluation) -> Evaluation:
     """The same trials against what the leaves of a table say, numbered as those that the parts came to."""
     error_mm, within = judge(table, evaluation.leaf, evaluation.states)
-    return replace(
-        evaluation, error_mm=error_mm, within=within, resolved=claimed(table, evaluation.leaf)
-    )
+    return replace(evaluation, error_mm=error_mm, within=within, resolved=claimed(table, evaluation.leaf))

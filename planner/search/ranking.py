@@ -18,7 +18,6 @@ from planner.search.actions import ActionSet
 from planner.search.params import Objective, SearchParams
 from planner.search.proposals import refined
 
-
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples, cut to their fractions, fill an interval evenly
 
 

@@ -61,6 +61,24 @@ def test_mode_ratio_is_what_its_pose_explains():
         assert metric().reached(belief, mode.pose).mean() == pytest.approx(mode.ratio)
 
 
+def test_the_mode_of_a_skewed_belief_explains_its_tail_too():
+    rng = np.random.default_rng(7)
+    belief = np.zeros((1000, 3))
+    belief[:, 0] = np.minimum(rng.exponential(1.0, 1000), 5.7)
+    mode = metric().mode(belief)
+    assert mode.ratio == 1.0
+    assert metric().explained(belief, mode).all()
+
+
+def test_the_mode_leaves_room_around_what_it_explains():
+    belief = np.repeat([[0.0, 0.0, 0.1], [0.0, 4.0, 0.1]], [950, 50], axis=0)
+    mode = metric(1).mode(belief)
+    assert mode.ratio == 1.0
+    assert metric(1).between(belief, mode.pose).max() < 0.8 * 3.0
+    tight = 0.03 * np.random.default_rng(8).standard_normal((950, 3))
+    assert metric(1).mode(tight).pose == pytest.approx(tight.mean(axis=0), abs=1e-9)
+
+
 def test_frames_are_inverse_and_hand_axes_are_where_they_should_be():
     rng = np.random.default_rng(6)
     poses, placement = rng.normal(size=(50, 3)), np.array([3.0, -1.0, 0.7])
