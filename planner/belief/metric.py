@@ -7,6 +7,7 @@ is the share within the goal of any of them.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -118,9 +119,16 @@ class Metric(NamedTuple):
         said = np.column_stack([np.vstack([mode.pose, mode.others]), mode.hypothesis])
         return np.asarray(self.reached(states[:, None], said).any(axis=1))
 
-    def share(self, states: Array) -> float:
-        """About the share of the belief (n, 3 or 4) within the goal of its mode: faster than `mode`."""
-        return min(1.0, sum(mode.ratio for mode in self.main_modes(states, self.modes)))
+    def shares(self, beliefs: Sequence[Array], most: int) -> Array:
+        """About the shares (k, most) of the heaviest modes of k beliefs (n, 3 or 4), n >= 1 each.
+
+        Much faster than `main_modes`, and than `mode`, which settles what it finds.
+        """
+        shares = np.zeros((len(beliefs), most))
+        if beliefs:
+            stops = np.cumsum([len(states) for states in beliefs])
+            mode_shares(np.concatenate(beliefs), stops, self.weights(), shares)
+        return shares
 
     def mode(self, states: Array) -> Mode:
         """The state with most of the belief within the goal, or as many states as the goal allows.
@@ -283,6 +291,29 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
         best = count
         state[:] = centre
     return float(best / n)
+
+
+@kernel
+def mode_shares(states: Array, stops: IntArray, weights: Array, shares: Array) -> None:
+    """Fills in the `shares` (k, most) of the heaviest modes of k beliefs, one after the other.
+
+    The states of all beliefs are one after the other, too; `stops` (k,) say where each ends.
+    """
+    state, start = np.empty(states.shape[1]), 0
+    for k in range(len(stops)):
+        rest = np.copy(states[start : stops[k]])
+        size = left = stops[k] - start
+        for j in range(shares.shape[1]):
+            if left == 0:
+                break
+            shares[k, j] = largest_mode(rest[:left], weights, state) * left / size
+            kept = 0
+            for i in range(left):
+                if off(rest, i, state, weights)[0] >= 1.0:
+                    rest[kept] = rest[i]
+                    kept += 1
+            left = kept
+        start = stops[k]
 
 
 @kernel

@@ -134,7 +134,8 @@ class LookAhead:
     ) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
-        ratio = np.array([self.objective.metric.share(belief.states) for belief in beliefs])
+        metric = self.objective.metric
+        ratio = metric.shares([belief.states for belief in beliefs], metric.modes).sum(axis=1)
         short = np.flatnonzero(ratio < self.objective.confidence)
         size = np.array([len(belief) for belief in beliefs])
         cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)

@@ -175,15 +175,18 @@ class Ranking:
         metric, params = self.objective.metric, self.objective.params
         cost = np.array([self.objective.costs.of(outcome) for outcome in outcomes])
         ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
+        children = [child.states for outcome in outcomes for child in outcome.beliefs]
+        modes = metric.shares(children, metric.modes + 1)
+        first, further = modes[:, : metric.modes].sum(axis=1), modes[:, metric.modes :].sum(axis=1)
+        start = 0
         for k, outcome in enumerate(outcomes):
-            modes = [metric.main_modes(child.states, metric.modes + 1) for child in outcome.beliefs]
-            first = np.array([sum(mode.ratio for mode in found[: metric.modes]) for found in modes])
-            further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
-            ratio[k] = outcome.probability @ first
             size = outcome.clusters.size
-            left = self.objective.rule.estimate.squeezes(first * size, size)
+            part = slice(start, start + len(size))
+            start = part.stop
+            ratio[k] = outcome.probability @ first[part]
+            left = self.objective.rule.estimate.squeezes(first[part] * size, size)
             cost_to_go[k] += float(outcome.probability @ left)
-            rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further)
+            rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further[part])
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
     def _free(self, belief: Belief, placements: Array) -> Array:
