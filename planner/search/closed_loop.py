@@ -120,7 +120,7 @@ class LookAhead:
         near = self.ranking.refined(belief, squeezed)
         if len(near):
             squeezed = squeezed.joined(self.ranking.squeeze([thin], [near], rng)[0])
-        (followed,) = self._follow([squeezed], depth, 0, rng)
+        (followed,) = self._follow([squeezed], depth, rng)
         return self._choices(thin, squeezed, followed)
 
     def _choices(self, belief: Belief, squeezed: Options, followed: _Followed) -> list[Choice]:
@@ -129,9 +129,7 @@ class LookAhead:
         found = zip(squeezed.placements, followed.cost_to_go, gain, strict=True)
         return [Choice(a, float(j), float(more)) for a, j, more in found if np.isfinite(j)]
 
-    def _values(
-        self, beliefs: list[Belief], depth: int, level: int, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
+    def _values(self, beliefs: list[Belief], depth: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
         metric = self.objective.metric
@@ -147,26 +145,23 @@ class LookAhead:
         before = ratio.copy()
         moved, choices = [beliefs[i] for i, _ in movable], [choice for _, choice in movable]
         squeezed = self.ranking.squeeze(moved, choices, rng)
-        for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
+        for (i, _), found in zip(movable, self._follow(squeezed, depth, rng), strict=True):
             best = int(np.argmin(found.cost_to_go))
             cost_to_go[i], ratio[i] = found.cost_to_go[best], max(ratio[i], found.ratio[best])
         stuck = short[ratio[short] < before[short] + params.least_gain]
         cost_to_go[stuck] += params.dead_end * (1.0 - ratio[stuck])
         return cost_to_go, ratio
 
-    def _follow(
-        self, squeezed: list[Options], depth: int, level: int, rng: np.random.Generator
-    ) -> list[_Followed]:
+    def _follow(self, squeezed: list[Options], depth: int, rng: np.random.Generator) -> list[_Followed]:
         """J of every option, the promising ones followed for the squeezes that remain."""
         found = [_Followed(options.cost_to_go.copy(), options.ratio.copy()) for options in squeezed]
         if depth == 1:
             return found
         params = self.objective.params
-        width = params.followed[min(level, len(params.followed) - 1)]
         open_ones = [i for i, o in enumerate(squeezed) if (o.cost_to_go - o.cost).min() > params.nearly_done]
-        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(width)]
+        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(params.followed)]
         children = [child for i, k in chosen for child in squeezed[i].outcomes[k].beliefs]
-        cost_to_go, ratio = self._values(children, depth - 1, level + 1, rng)
+        cost_to_go, ratio = self._values(children, depth - 1, rng)
         for i in open_ones:
             found[i].cost_to_go[:] = np.inf
         start = 0

@@ -16,8 +16,8 @@ class SearchParams:
     least_clearance_mm: float = 0.5
     """Open fingers are never planned nearer to a believed part than this."""
 
-    followed: tuple[int, ...] = (4, 4, 4)
-    """Actions followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
+    followed: int = 4
+    """Actions of a belief followed beyond their first squeeze: more finds better ones, and takes longer."""
     finalists: int = 4
     """Actions of a belief that all its particles judge; of more, half are dropped after each round."""
     first_share: float = 0.125
