@@ -167,7 +167,8 @@ class Ranking:
             squeezed: its k options.
             after: (k,) mode ratio expected after each, at the end of the look-ahead.
         """
-        ratio, params = self.objective.metric.mode(belief.states).ratio, self.objective.params
+        metric, params = self.objective.metric, self.objective.params
+        ratio = float(metric.shares([belief.states], metric.modes).sum())  # as those after it are found
         bias = [selection_bias(ratio, len(belief), len(o.beliefs), params) for o in squeezed.outcomes]
         return np.asarray(after - ratio - np.array(bias))
 
