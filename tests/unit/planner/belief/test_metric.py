@@ -61,16 +61,17 @@ def test_mode_ratio_is_what_its_pose_explains():
         assert metric().reached(belief, mode.pose).mean() == pytest.approx(mode.ratio)
 
 
-@pytest.mark.parametrize("columns", [3, 4])
-def test_shares_are_those_of_the_main_modes(columns):
+def test_shares_are_those_of_the_main_modes():
     rng = np.random.default_rng(9)
-    beliefs = [rng.normal(size=(n, columns)) * [3.0, 3.0, 0.3, 1.0][:columns] for n in (1, 7, 200)]
+    beliefs = [rng.normal(size=(n, 4)) * [3.0, 3.0, 0.3, 1.0] for n in (1, 7, 200)]
     for states in beliefs:
-        states[:, 3:] = states[:, 3:] > 0.0
+        states[:, 3] = states[:, 3] > 0.0
+    beliefs.append(beliefs[2][:, :3])  # of the first hypothesis alone
     m = metric()._replace(further=((8.0, 1),))
     for states, shares in zip(beliefs, m.shares(beliefs, 2), strict=True):
         found = [mode.ratio for mode in m.main_modes(states, 2)]
         np.testing.assert_allclose(shares, [*found, 0.0][:2])
+    assert m.shares([], 2).shape == (0, 2)
 
 
 def test_the_mode_of_a_skewed_belief_explains_its_tail_too():
