@@ -18,7 +18,7 @@ from planner.evaluation import rare
 from planner.evaluation.cases import stress_cases
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.judge import claimed
+from planner.evaluation.judge import claimed, rejudged
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
@@ -53,7 +53,7 @@ class Planned(NamedTuple):
     by: Planning
     table: Table
     evaluation: Evaluation  # its trials
-    attempt: int  # that they belong to
+    others: list[Evaluation]  # those of the same table in worlds that are off
     cut: Cut | None = None
 
     def value(self, growth: Growth) -> float:
@@ -104,7 +104,8 @@ class Planning:
 
     def finished(self, planned: Planned, judge: Judge) -> tuple[Table, int]:
         """All else that trials decide: the table, and how many branches were cut off."""
-        table, runs = self._marked(planned.table, planned.evaluation, planned.attempt)
+        table = marked(self.job, planned.table, planned.evaluation, planned.others)
+        runs = [planned.evaluation, *planned.others]
         if self.job.goal.wrong_ppm is not None and planned.cut is None:
             table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
         return pruned(self.job, self.root, table, runs, planned.cut)
@@ -131,7 +132,8 @@ class Planning:
                 self._grow(attempt)
                 settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
-                table, runs = self._marked(table, judge(table, attempt), attempt)
+                runs = [judge(table, attempt), *stressed(table, self.job, attempt, self.work)]
+                table = marked(self.job, table, runs[0], runs[1:])
             for leaf in blamed:
                 share = case.found.sums.visits[leaf] / case.found.sums.parts
                 if not ends[leaf].children and share <= spare:
@@ -139,11 +141,6 @@ class Planning:
                     spare -= share
             table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
         return table, runs
-
-    def _marked(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[Table, list[Evaluation]]:
-        """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
-        others = stressed(table, self.job, attempt, self.work)
-        return marked(self.job, table, evaluation, others), [evaluation, *others]
 
     def run(self, judge: Judge) -> Planned:
         """Plans the whole tree, unless it was grown before."""
@@ -156,12 +153,17 @@ class Planning:
             began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
+            others = stressed(table, self.job, attempt, self.work)
+            short = self._learn(table, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
-            short, doubts = self._faults(table, evaluation, attempt)
+            doubts = doubt(self.root, others, self.growth.objective.metric)
             if short < PARAMS.least_short and not doubts:
                 break
-        return Planned(self, table, evaluation, attempt, self.anytime.report())
+        # The last trials, too, have told the leaves where parts lie.
+        table = lower(self.root, self.job)
+        evaluation, *others = (rejudged(table, run) for run in [evaluation, *others])
+        return Planned(self, table, evaluation, others, self.anytime.report())
 
     def begin(self) -> None:
         """Grows the tree, without a look at what becomes of it."""
@@ -186,22 +188,16 @@ class Planning:
         """Tries other squeezes for the nodes that matter most, until it is late."""
         improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
-    def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
-        """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
-        metric = self.growth.objective.metric
+    def _learn(self, table: Table, evaluation: Evaluation) -> float:
+        """Teaches the leaves where parts came to lie; the share of those that do not hold any longer."""
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
         ended = Belief(evaluation.poses, evaluation.traits, last)
         beliefs = {k: ended[evaluation.leaf == k] for k in range(len(table.leaves))}
-        against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
-        short = learn(self.root, beliefs, self.growth, self._reopen, against)
-        runs = stressed(table, self.job, attempt, self.work)
-        return short, doubt(self.root, runs, metric)
+        return learn(self.root, beliefs, self.growth, self._reopen, self._refuted)
 
     def _refuted(self, within: BoolArray) -> bool:
-        """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
-        confidence = self.job.goal.confidence
-        fails = len(within) >= PARAMS.leaf_trials and float(within.mean()) < confidence
-        return fails or refuted(int(within.sum()), len(within), confidence)
+        """Whether trials that came to a leaf speak against it."""
+        return refuted(int(within.sum()), len(within), self.job.goal.confidence)
 
     @property
     def _reopen(self) -> float:

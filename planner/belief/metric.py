@@ -7,6 +7,7 @@ is the share within the goal of any of them.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,9 @@ from planner.part.outline import radius_of_gyration
 
 CANDIDATES = 48
 REFINEMENTS = 4
+STEPS = 12  # towards what lies farthest from a mode
+WIDER = 1.4  # goals of a mode within which what it does not explain pulls at it
+ROOM = 0.8  # goals of a mode within which what it explains leaves room for what was not drawn
 
 
 class Mode(NamedTuple):
@@ -110,24 +114,44 @@ class Metric(NamedTuple):
         """Where the distance is below the goal."""
         return np.asarray(self.between(states, reference) < self.goal)
 
+    def explained(self, states: Array, mode: Mode) -> BoolArray:
+        """Which of states (n, 3 or 4) are within the goal of a mode, or of one of its further poses."""
+        said = np.column_stack([np.vstack([mode.pose, mode.others]), mode.hypothesis])
+        return np.asarray(self.reached(states[:, None], said).any(axis=1))
+
+    def shares(self, beliefs: Sequence[Array], most: int) -> Array:
+        """About the shares (k, most) of the heaviest modes of k beliefs (n, 3 or 4), n >= 1 each.
+
+        Much faster than `main_modes`, and than `mode`, which settles what it finds.
+        """
+        shares, stops = np.zeros((len(beliefs), most)), np.cumsum([len(states) for states in beliefs])
+        states = np.zeros((int(stops[-1]) if beliefs else 0, 4 if self.further else 3))
+        for belief, stop in zip(beliefs, stops, strict=True):
+            states[stop - len(belief) : stop, : belief.shape[1]] = belief
+        mode_shares(states, stops, self.weights(), shares)
+        return shares
+
     def mode(self, states: Array) -> Mode:
         """The state with most of the belief within the goal, or as many states as the goal allows.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
         """
-        found = self.main_modes(states, self.modes)
+        found = self.main_modes(states, self.modes, settled=True)
         ratio = min(1.0, sum(mode.ratio for mode in found))
         others = np.array([mode.pose for mode in found[1:]]).reshape(-1, 3)
         return Mode(found[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in found))
 
-    def main_modes(self, states: Array, most: int, least_share: float = 0.0) -> list[Mode]:
+    def main_modes(
+        self, states: Array, most: int, least_share: float = 0.0, *, settled: bool = False
+    ) -> list[Mode]:
         """The heaviest modes, one after the other: each explains what those before it do not.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
             most: how many at most.
             least_share: lighter ones are not sought, except for the first.
+            settled: whether to look for the best pose of each.
 
         Returns:
             Single modes, each with its share of all the particles.
@@ -138,6 +162,8 @@ class Metric(NamedTuple):
         while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
             state = np.empty(states.shape[1])
             share = float(largest_mode(rest, weights, state)) * len(rest) / total
+            if settled:
+                share = float(settled_mode(rest, weights, state)) * len(rest) / total
             if found and share < least_share:
                 break
             found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
@@ -162,25 +188,32 @@ def metric_of(job: Job) -> Metric:
 
 
 @inner_kernel
+def off(states: Array, i: int, centre: Array, weights: Array) -> tuple[float, float, float, float]:
+    """How state i lies off `centre`: the distance in goals, infinite for another part; x, y and the angle."""
+    which = 0
+    if states.shape[1] > 3:
+        if weights[0, 5] > 0.0 and states[i, 3] != centre[3]:
+            return np.inf, 0.0, 0.0, 0.0
+        which = int(states[i, 3])
+    dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
+    turn, period = states[i, 2] - centre[2], weights[which, 4]
+    turn -= period * np.round(turn / period)
+    x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
+    if weights[which, 0] > 0.0:
+        return np.sqrt(x * x + y * y) + angle, dx, dy, turn
+    return max(abs(x), abs(y), angle), dx, dy, turn
+
+
+@inner_kernel
 def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
     """Counts states within the goal of `centre`, taken under the symmetry of each.
 
     `mean` receives their mean pose, taken about the centre, and its hypothesis.
     """
-    several = states.shape[1] > 3
-    which, count = 0, 0
-    identify = weights[0, 5] > 0.0
+    count = 0
     mean[0] = mean[1] = mean[2] = 0.0
     for i in range(states.shape[0]):
-        if several:
-            if identify and states[i, 3] != centre[3]:
-                continue
-            which = int(states[i, 3])
-        dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
-        turn, period = states[i, 2] - centre[2], weights[which, 4]
-        turn -= period * np.round(turn / period)
-        x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
-        distance = np.sqrt(x * x + y * y) + angle if weights[which, 0] > 0.0 else max(abs(x), abs(y), angle)
+        distance, dx, dy, turn = off(states, i, centre, weights)
         if distance < 1.0:
             count += 1
             mean[0] += dx
@@ -188,9 +221,27 @@ def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
             mean[2] += turn
     for j in range(3):
         mean[j] = centre[j] + mean[j] / max(count, 1)
-    if several:
+    if states.shape[1] > 3:
         mean[3] = centre[3]
     return count
+
+
+@inner_kernel
+def farthest(states: Array, centre: Array, weights: Array, reach: float, way: Array) -> tuple[int, float]:
+    """Counts states as `inliers`; the distance of the farthest within `reach`, in goals.
+
+    `way` (3,) receives how that one lies off the centre.
+    """
+    count, most = 0, 0.0
+    way[0] = way[1] = way[2] = 0.0
+    for i in range(states.shape[0]):
+        distance, dx, dy, turn = off(states, i, centre, weights)
+        if distance < 1.0:
+            count += 1
+        if most < distance < reach:
+            most = distance
+            way[0], way[1], way[2] = dx, dy, turn
+    return count, most
 
 
 @kernel
@@ -241,3 +292,66 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
         best = count
         state[:] = centre
     return float(best / n)
+
+
+@kernel
+def mode_shares(states: Array, stops: IntArray, weights: Array, shares: Array) -> None:
+    """Fills in the `shares` (k, most) of the heaviest modes of k beliefs, one after the other.
+
+    The states of all beliefs are one after the other, too; `stops` (k,) say where each ends.
+    """
+    state, start = np.empty(states.shape[1]), 0
+    for k in range(len(stops)):
+        rest = np.copy(states[start : stops[k]])
+        size = left = stops[k] - start
+        for j in range(shares.shape[1]):
+            if left == 0:
+                break
+            shares[k, j] = largest_mode(rest[:left], weights, state) * left / size
+            kept = 0
+            for i in range(left):
+                if off(rest, i, state, weights)[0] >= 1.0:
+                    rest[kept] = rest[i]
+                    kept += 1
+            left = kept
+        start = stops[k]
+
+
+@kernel
+def settled_mode(states: Array, weights: Array, state: Array) -> float:
+    """Moves a mode to where it explains most states, and leaves room around them.
+
+    The mean of what a mode explains lies near the peak of a skewed belief, and leaves out its tail. Steps
+    towards the farthest state lead to the middle (Badoiu and Clarkson, SODA 2003): first of the states
+    within `WIDER` goals, then of those explained, unless they are within `ROOM`.
+
+    Args:
+        states: (n, m), n >= 1 [mm, mm, rad, and maybe hypothesis].
+        weights: (h, 6) of the metric.
+        state: (m,) the mode; modified in place.
+
+    Returns:
+        The share of the states within the goal of it, 0 to 1.
+    """
+    centre, way = np.copy(state), np.empty(3)
+    best, least = 0, 1.0
+    for k in range(STEPS):
+        count, most = farthest(states, centre, weights, WIDER, way)
+        if count > best:
+            best = count
+            state[:] = centre
+        if most < 1.0:
+            break
+        for j in range(3):
+            centre[j] += way[j] / (k + 2)
+    centre[:] = state
+    for k in range(STEPS):
+        count, most = farthest(states, centre, weights, 1.0, way)
+        if count >= best and most < least:
+            least = most
+            state[:] = centre
+        if least <= ROOM:
+            break
+        for j in range(3):
+            centre[j] += way[j] / (k + 2)
+    return float(best / states.shape[0])

@@ -5,7 +5,7 @@ encoder noise. Many beliefs and actions are rolled out in one batch.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self, TypeAlias
 
@@ -43,6 +43,15 @@ class Squeezed(NamedTuple):
     belief: Belief
     unstable: float
     width_mm: float
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """What the same action makes of several parts of a belief."""
+        if len(parts) == 1:
+            return parts[0]
+        size = [len(part.belief) for part in parts]
+        means = np.average([part[1:] for part in parts], axis=0, weights=size)
+        return cls(Belief.joined([part.belief for part in parts]), float(means[0]), float(means[1]))
 
 
 class Outcomes(NamedTuple):

@@ -3,7 +3,7 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -13,7 +13,7 @@ from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import claimed, judge
+from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -167,9 +167,7 @@ def run(
         found.leaf[members[ended]] = leaf[ended]
         node[members] = np.maximum(made.target, NOWHERE)
     found.poses[:] -= disturbance.bias
-    error, within = judge(program.table, found.leaf, found.states)
-    resolved = claimed(program.table, found.leaf)
-    return replace(found, error_mm=error, within=within, resolved=resolved)
+    return rejudged(program.table, found)
 
 
 def crashing(

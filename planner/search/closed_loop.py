@@ -116,11 +116,11 @@ class LookAhead:
         options = self.ranking.candidates(belief, thin)
         if not len(options):
             return []
-        (squeezed,) = self.ranking.squeeze([thin], self.ranking.shortlisted([thin], [options], rng), rng)
+        (squeezed,) = self.ranking.squeeze([thin], [options], rng)
         near = self.ranking.refined(belief, squeezed)
         if len(near):
             squeezed = squeezed.joined(self.ranking.squeeze([thin], [near], rng)[0])
-        (followed,) = self._follow([squeezed], depth, 0, rng)
+        (followed,) = self._follow([squeezed], depth, rng)
         return self._choices(thin, squeezed, followed)
 
     def _choices(self, belief: Belief, squeezed: Options, followed: _Followed) -> list[Choice]:
@@ -129,12 +129,11 @@ class LookAhead:
         found = zip(squeezed.placements, followed.cost_to_go, gain, strict=True)
         return [Choice(a, float(j), float(more)) for a, j, more in found if np.isfinite(j)]
 
-    def _values(
-        self, beliefs: list[Belief], depth: int, level: int, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
+    def _values(self, beliefs: list[Belief], depth: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """J of each belief, `depth` squeezes to go, and the mode ratio it then has."""
         params = self.objective.params
-        ratio = np.array([self.objective.metric.mode(belief.states).ratio for belief in beliefs])
+        metric = self.objective.metric
+        ratio = metric.shares([belief.states for belief in beliefs], metric.modes).sum(axis=1)
         short = np.flatnonzero(ratio < self.objective.confidence)
         size = np.array([len(belief) for belief in beliefs])
         cost_to_go = self.objective.rule.estimate.squeezes(ratio * size, size)
@@ -144,29 +143,25 @@ class LookAhead:
         options = [self.ranking.candidates(beliefs[i], beliefs[i]) for i in short]
         movable = [(int(i), choice) for i, choice in zip(short, options, strict=True) if len(choice)]
         before = ratio.copy()
-        moved = [beliefs[i] for i, _ in movable]
-        shortlisted = self.ranking.shortlisted(moved, [choice for _, choice in movable], rng)
-        squeezed = self.ranking.squeeze(moved, shortlisted, rng)
-        for (i, _), found in zip(movable, self._follow(squeezed, depth, level, rng), strict=True):
+        moved, choices = [beliefs[i] for i, _ in movable], [choice for _, choice in movable]
+        squeezed = self.ranking.squeeze(moved, choices, rng)
+        for (i, _), found in zip(movable, self._follow(squeezed, depth, rng), strict=True):
             best = int(np.argmin(found.cost_to_go))
             cost_to_go[i], ratio[i] = found.cost_to_go[best], max(ratio[i], found.ratio[best])
         stuck = short[ratio[short] < before[short] + params.least_gain]
         cost_to_go[stuck] += params.dead_end * (1.0 - ratio[stuck])
         return cost_to_go, ratio
 
-    def _follow(
-        self, squeezed: list[Options], depth: int, level: int, rng: np.random.Generator
-    ) -> list[_Followed]:
+    def _follow(self, squeezed: list[Options], depth: int, rng: np.random.Generator) -> list[_Followed]:
         """J of every option, the promising ones followed for the squeezes that remain."""
         found = [_Followed(options.cost_to_go.copy(), options.ratio.copy()) for options in squeezed]
         if depth == 1:
             return found
         params = self.objective.params
-        width = params.followed[min(level, len(params.followed) - 1)]
         open_ones = [i for i, o in enumerate(squeezed) if (o.cost_to_go - o.cost).min() > params.nearly_done]
-        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(width)]
+        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(params.followed)]
         children = [child for i, k in chosen for child in squeezed[i].outcomes[k].beliefs]
-        cost_to_go, ratio = self._values(children, depth - 1, level + 1, rng)
+        cost_to_go, ratio = self._values(children, depth - 1, rng)
         for i in open_ones:
             found[i].cost_to_go[:] = np.inf
         start = 0

@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 import math
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish
@@ -183,16 +183,16 @@ def learn(
     beliefs: dict[int, Belief],
     growth: Growth,
     confidence: float,
-    against: Collection[int] = (),
+    refutes: Callable[[BoolArray], bool],
 ) -> float:
-    """Adds to the leaves the poses that an evaluation found there.
+    """Adds to the leaves the poses that an evaluation found there, and predicts from all of them.
 
     Args:
         root: the tree, modified in place.
         beliefs: what lay there by the leaf's number, breadth first.
         growth: how it was grown.
         confidence: mode ratio that leaves must have.
-        against: the leaves that the evaluation refutes.
+        refutes: whether parts speak against a leaf, by which of them (n,) it predicts.
 
     Returns:
         The share of all parts that end in leaves which no longer hold, and may be grown further.
@@ -204,9 +204,9 @@ def learn(
         if found is None or not len(found):
             continue
         met = node.mode.ratio >= confidence
-        node.refuted = number in against
         node.belief = Belief.joined([found, node.belief])  # what is doubted stays at the end
         node.mode = growth.objective.metric.mode(node.belief.states)
+        node.refuted = refutes(growth.objective.metric.explained(found.states, node.mode))
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
             short += node.share

@@ -16,12 +16,14 @@ class SearchParams:
     least_clearance_mm: float = 0.5
     """Open fingers are never planned nearer to a believed part than this."""
 
-    followed: tuple[int, ...] = (4, 4, 4)
-    """Actions followed beyond their first squeeze: at the node itself, one squeeze on, and so on."""
-    shortlist: int = 32
-    """Actions of a belief that all its particles judge; of more, those that rank best by few particles."""
-    shortlist_particles: int = 50
-    """Particles that rank an action first."""
+    followed: int = 4
+    """Actions of a belief followed beyond their first squeeze: more finds better ones, and takes longer."""
+    finalists: int = 4
+    """Actions of a belief that all its particles judge; of more, half are dropped after each round."""
+    first_share: float = 0.125
+    """Share of the particles that judge in the first round; each round judges by twice as many."""
+    first_particles: int = 16
+    """The least number of them."""
     refined: int = 2
     """Best actions whose placements are varied."""
     nearly_done: float = 0.5
@@ -88,8 +90,6 @@ class SearchParams:
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
     refinements: int = 3
     """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
-    leaf_trials: int = 100
-    """Trials of a leaf from which its measured success rate itself is compared with the goal."""
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray
-from planner.belief.particles import Belief, subsample
-from planner.belief.transition import MotionModel, Outcomes
+from planner.belief.particles import Belief
+from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.frames import wrap
 from planner.mechanics.clearance import free_placements
 from planner.mechanics.mixture import Mixture
@@ -17,6 +17,8 @@ from planner.mechanics.traits import by_hypothesis
 from planner.search.actions import ActionSet
 from planner.search.params import Objective, SearchParams
 from planner.search.proposals import refined
+
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples, cut to their fractions, fill an interval evenly
 
 
 class Choice(NamedTuple):
@@ -63,6 +65,51 @@ class Options(NamedTuple):
         return Options(placements, self.outcomes + other.outcomes, *columns)
 
 
+@dataclass(slots=True, eq=False)
+class _Contest:
+    """The options of one belief while they are halved."""
+
+    belief: Belief
+    placements: Array  # (k, 3) of those still in it
+    stop: int  # how many of the particles will have squeezed after this round
+    start: int = 0  # how many have squeezed
+    squeezed: list[Squeezed] = field(default_factory=list)  # k, by all particles so far
+    options: Options = field(init=False)  # as judged last
+
+    @classmethod
+    def of(cls, belief: Belief, placements: Array, params: SearchParams) -> _Contest:
+        """The first round: fewer particles the more options there are, spread evenly through the belief."""
+        few = len(belief)
+        if len(placements) > params.finalists:
+            few = min(few, max(params.first_particles, round(params.first_share * few)))
+            belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
+        return cls(belief, placements, few)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether particles are left to squeeze with."""
+        return self.start < len(self.belief)
+
+    @property
+    def next(self) -> Belief:
+        """The particles of this round."""
+        return self.belief[self.start : self.stop]
+
+    def add(self, squeezed: list[Squeezed]) -> None:
+        """What this round's particles came to, for each option."""
+        before = zip(self.squeezed, squeezed, strict=True) if self.squeezed else ((new,) for new in squeezed)
+        self.squeezed, self.start = [Squeezed.joined(parts) for parts in before], self.stop
+
+    def halve(self, options: Options, params: SearchParams) -> None:
+        """Drops the worse options, unless all particles have judged them."""
+        self.options = options
+        if self.waiting:
+            kept = sorted(options.best(max(params.finalists, -(-len(self.placements) // 2))))
+            self.placements, self.squeezed = self.placements[kept], [self.squeezed[k] for k in kept]
+            last = len(kept) <= params.finalists
+            self.stop = len(self.belief) if last else min(len(self.belief), 2 * self.stop)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranking:
     """Simulates and ranks the candidate squeezes of beliefs.
@@ -85,30 +132,24 @@ class Ranking:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
         return self._free(belief, self.actions.options(about.states, self.objective.metric))
 
-    def shortlisted(
-        self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator
-    ) -> list[Array]:
-        """Of more options (k, 3) than all particles can judge, those that rank best by few particles.
+    def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
+        """The best of every belief's options (k, 3), each squeezed by all its particles.
 
-        One round of sequential halving (Karnin, Koren and Somekh, ICML 2013).
+        All options are squeezed by few particles first, the better half by twice as many, and so on, until
+        few options are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
         params = self.objective.params
-        wide = [i for i, choice in enumerate(options) if len(choice) > params.shortlist]
-        few = [subsample(beliefs[i], params.shortlist_particles) for i in wide]
-        short = list(options)
-        for i, squeezed in zip(wide, self.squeeze(few, [options[i] for i in wide], rng), strict=True):
-            short[i] = np.asarray(options[i][sorted(squeezed.best(params.shortlist))])
-        return short
-
-    def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
-        """Every option (k, 3) of every belief, squeezed once, in one batch."""
-        cases = [(belief, a) for belief, choice in zip(beliefs, options, strict=True) for a in choice]
-        outcomes = [Outcomes.of(found, self.objective.rule) for found in self.model.squeeze(cases, rng)]
-        result, start = [], 0
-        for choice in options:
-            result.append(self._judge(choice, outcomes[start : start + len(choice)]))
-            start += len(choice)
-        return result
+        contests = [
+            _Contest.of(belief, choice, params) for belief, choice in zip(beliefs, options, strict=True)
+        ]
+        while waiting := [contest for contest in contests if contest.waiting]:
+            cases = [(contest.next, a) for contest in waiting for a in contest.placements]
+            squeezed = iter(self.model.squeeze(cases, rng))
+            for contest in waiting:
+                contest.add([next(squeezed) for _ in contest.placements])
+                outcomes = [Outcomes.of(found, self.objective.rule) for found in contest.squeezed]
+                contest.halve(self._judge(contest.placements, outcomes), params)
+        return [contest.options for contest in contests]
 
     def refined(self, belief: Belief, squeezed: Options) -> Array:
         """Variants (k, 3) of the best placements, where placements may be proposed at all."""
@@ -126,7 +167,8 @@ class Ranking:
             squeezed: its k options.
             after: (k,) mode ratio expected after each, at the end of the look-ahead.
         """
-        ratio, params = self.objective.metric.mode(belief.states).ratio, self.objective.params
+        metric, params = self.objective.metric, self.objective.params
+        ratio = float(metric.shares([belief.states], metric.modes).sum())  # as those after it are found
         bias = [selection_bias(ratio, len(belief), len(o.beliefs), params) for o in squeezed.outcomes]
         return np.asarray(after - ratio - np.array(bias))
 
@@ -134,15 +176,18 @@ class Ranking:
         metric, params = self.objective.metric, self.objective.params
         cost = np.array([self.objective.costs.of(outcome) for outcome in outcomes])
         ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
+        children = [child.states for outcome in outcomes for child in outcome.beliefs]
+        modes = metric.shares(children, metric.modes + 1)
+        first, further = modes[:, : metric.modes].sum(axis=1), modes[:, metric.modes :].sum(axis=1)
+        start = 0
         for k, outcome in enumerate(outcomes):
-            modes = [metric.main_modes(child.states, metric.modes + 1) for child in outcome.beliefs]
-            first = np.array([sum(mode.ratio for mode in found[: metric.modes]) for found in modes])
-            further = np.array([sum(mode.ratio for mode in found[metric.modes :]) for found in modes])
-            ratio[k] = outcome.probability @ first
             size = outcome.clusters.size
-            left = self.objective.rule.estimate.squeezes(first * size, size)
+            part = slice(start, start + len(size))
+            start = part.stop
+            ratio[k] = outcome.probability @ first[part]
+            left = self.objective.rule.estimate.squeezes(first[part] * size, size)
             cost_to_go[k] += float(outcome.probability @ left)
-            rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further)
+            rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further[part])
         return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
 
     def _free(self, belief: Belief, placements: Array) -> Array:

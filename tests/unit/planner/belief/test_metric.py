@@ -61,6 +61,37 @@ def test_mode_ratio_is_what_its_pose_explains():
         assert metric().reached(belief, mode.pose).mean() == pytest.approx(mode.ratio)
 
 
+def test_shares_are_those_of_the_main_modes():
+    rng = np.random.default_rng(9)
+    beliefs = [rng.normal(size=(n, 4)) * [3.0, 3.0, 0.3, 1.0] for n in (1, 7, 200)]
+    for states in beliefs:
+        states[:, 3] = states[:, 3] > 0.0
+    beliefs.append(beliefs[2][:, :3])  # of the first hypothesis alone
+    m = metric()._replace(further=((8.0, 1),))
+    for states, shares in zip(beliefs, m.shares(beliefs, 2), strict=True):
+        found = [mode.ratio for mode in m.main_modes(states, 2)]
+        np.testing.assert_allclose(shares, [*found, 0.0][:2])
+    assert m.shares([], 2).shape == (0, 2)
+
+
+def test_the_mode_of_a_skewed_belief_explains_its_tail_too():
+    rng = np.random.default_rng(7)
+    belief = np.zeros((1000, 3))
+    belief[:, 0] = np.minimum(rng.exponential(1.0, 1000), 5.7)
+    mode = metric().mode(belief)
+    assert mode.ratio == 1.0
+    assert metric().explained(belief, mode).all()
+
+
+def test_the_mode_leaves_room_around_what_it_explains():
+    belief = np.repeat([[0.0, 0.0, 0.1], [0.0, 4.0, 0.1]], [950, 50], axis=0)
+    mode = metric(1).mode(belief)
+    assert mode.ratio == 1.0
+    assert metric(1).between(belief, mode.pose).max() < 0.8 * 3.0
+    tight = 0.03 * np.random.default_rng(8).standard_normal((950, 3))
+    assert metric(1).mode(tight).pose == pytest.approx(tight.mean(axis=0), abs=1e-9)
+
+
 def test_frames_are_inverse_and_hand_axes_are_where_they_should_be():
     rng = np.random.default_rng(6)
     poses, placement = rng.normal(size=(50, 3)), np.array([3.0, -1.0, 0.7])

@@ -60,3 +60,24 @@ def test_the_fewer_parts_come_to_a_belief_the_fewer_particles_it_is_judged_by():
         spent.append(max(model.sizes))
     assert spent == sorted(spent, reverse=True)
     assert len(set(spent)) == 3
+
+
+def test_of_many_options_few_are_squeezed_by_all_particles_and_the_telling_one_is_among_them():
+    model = Promising()
+    ranking = look_ahead([SILENT, TELLING], model=model).ranking
+    belief = Belief.joined([LOPSIDED] * 2)
+    placements = np.array([[0.0, 0.0, angle] for angle in [*np.linspace(0.1, 0.9, 30), TELLING]])
+    (options,) = ranking.squeeze([belief], [placements], np.random.default_rng(0))
+    assert TELLING in options.placements[:, 2]
+    assert len(options.placements) == ranking.objective.params.finalists
+    assert sum(model.sizes) < 0.4 * len(placements) * len(belief)
+    for outcome in options.outcomes:
+        assert sum(len(child) for child in outcome.beliefs) == len(belief)
+
+
+def test_few_options_are_squeezed_once_by_all_particles():
+    model = Promising()
+    ranking = look_ahead([SILENT, TELLING], model=model).ranking
+    placements = np.array([[0.0, 0.0, SILENT], [0.0, 0.0, TELLING]])
+    ranking.squeeze([BELIEF], [placements], np.random.default_rng(0))
+    assert model.sizes == [len(BELIEF)] * 2

@@ -150,7 +150,7 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
     assert left.children == []
     grow(reopened, growth, [1], reopen=0.6)
     assert len(reopened.children) == 2
-    assert learn(refuted, {0: BELIEF}, growth, 0.4, against=[0]) == 1.0
+    assert learn(refuted, {0: BELIEF}, growth, 0.4, refutes=np.any) == 1.0
     grow(refuted, growth, [1], reopen=0.4)
     assert len(refuted.children) == 2
 
@@ -162,12 +162,12 @@ def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(gr
         growth.objective.metric.mode(BELIEF.poses),
         squeezes_without_gain=MOST_WITHOUT_GAIN,
     )
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.3
+    assert learn(leaf, {0: BELIEF}, growth, 0.4, refutes=np.any) == 0.3
     grow(leaf, growth, [1], reopen=0.4)
     assert leaf.children == []
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, against=[0]) == 0.0
+    assert learn(leaf, {0: BELIEF}, growth, 0.4, refutes=np.any) == 0.0
     worse = np.tile(BELIEF.poses[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
-    assert learn(leaf, {0: Belief.of(np.concatenate([worse, -worse]))}, growth, 0.4, against=[0]) == 0.3
+    assert learn(leaf, {0: Belief.of(np.concatenate([worse, -worse]))}, growth, 0.4, refutes=np.any) == 0.3
 
 
 def test_nodes_that_two_squeezes_lead_to_are_improved_too(growth):
