@@ -25,8 +25,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
-from planner.part.importers.file import Options
-from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM
+from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from runtime.shell import command

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import betaln, xlog1py, xlogy
 
 from planner.arrays import Array, IntArray
@@ -226,6 +225,8 @@ class Bound(NamedTuple):
             total: sum S of the weights.
             parts: their number n, at least 1.
         """
+        from scipy.optimize import brentq  # a quarter of what a command takes to start
+
         a, b = PRIOR
         mixture = betaln(a + total, b + parts - total) - betaln(a, b) + math.log(ERROR)
 

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
+import logged_work
 import pytest
 import rolling
 from distributed import LocalCluster
@@ -126,11 +127,11 @@ def test_a_local_cluster_gives_the_same_bytes(local_cluster, direct, tmp_path):
 
 def test_results_come_in_order_and_errors_arrive_as_they_are(local_cluster, tmp_path):
     with Cluster(local_cluster.scheduler_address) as cluster:
-        work = partial(rolling.logged, str(tmp_path / "log"), 0.0)
+        work = partial(logged_work.logged, str(tmp_path / "log"), 0.0)
         assert list(cluster.map(work, range(ITEMS))) == [k * k for k in range(ITEMS)]
         assert list(cluster.map(work, [])) == []
         with pytest.raises(ValueRangeError, match="no number") as caught:
-            list(cluster.map(rolling.refused, range(ITEMS)))
+            list(cluster.map(logged_work.refused, range(ITEMS)))
         assert caught.value.section == "goal"
 
 
@@ -161,7 +162,7 @@ def test_one_job_with_its_roll_outs_on_a_cluster_is_the_same_table(local_cluster
 def test_work_that_nobody_takes_is_dropped(local_cluster, tmp_path):
     log = tmp_path / "log"
     with Cluster(local_cluster.scheduler_address) as cluster:
-        results = cluster.map(partial(rolling.logged, str(log), 0.01), range(1000))
+        results = cluster.map(partial(logged_work.logged, str(log), 0.01), range(1000))
         assert next(results) == 0
         results.close()
     time.sleep(0.3)
@@ -173,7 +174,7 @@ def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     with Cluster(machines.address) as cluster:
         wait_for_workers(cluster, 2)
         results = []
-        for value in cluster.map(partial(rolling.logged, str(log), 0.1), range(ITEMS)):
+        for value in cluster.map(partial(logged_work.logged, str(log), 0.1), range(ITEMS)):
             results.append(value)
             if len(results) == ITEMS // 3:
                 machines.workers[0].send_signal(signal.SIGKILL)
@@ -203,7 +204,7 @@ def test_roll_outs_survive_a_killed_worker(machines, direct):
 def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp_path):
     with Cluster(machines.address) as cluster:
         wait_for_workers(cluster, 2)
-        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(20))
+        results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(20))
         first = [next(results) for _ in range(5)]
         for worker in machines.workers:
             worker.kill()
@@ -214,7 +215,7 @@ def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp
 def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
     with Cluster(machines.address) as cluster:
         cluster.patience_s = 1.0
-        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(50))
+        results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(50))
         next(results)
         for worker in machines.workers:
             worker.kill()
@@ -225,7 +226,7 @@ def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
 
 def test_a_lost_scheduler_is_one_error(machines, tmp_path):
     with Cluster(machines.address, connect_s=5.0) as cluster:
-        results = cluster.map(partial(rolling.logged, str(tmp_path / "log"), 0.05), range(100))
+        results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(100))
         next(results)
         machines.scheduler.kill()
         with pytest.raises(ClusterError, match="scheduler is lost") as caught:

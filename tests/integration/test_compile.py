@@ -204,7 +204,7 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
 
 def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
     near_edge = {"cell": {"work_area_mm": [[-30, -30], [30, 30]]}, "actions": {"centers_mm": [[6, 0]]}}
-    narrow = job.replaced(**near_edge, goal={"stress_trials": 0})
+    narrow = job.replaced(**near_edge, goal={"stress_trials": 0}, search={"particles": 4000})
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)

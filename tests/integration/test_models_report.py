@@ -24,7 +24,8 @@ from runtime.table import dumps
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 SMALL = {
     "search": {"model": "kcde", "rollouts": 20_000, "particles": 2000, "search_particles": 200},
-    "goal": {"stress_trials": 300},
+    "goal": {"stress_trials": 100},
+    "doubt": {"chance": 0.0},
 }
 
 

@@ -19,7 +19,7 @@ from runtime.table import wilson_interval
 TIMED = re.compile(
     r"^(?:(Can .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
 )
-HASTY = {"squeezetree": "from planner.cli import first_look; first_look.ANSWER_S = 10;"}
+HASTY = {"squeezetree": "from planner.cli import first_look; first_look.ANSWER_S = 7;"}
 """`squeezetree try` searches for seconds, not most of a minute; again, if that leaves it without a plan."""
 RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 

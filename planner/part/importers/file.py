@@ -11,7 +11,7 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, TOLERANCE_MM, UNITS_MM, Pieces, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -21,17 +21,6 @@ MOST_VERTICES = 2000
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
 LEAST_SHARE = 0.01
 """Of the parts that lie on a face; rarer ones are left out."""
-
-
-class Options(NamedTuple):
-    """How to read a file."""
-
-    units: str | None = None  # one of `UNITS_MM`, or None to believe the file
-    contour: int | None = None  # number of the contour, from 1, or None where there is only one
-    tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
-    layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
-    scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
 
 
 class Imported(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a drawing holds before it is a contour: closed rings and open strokes, in mm."""
+"""How a drawing is to be read, and what it holds before it is a contour: closed rings and open strokes, in mm."""
 
 import signal
 import threading
@@ -19,6 +19,17 @@ SECONDS = 30.0  # Longest time that one file is read for
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
 LARGEST_MM = 1e8  # Where the coordinates of a drawing end; beyond, a double no longer holds a micrometre well
+
+
+class Options(NamedTuple):
+    """How to read a file of any kind."""
+
+    units: str | None = None  # one of `UNITS_MM`, or None to believe the file
+    contour: int | None = None  # number of the contour, from 1, or None where there is only one
+    tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
+    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
+    layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
+    scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
 
 
 class Pieces(NamedTuple):

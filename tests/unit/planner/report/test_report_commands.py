@@ -1,4 +1,4 @@
-"""plan-simulate's pictures and tools/figures: options, errors in one line, nothing drawn costs nothing."""
+"""plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
 
 import json
 import subprocess
@@ -92,21 +92,3 @@ def test_commands_load_what_takes_seconds_only_to_use_it() -> None:
         "sys.exit(not {'matplotlib', 'sklearn', 'scipy.stats'}.isdisjoint(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "says"),
-    [
-        (["a.msgpack"], 2, "-o a picture"),
-        (["--only", "fig99"], 2, "fig99"),
-        (["a.msgpack", "-o", "a.jpg"], 2, ".svg"),
-        (["missing.msgpack", "-o", "a.svg"], 3, "missing.msgpack"),
-        ([str(JOB), "-o", "a.svg"], 30, "job.toml"),
-    ],
-)
-def test_tools_figures_explains_itself(tmp_path: Path, arguments: list[str], code: int, says: str) -> None:
-    command = [sys.executable, str(ROOT / "tools" / "figures"), *arguments]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert result.returncode == code, result.stderr
-    assert says in result.stderr.splitlines()[-1]
-    assert list(tmp_path.iterdir()) == []
