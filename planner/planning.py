@@ -21,6 +21,7 @@ from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.strangers import Narrowed, narrowed
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
@@ -38,6 +39,8 @@ PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
+SEED_NARROWING = 0x4E4152
+NARROWING_TRIALS = 100_000  # parts whose readings say which widths are accepted, where strangers may come
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 # Share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on.
 TIGHT = 0.3
@@ -235,6 +238,7 @@ class Planning:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
         parts = self.deciding + 2 * self.trials + goal.stress_trials * len(stress_cases(self.job))
+        parts += NARROWING_TRIALS * bool(self.job.stranger)
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -273,6 +277,17 @@ def pruned(
         raise no_plan(table, runs[0], job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     return (without_untried(table, root, kept) if untried else table), untried
+
+
+def guarded(
+    job: Job, root: TreeNode, table: Table, workers: int | None, say: Report
+) -> tuple[Table, Narrowed | None]:
+    """The table narrowed against strangers, where the job names some."""
+    if not job.stranger:
+        return table, None
+    found = judged(job, NARROWING_TRIALS, workers, table, SEED_NARROWING, say)
+    done = narrowed(table, root, found, job) if found.success.any() else None
+    return done.table if done else table, done
 
 
 def _ends(root: TreeNode) -> list[TreeNode]:

@@ -4,23 +4,27 @@ import json
 import re
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from html_pages import Page
 
+from planner.belief.observation import Encoder
 from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.strangers import strangers
+from planner.evaluation.strangers import PRICE, _narrow, narrowed, strangers
+from planner.evaluation.trials import Program
 from planner.job import model as job_file
+from planner.lower import interval_um
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
-from runtime.table import dump, dumps, loads
+from runtime.table import REJECT, Branch, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 SQUARE = """
@@ -54,7 +58,7 @@ search_particles = 60
 """
 
 
-def squares(small: int, large: int) -> str:
+def squares(small: float, large: float) -> str:
     """The two parts."""
     return "".join(
         SQUARE.format(name=name, share=share, side=side)
@@ -112,6 +116,42 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert others[0].evaluation.rejected.all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
     assert [other.leaf for other in others] == [None, None]
+
+
+@pytest.mark.parametrize("price", [PRICE, 2e-3])
+def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, price, monkeypatch):
+    monkeypatch.setattr("planner.evaluation.strangers.PRICE", price)
+    found = evaluate(plan.table, job, ContactWorlds.of_job(job, 6), 4000, 6, Threads(2))
+    done = narrowed(plan.table, deepcopy(plan.root), found, job)
+    assert loads(dumps(done.table)) == done.table
+    before, now = (Program.of(table).branch for table in (plan.table, done.table))
+    assert (now == before)[now != REJECT].all()  # it only takes away
+    again = evaluate(done.table, job, ContactWorlds.of_job(job, 6), 4000, 6, Threads(2))
+    fine = found.success | found.unresolved
+    assert again.rejected[fine].mean() == done.lost  # the same parts
+    assert done.lost <= price * (done.accepted[0] - done.accepted[1])
+
+    smaller = job_file.parse(COMMON + squares(18.5, 34)).alone[0]
+    worlds = ContactWorlds.of_job(smaller, 5)
+    was, still = (
+        evaluate(table, smaller, worlds, 500, 5).resolved.mean() for table in (plan.table, done.table)
+    )
+    assert was > 0.95
+    assert still < 0.7
+
+
+def test_a_branch_keeps_the_interval_of_counts_that_pays_most():
+    rng, encoder = np.random.default_rng(3), Encoder(85.0, 3, 230, 0.15)
+    for _ in range(20):
+        read = rng.poisson(0.3, 256) * (rng.random(256) < 0.2)
+        read[: encoder.count_open] = read[encoder.count_closed + 1 :] = 0  # never read
+        sums = {(a, b): (read[a : b + 1] - 0.4).sum() for a in range(256) for b in range(a, 256)}
+        best = max(sums.values())
+        worth = [interval_um(a, b, encoder) for (a, b), value in sums.items() if value > best - 1e-9]
+        middle = sum(worth[0]) // 2
+        kept = _narrow(Branch(0, middle, 85_000, 0, -1), read, 0.4, encoder)
+        assert (kept.low_um, kept.high_um) in worth
+        assert kept.low_um <= kept.expected_um <= kept.high_um
 
 
 class Lonely:
