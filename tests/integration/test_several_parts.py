@@ -143,15 +143,14 @@ def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, price, monkey
 def test_a_branch_keeps_the_interval_of_counts_that_pays_most():
     rng, encoder = np.random.default_rng(3), Encoder(85.0, 3, 230, 0.15)
     for _ in range(20):
-        read = rng.poisson(0.3, 256) * (rng.random(256) < 0.2)
-        read[: encoder.count_open] = read[encoder.count_closed + 1 :] = 0  # never read
-        sums = {(a, b): (read[a : b + 1] - 0.4).sum() for a in range(256) for b in range(a, 256)}
-        best = max(sums.values())
-        worth = [interval_um(a, b, encoder) for (a, b), value in sums.items() if value > best - 1e-9]
-        middle = sum(worth[0]) // 2
-        kept = _narrow(Branch(0, middle, 85_000, 0, -1), read, 0.4, encoder)
-        assert (kept.low_um, kept.high_um) in worth
-        assert kept.low_um <= kept.expected_um <= kept.high_um
+        read = rng.random(256) * (rng.random(256) < 0.2)  # no two intervals pay the same
+        read[: encoder.count_open] = read[encoder.count_closed + 1 :] = 0.0  # never read
+        sums = {(a, b): (read[a : b + 1] - 0.2).sum() for a in range(256) for b in range(a, 256)}
+        low, high = interval_um(*max(sums, key=sums.__getitem__), encoder)
+        kept = _narrow(Branch(0, (low + high) // 2, 85_000, 0, -1), read, 0.2, encoder)
+        assert (kept.low_um, kept.high_um) == (low, high)
+        wider = _narrow(Branch(0, high + 9, 85_000, 0, -1), read, 0.2, encoder)
+        assert (wider.low_um, wider.expected_um, wider.high_um) == (low, high + 9, high + 9)
 
 
 class Lonely:
