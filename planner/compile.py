@@ -16,9 +16,9 @@ from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import predicting, with_figures
+from planner.evaluation.narrowing import Narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings
-from planner.evaluation.strangers import Narrowed
 from planner.evaluation.stress import beyond
 from planner.job.model import Job
 from planner.learned.model import learned_model, learns

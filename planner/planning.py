@@ -20,8 +20,8 @@ from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
+from planner.evaluation.narrowing import Narrowed, narrowed
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.strangers import Narrowed, narrowed
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
@@ -40,7 +40,7 @@ SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
 SEED_NARROWING = 0x4E4152
-NARROWING_TRIALS = 100_000  # parts whose readings say which widths are accepted, where strangers may come
+NARROWING_TRIALS = 150_000  # parts whose readings say which widths are accepted, where strangers may come
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 # Share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on.
 TIGHT = 0.3
@@ -286,7 +286,7 @@ def guarded(
     if not job.stranger:
         return table, None
     found = judged(job, NARROWING_TRIALS, workers, table, SEED_NARROWING, say)
-    done = narrowed(table, root, found, job) if found.success.any() else None
+    done = narrowed(table, root, found, job)
     return done.table if done else table, done
 
 

@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from html_pages import Page
 
-from planner.belief.observation import Encoder
 from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.strangers import PRICE, _narrow, narrowed, strangers
+from planner.evaluation.narrowing import LOST, _kept, _worth, narrowed
+from planner.evaluation.outcome import Evaluation
+from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
-from planner.lower import interval_um
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
-from runtime.table import REJECT, Branch, dump, dumps, loads
+from runtime.table import COUNTS, REJECT, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 SQUARE = """
@@ -118,18 +118,20 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert [other.leaf for other in others] == [None, None]
 
 
-@pytest.mark.parametrize("price", [PRICE, 2e-3])
-def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, price, monkeypatch):
-    monkeypatch.setattr("planner.evaluation.strangers.PRICE", price)
-    found = evaluate(plan.table, job, ContactWorlds.of_job(job, 6), 4000, 6, Threads(2))
+def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan):
+    def trials(table, number=6000):
+        return evaluate(table, job, ContactWorlds.of_job(job, 6), number, 6, Threads(2))
+
+    found = trials(plan.table)
     done = narrowed(plan.table, deepcopy(plan.root), found, job)
     assert loads(dumps(done.table)) == done.table
     before, now = (Program.of(table).branch for table in (plan.table, done.table))
     assert (now == before)[now != REJECT].all()  # it only takes away
-    again = evaluate(done.table, job, ContactWorlds.of_job(job, 6), 4000, 6, Threads(2))
-    fine = found.success | found.unresolved
-    assert again.rejected[fine].mean() == done.lost  # the same parts
-    assert done.lost <= price * (done.accepted[0] - done.accepted[1])
+    by_count = [np.maximum(meant[:, :COUNTS], meant[:, COUNTS:]) for meant in (before, now)]
+    assert done.accepted == tuple(np.count_nonzero(meant != REJECT) for meant in by_count)
+    again = trials(done.table)  # the same parts
+    further = (np.arange(6000) >= 4000) & (found.success | found.unresolved)
+    assert again.rejected[further].mean() == done.lost <= LOST
 
     smaller = job_file.parse(COMMON + squares(18.5, 34)).alone[0]
     worlds = ContactWorlds.of_job(smaller, 5)
@@ -140,17 +142,31 @@ def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, price, monkey
     assert still < 0.7
 
 
-def test_a_branch_keeps_the_interval_of_counts_that_pays_most():
-    rng, encoder = np.random.default_rng(3), Encoder(85.0, 3, 230, 0.15)
+def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan):
+    smaller = job_file.parse(COMMON + squares(18.6, 32.6))
+    found = [
+        evaluate(plan.table, real, ContactWorlds.of_job(real, 6), number, 6)
+        for real, number in ((job, 2000), (smaller, 1000))
+    ]
+    assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), job) is None
+
+
+def test_counts_are_kept_where_they_pay_most():
+    rng = np.random.default_rng(3)
     for _ in range(20):
-        read = rng.random(256) * (rng.random(256) < 0.2)  # no two intervals pay the same
-        read[: encoder.count_open] = read[encoder.count_closed + 1 :] = 0.0  # never read
-        sums = {(a, b): (read[a : b + 1] - 0.2).sum() for a in range(256) for b in range(a, 256)}
-        low, high = interval_um(*max(sums, key=sums.__getitem__), encoder)
-        kept = _narrow(Branch(0, (low + high) // 2, 85_000, 0, -1), read, 0.2, encoder)
-        assert (kept.low_um, kept.high_um) == (low, high)
-        wider = _narrow(Branch(0, high + 9, 85_000, 0, -1), read, 0.2, encoder)
-        assert (wider.low_um, wider.expected_um, wider.high_um) == (low, high + 9, high + 9)
+        gain = rng.random(256) * (rng.random(256) < 0.2) - 0.2  # no two intervals pay the same
+        sums = {(a, b): gain[a : b + 1].sum() for a in range(256) for b in range(a, 256)}
+        assert _worth(gain) == max(sums, key=sums.__getitem__)
+
+
+@pytest.mark.parametrize(("readings", "beyond"), [(1, 3), (29, 3), (31, 2), (299, 2), (301, 1), (3001, 0)])
+def test_branches_of_few_readings_reach_further_beyond_them(readings, beyond):
+    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
+    meant[0, 50:100], meant[0, 120:] = 1, 0  # of which the latter was never read
+    seen[0, 60], seen[0, 99] = readings, 0
+    (kept,) = _kept(meant, seen, 1e-6, 3)
+    assert np.flatnonzero(kept == 1).tolist() == list(range(60 - beyond, 61 + beyond))
+    assert not (kept == 0).any()
 
 
 class Lonely:
