@@ -39,6 +39,7 @@ PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
+STRANGERS = 2000  # parts of each stranger that are tried there
 SEED_NARROWING = 0x4E4152
 NARROWING_TRIALS = 150_000  # parts whose readings say which widths are accepted, where strangers may come
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
@@ -286,7 +287,10 @@ def guarded(
     if not job.stranger:
         return table, None
     found = judged(job, NARROWING_TRIALS, workers, table, SEED_NARROWING, say)
-    done = narrowed(table, root, found, job)
+    if not found.success.any():
+        return table, None
+    strange = [judged(other, STRANGERS, workers, table, SEED_NARROWING) for other in job.strangers]
+    done = narrowed(table, root, found, strange, job)
     return done.table if done else table, done
 
 

@@ -1,16 +1,16 @@
 """A finished table is narrowed to the widths that its own parts need, so that fewer strangers are answered.
 
-What the strangers are like does not matter: others may come. The tree stays as it is, and what later nodes
-accept depends on the way there.
+A count is worth the own parts that read it, less a price for the stated strangers that are answered by way of
+it, and for others that may come. The tree stays as it is; what later nodes accept depends on the way there.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.evaluation.expectation import readings
 from planner.evaluation.measured import without_untried
@@ -20,9 +20,10 @@ from planner.lower import interval_um
 from planner.search.expand import TreeNode
 from runtime.table import REJECT, Branch, Calibration, Node, Table, by_count, decision_map
 
-LOST = 1e-3  # share of the own parts that narrowing a table may lose
-PRICES = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 1e-9)  # of a count that is accepted, in own parts
-MARGINS = (0, 1, 2, 3)  # counts accepted beyond the readings of a branch that has few
+LOSS = 1e-3  # share of the own parts that narrowing a table may lose, where the goal does not say
+PRICES = tuple(np.geomspace(0.1, 1e-7, 25))  # of a stranger that is answered, in own parts
+COUNT = 2e-3  # of a stranger answered: how bad it is to accept one more count
+MARGINS = (0, 1, 3)  # counts accepted beyond the readings of a branch that has few
 FEW = 30
 MAKING = 2.0 / 3.0  # share of the trials that a table is narrowed by; the others say what that loses
 
@@ -46,46 +47,79 @@ class Narrowed(NamedTuple):
         return f"{told}; {self.lost:.3%} of the parts that belong there are rejected for it"
 
 
-def narrowed(table: Table, root: TreeNode, found: Evaluation, job: Job) -> Narrowed | None:
-    """Narrows the branches of a table to what parts that were not wrong were read at, in trials of it.
+def narrowed(
+    table: Table, root: TreeNode, found: Evaluation, strange: Sequence[Evaluation], job: Job
+) -> Narrowed | None:
+    """Narrows the branches of a table to what they are worth.
 
-    Branches that none of them took are left out, in the tree under the root, too. Of some prices and margins
-    those are taken that accept the least and lose few of further such parts; None if none loses so few.
+    Branches that are worth nothing are left out, in the tree under the root, too. For each margin the price
+    is the highest that loses few enough own parts; the margin is that which leaves the least to strangers.
+
+    Args:
+        table: the table.
+        root: of its tree.
+        found: trials of its own parts; those that were wrong are worth nothing.
+        strange: trials of each stranger, of at least one.
+        job: that it was made of.
+
+    Returns:
+        None if all of them lose too many.
     """
     fine, making = found.success | found.unresolved, np.arange(len(found.leaf)) < MAKING * len(found.leaf)
-    calibration = Calibration.linear(table.gripper)
+    calibration, number = Calibration.linear(table.gripper), len(table.nodes)
     meant = np.array([by_count(decision_map(node, calibration)) for node in table.nodes], np.int64)
-    seen, further = readings(found, len(table.nodes), fine & making), fine & ~making
-    path, counts = found.path[further], found.counts[further]
-    best, least, lost = None, meant.size + 1, 0.0
-    for price, margin in product(PRICES, MARGINS):
-        kept = _kept(meant, seen, price * making.sum(), margin)
-        accepted = int((kept != REJECT).sum())
-        rejected = ((path >= 0) & (kept[path, counts] == REJECT)).any(axis=1)
-        if accepted < least and len(rejected) and rejected.mean() <= LOST:
-            best, least, lost = kept, accepted, float(rejected.mean())
-    if best is None:
+    seen = readings(found, number, fine & making)
+    answered = np.sum([readings(each, number, each.resolved) / len(each.leaf) for each in strange], axis=0)
+    loss = LOSS if job.goal.stranger_loss is None else job.goal.stranger_loss
+    best, least, lost = meant, np.inf, 1.0
+    for margin in MARGINS:
+        for price in PRICES:
+            kept = _kept(meant, seen, price * making.sum() * (COUNT + answered), margin)
+            loses = float(_rejected(kept, found)[fine & ~making].mean())
+            if loses <= loss:
+                break
+        taken = [float((each.resolved & ~_rejected(kept, each)).mean()) for each in strange]
+        left = COUNT * (kept != REJECT).sum() + sum(taken)
+        if loses <= loss and left < least:
+            best, least, lost = kept, left, loses
+    if lost > loss:
         return None
     nodes = tuple(_limited(node, row, encoder_of(job)) for node, row in zip(table.nodes, best, strict=True))
-    numbers = [sorted(set(row.tolist()) - {REJECT}) for row in best]
-    done = without_untried(replace(table, nodes=nodes), root, numbers)
-    return Narrowed(done, (int((meant != REJECT).sum()), least), lost)
+    accepted = int((meant != REJECT).sum()), int((best != REJECT).sum())
+    return Narrowed(without_untried(replace(table, nodes=nodes), root, _ways(table, best)), accepted, lost)
 
 
-def _kept(meant: IntArray, seen: IntArray, price: float, margin: int) -> IntArray:
+def _rejected(kept: IntArray, found: Evaluation) -> BoolArray:
+    """Which trials (n,) read a count somewhere that means nothing any more."""
+    return np.asarray(((found.path >= 0) & (kept[found.path, found.counts] == REJECT)).any(axis=1))
+
+
+def _ways(table: Table, kept: IntArray) -> list[list[int]]:
+    """The branches of each node that counts (n, 256) still mean, and after which there is an outcome."""
+    ways: list[list[int]] = [[] for _ in table.nodes]
+    for index in reversed(range(len(ways))):  # children come after their parents
+        for number in np.unique(kept[index][kept[index] != REJECT]).tolist():
+            target = table.nodes[index].branches[number].target
+            if target < 0 or ways[target]:
+                ways[index].append(number)
+    return ways
+
+
+def _kept(meant: IntArray, seen: IntArray, price: Array, margin: int) -> IntArray:
     """What counts still mean, a branch or `REJECT`, of what they `meant` and how often they were `seen`.
 
-    All are (n, 256). The fewer readings a branch has, the further beyond them others lie: the margin [counts]
-    goes with fewer than `FEW` of them, and is one less for each tenfold.
+    All are (n, 256), the price of each in readings. The fewer readings a branch has, the further beyond them
+    others lie: the margin [counts] goes with fewer than `FEW` of them, and is one less for each tenfold.
     """
     kept, count = np.full_like(meant, REJECT), np.arange(COUNTS)
-    for row, means, at in zip(kept, meant, seen, strict=True):
+    for row, means, at, costs in zip(kept, meant, seen, price, strict=True):
         for number in np.unique(means[(means != REJECT) & (at > 0)]):
             own = means == number
-            first, last = _worth(np.where(own, at, 0) - price)
-            total = at[own & (count >= first) & (count <= last)].sum()
-            more = max(0, margin - max(0, int(np.log10(total / FEW) + 1.0)))
-            row[own & (count >= first - more) & (count <= last + more)] = number
+            first, last = _worth(np.where(own, at, 0) - costs)
+            here = own & (count >= first) & (count <= last)
+            if at[here].sum() > costs[here].sum():
+                more = max(0, margin - max(0, int(np.log10(at[here].sum() / FEW) + 1.0)))
+                row[own & (count >= first - more) & (count <= last + more)] = number
     return kept
 
 

@@ -16,7 +16,7 @@ from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.narrowing import LOST, _kept, _worth, narrowed
+from planner.evaluation.narrowing import LOSS, _kept, _worth, narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
@@ -118,37 +118,42 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert [other.leaf for other in others] == [None, None]
 
 
-def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan):
-    def trials(table, number=6000):
-        return evaluate(table, job, ContactWorlds.of_job(job, 6), number, 6, Threads(2))
+@pytest.fixture(scope="module")
+def smaller(plan):
+    """Trials of a stranger: a square so little smaller that nothing but narrower intervals tells it apart."""
 
-    found = trials(plan.table)
-    done = narrowed(plan.table, deepcopy(plan.root), found, job)
+    def trials(table):
+        stranger = job_file.parse(COMMON + squares(18.5, 34)).alone[0]
+        return evaluate(table, stranger, ContactWorlds.of_job(stranger, 5), 500, 5)
+
+    return trials
+
+
+def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, smaller):
+    def trials(table):
+        return evaluate(table, job, ContactWorlds.of_job(job, 6), 6000, 6, Threads(2))
+
+    found, strange = trials(plan.table), smaller(plan.table)
+    done = narrowed(plan.table, deepcopy(plan.root), found, [strange], job)
     assert loads(dumps(done.table)) == done.table
     before, now = (Program.of(table).branch for table in (plan.table, done.table))
     assert (now == before)[now != REJECT].all()  # it only takes away
     by_count = [np.maximum(meant[:, :COUNTS], meant[:, COUNTS:]) for meant in (before, now)]
     assert done.accepted == tuple(np.count_nonzero(meant != REJECT) for meant in by_count)
-    again = trials(done.table)  # the same parts
     further = (np.arange(6000) >= 4000) & (found.success | found.unresolved)
-    assert again.rejected[further].mean() == done.lost <= LOST
-
-    smaller = job_file.parse(COMMON + squares(18.5, 34)).alone[0]
-    worlds = ContactWorlds.of_job(smaller, 5)
-    was, still = (
-        evaluate(table, smaller, worlds, 500, 5).resolved.mean() for table in (plan.table, done.table)
-    )
-    assert was > 0.95
-    assert still < 0.7
+    assert trials(done.table).rejected[further].mean() == done.lost <= LOSS  # the same parts
+    assert strange.resolved.mean() > 0.95
+    assert smaller(done.table).resolved.mean() < 0.7
 
 
-def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan):
-    smaller = job_file.parse(COMMON + squares(18.6, 32.6))
+def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan, smaller):
+    other = job_file.parse(COMMON + squares(18.6, 32.6))
     found = [
         evaluate(plan.table, real, ContactWorlds.of_job(real, 6), number, 6)
-        for real, number in ((job, 2000), (smaller, 1000))
+        for real, number in ((job, 2000), (other, 1000))
     ]
-    assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), job) is None
+    strange = [smaller(plan.table)]
+    assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), strange, job) is None
 
 
 def test_counts_are_kept_where_they_pay_most():
@@ -159,12 +164,20 @@ def test_counts_are_kept_where_they_pay_most():
         assert _worth(gain) == max(sums, key=sums.__getitem__)
 
 
+def test_a_branch_goes_where_strangers_cost_more_than_its_parts_are_worth():
+    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
+    meant[0, 50:60], meant[0, 80:90], seen[0, 53:55], seen[0, 84:87] = 0, 1, 10, 10
+    price = np.full((1, 256), 0.1)
+    price[0, 54], price[0, 84:87] = 11.0, 11.0
+    assert np.flatnonzero(_kept(meant, seen, price, 0) != REJECT).tolist() == [53]
+
+
 @pytest.mark.parametrize(("readings", "beyond"), [(1, 3), (29, 3), (31, 2), (299, 2), (301, 1), (3001, 0)])
 def test_branches_of_few_readings_reach_further_beyond_them(readings, beyond):
     meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
     meant[0, 50:100], meant[0, 120:] = 1, 0  # of which the latter was never read
     seen[0, 60], seen[0, 99] = readings, 0
-    (kept,) = _kept(meant, seen, 1e-6, 3)
+    (kept,) = _kept(meant, seen, np.full((1, 256), 1e-6), 3)
     assert np.flatnonzero(kept == 1).tolist() == list(range(60 - beyond, 61 + beyond))
     assert not (kept == 0).any()
 
