@@ -116,7 +116,7 @@ def compile_job(
         within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
     )
     table, untried = planned.by.finished(planned, judge)
-    table, against = guarded(job, planned.by.root, table, mixture.workers, say)
+    table, against = guarded(job, planned.by.root, table, trials, mixture.workers, say)
     plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut, against)
     if not plan.evaluation.success.any():
         raise no_plan(plan.table, plan.evaluation, job, plan.cut)
@@ -133,7 +133,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
     table = lower(root, job)
     evaluation = judged(job, trials, workers, table, 0, say)
     table, untried = pruned(job, root, marked(job, table, evaluation, []), [evaluation])
-    table, against = guarded(job, root, table, workers, say)
+    table, against = guarded(job, root, table, trials, workers, say)
     work = Threads() if workers is None else Threads(workers)
     return _stated(job, root, table, untried, trials, work, say, against=against)
 
