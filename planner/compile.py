@@ -16,6 +16,7 @@ from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import predicting, with_figures
+from planner.evaluation.narrowing import Narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings
 from planner.evaluation.stress import beyond
@@ -27,7 +28,7 @@ from planner.mechanics.mixture import Mixture
 from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
-from planner.planning import PARAMS, SEED_RARE, Planning, judged, marked, no_plan, pruned, within
+from planner.planning import PARAMS, SEED_RARE, Planning, guarded, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
 from planner.search.anytime import Anytime, Cut, hasty_root
 from planner.search.closed_loop import LookAhead
@@ -57,6 +58,7 @@ class Plan:
     seed: int
     wrong: Findings | None = None  # of as fresh a study, where the goal states wrong_ppm
     cut: Cut | None = None  # how the search was cut short; None where it was complete
+    against: Narrowed | None = None  # what was narrowed against strangers, where the job names some
 
 
 def compile_job(
@@ -114,7 +116,8 @@ def compile_job(
         within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
     )
     table, untried = planned.by.finished(planned, judge)
-    plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut)
+    table, against = guarded(job, planned.by.root, table, trials, mixture.workers, say)
+    plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut, against)
     if not plan.evaluation.success.any():
         raise no_plan(plan.table, plan.evaluation, job, plan.cut)
     return plan
@@ -130,13 +133,14 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
     table = lower(root, job)
     evaluation = judged(job, trials, workers, table, 0, say)
     table, untried = pruned(job, root, marked(job, table, evaluation, []), [evaluation])
+    table, against = guarded(job, root, table, trials, workers, say)
     work = Threads() if workers is None else Threads(workers)
-    return _stated(job, root, table, untried, trials, work, say)
+    return _stated(job, root, table, untried, trials, work, say, against=against)
 
 
 def _stated(
     job: Job, root: TreeNode, table: Table, untried: int, trials: int, work: Scheduler, say: Report,
-    cut: Cut | None = None,
+    cut: Cut | None = None, against: Narrowed | None = None,
 ) -> Plan:  # fmt: skip
     """Puts figures in, of trials that had no part in any decision.
 
@@ -152,7 +156,7 @@ def _stated(
         most = rare.CUT_PARTS if cut else rare.MOST_PARTS
         wrong = rare.studied(table, job, limit, job.seed + SEED_RARE, work, say, most).found
     cut = cut and cut._replace(open_share=float(evaluation.unresolved.mean()))
-    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut)
+    return Plan(predicting(table, evaluation), root, evaluation, untried, seed, wrong, cut, against)
 
 
 def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:

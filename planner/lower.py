@@ -57,7 +57,7 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
     total = float(clusters.size.sum())
     branches, reach = [], _reach(clusters, encoder)
     for k, child in enumerate(node.children):
-        low, high = _interval(*reach[k], encoder)
+        low, high = interval_um(*reach[k], encoder)
         expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
         share = round(tables.PPM * float(clusters.size[k]) / total)
         branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
@@ -80,7 +80,7 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)]
 
 
-def _interval(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
+def interval_um(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
     """Widths [um] that the counts stand for."""
     least = max(0.0, float(encoder.width_mm(np.asarray(high_count + 0.5))))
     greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low_count - 0.5))))

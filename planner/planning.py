@@ -20,6 +20,7 @@ from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed, rejudged
 from planner.evaluation.measured import tried, with_figures, without_untried
+from planner.evaluation.narrowing import Narrowed, narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
@@ -38,6 +39,8 @@ PARAMS = SearchParams()
 SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
+SEED_NARROWING = 0x4E4152
+STRANGERS = 2000  # parts of each stranger that say how far a table is narrowed
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 # Share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on.
 TIGHT = 0.3
@@ -231,6 +234,7 @@ class Planning:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         goal, limit = self.job.goal, self.anytime.limit
         parts = self.deciding + 2 * self.trials + goal.stress_trials * len(stress_cases(self.job))
+        parts += narrowing_trials(self.trials) * bool(self.job.stranger)
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -269,6 +273,25 @@ def pruned(
         raise no_plan(table, runs[0], job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     return (without_untried(table, root, kept) if untried else table), untried
+
+
+def narrowing_trials(trials: int) -> int:
+    """Parts that say how far a table is narrowed, which takes more of them than its figures do."""
+    return max(20_000, 7 * trials)
+
+
+def guarded(
+    job: Job, root: TreeNode, table: Table, trials: int, workers: int | None, say: Report
+) -> tuple[Table, Narrowed | None]:
+    """The table narrowed against strangers, where the job names some."""
+    if not job.stranger:
+        return table, None
+    found = judged(job, narrowing_trials(trials), workers, table, SEED_NARROWING, say)
+    if not found.success.any():
+        return table, None
+    strange = [judged(other, STRANGERS, workers, table, SEED_NARROWING) for other in job.strangers]
+    done = narrowed(table, root, found, strange, job)
+    return done.table if done else table, done
 
 
 def _ends(root: TreeNode) -> list[TreeNode]:

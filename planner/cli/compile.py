@@ -181,6 +181,8 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
     if plan.untried:
         untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
+    if plan.against:
+        untried += f"\n{plan.against.line()}"
     if figures["crashes"]:
         untried += f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
     if plan.wrong is not None and job.goal.wrong_ppm is not None:

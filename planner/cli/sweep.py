@@ -142,7 +142,9 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
     """What there is to say about a plan that took so long, in plain types."""
-    wrong = {} if plan.wrong is None else {"rare": plan.wrong.figures()}
+    more = {} if plan.wrong is None else {"rare": plan.wrong.figures()}
+    if plan.against is not None:
+        more["narrowed"] = plan.against.figures()
     return {
         "nodes": len(plan.table.nodes),
         "leaves": len(plan.table.leaves),
@@ -152,7 +154,7 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "cut_short": plan.cut and plan.cut.figures(),
         "trials_seed": plan.seed,
         **plan.evaluation.summary(),
-        **wrong,
+        **more,
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.arrays import IntArray
+from planner.arrays import BoolArray, IntArray
 from planner.evaluation.cases import friction_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
@@ -33,9 +33,9 @@ def expected(
         yield {"name": case.name, "readings": told}
 
 
-def readings(found: Evaluation, nodes: int) -> IntArray:
-    """How often each count was read at each node, (nodes, 256)."""
-    made = found.path >= 0
+def readings(found: Evaluation, nodes: int, of: BoolArray | None = None) -> IntArray:
+    """How often each count was read at each node, (nodes, 256); of some of the trials (n,), or of all."""
+    made = (found.path >= 0) & (True if of is None else of[:, None])
     totals = np.bincount(256 * found.path[made] + found.counts[made], minlength=256 * nodes)
     return np.asarray(totals.reshape(nodes, 256), np.int64)
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import JobError, KeyNameError, ValueRangeError
+from planner.errors import FitError, JobError, KeyNameError, ValueRangeError
 from planner.job.fields import Field, Number, Text, read_section
 from planner.part import symmetry
 
@@ -126,6 +126,10 @@ def _entry(
         if part.get("name", values["name"]) != values["name"]:
             raise ValueRangeError("differs from the name of its part; keep one", section=where, key="name")
         own["part"] = {**part, "name": values["name"]}
+    if "friction" not in {**common, **own}:
+        raise KeyNameError(
+            f"missing section friction; add [{key}.friction], or [friction] for all", section=where
+        )
     return values["share"], {**common, **own}
 
 
@@ -140,6 +144,9 @@ def _shares(stated_shares: list[float | None]) -> list[float]:
 
 def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:
     """An error in an entry of a document, told with its number; one in what all have in common stays."""
-    if key not in document or error.section not in OWN or error.section not in document[key][number - 1]:
+    if key not in document:
         return error
-    return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)
+    if error.section in OWN and error.section in document[key][number - 1]:
+        return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)
+    told = f"{key} {number}: {error.problem}" if isinstance(error, FitError) else error.problem
+    return type(error)(told, section=error.section, key=error.key)

@@ -166,6 +166,8 @@ class Goal:
     wrong_ppm: Annotated[int | None, Integer(1, 100_000, default=None)]
     # Whether an answer must also say which of several parts it is; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
+    # Share of the own parts that a table may lose by being narrowed against strangers; 0.001 if None.
+    stranger_loss: Annotated[float | None, Number(0, 0.1, default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)

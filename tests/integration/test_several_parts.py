@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,15 @@ from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
+from planner.evaluation.narrowing import LOSS, _kept, _worth, narrowed
+from planner.evaluation.outcome import Evaluation
 from planner.evaluation.strangers import strangers
+from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
-from runtime.table import dump, dumps, loads
+from runtime.table import COUNTS, REJECT, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 SQUARE = """
@@ -54,7 +58,7 @@ search_particles = 60
 """
 
 
-def squares(small: int, large: int) -> str:
+def squares(small: float, large: float) -> str:
     """The two parts."""
     return "".join(
         SQUARE.format(name=name, share=share, side=side)
@@ -112,6 +116,70 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert others[0].evaluation.rejected.all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
     assert [other.leaf for other in others] == [None, None]
+
+
+@pytest.fixture(scope="module")
+def smaller(plan):
+    """Trials of a stranger: a square so little smaller that nothing but narrower intervals tells it apart."""
+
+    def trials(table):
+        stranger = job_file.parse(COMMON + squares(18.5, 34)).alone[0]
+        return evaluate(table, stranger, ContactWorlds.of_job(stranger, 5), 500, 5)
+
+    return trials
+
+
+def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, smaller):
+    def trials(table):
+        return evaluate(table, job, ContactWorlds.of_job(job, 6), 6000, 6, Threads(2))
+
+    found, strange = trials(plan.table), smaller(plan.table)
+    done = narrowed(plan.table, deepcopy(plan.root), found, [strange], job)
+    assert loads(dumps(done.table)) == done.table
+    before, now = (Program.of(table).branch for table in (plan.table, done.table))
+    assert (now == before)[now != REJECT].all()  # it only takes away
+    by_count = [np.maximum(meant[:, :COUNTS], meant[:, COUNTS:]) for meant in (before, now)]
+    assert done.accepted == tuple(np.count_nonzero(meant != REJECT) for meant in by_count)
+    further = (np.arange(6000) >= 4000) & (found.success | found.unresolved)
+    assert trials(done.table).rejected[further].mean() == done.lost <= LOSS  # the same parts
+    assert strange.resolved.mean() > 0.95
+    assert smaller(done.table).resolved.mean() < 0.7
+
+
+def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan, smaller):
+    other = job_file.parse(COMMON + squares(18.6, 32.6))
+    found = [
+        evaluate(plan.table, real, ContactWorlds.of_job(real, 6), number, 6)
+        for real, number in ((job, 2000), (other, 1000))
+    ]
+    strange = [smaller(plan.table)]
+    assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), strange, job) is None
+
+
+def test_counts_are_kept_where_they_pay_most():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        gain = rng.random(256) * (rng.random(256) < 0.2) - 0.2  # no two intervals pay the same
+        sums = {(a, b): gain[a : b + 1].sum() for a in range(256) for b in range(a, 256)}
+        assert _worth(gain) == max(sums, key=sums.__getitem__)
+
+
+def test_a_branch_goes_where_strangers_cost_more_than_its_parts_are_worth():
+    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
+    meant[0, 50:60], meant[0, 80:90], seen[0, 53:55], seen[0, 84:87] = 0, 1, 10, 10
+    price = np.full((1, 256), 0.1)
+    price[0, 54], price[0, 84:87] = 11.0, 11.0
+    assert np.flatnonzero(_kept(meant, seen, price, 0) != REJECT).tolist() == [53]
+
+
+@pytest.mark.parametrize(("readings", "beyond"), [(1, 3), (29, 3), (31, 2), (299, 2), (301, 1), (3001, 0)])
+def test_branches_of_few_readings_reach_further_beyond_them(readings, beyond):
+    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
+    meant[0, 50:100], meant[0, 120:] = 1, 0  # of which the latter was never read
+    seen[0, 60], seen[0, 99] = readings, 0
+    (kept,) = _kept(meant, seen, np.full((1, 256), 1e-6), 3)
+    assert np.flatnonzero(kept == 1).tolist() == list(range(60 - beyond, 61 + beyond))
+    assert not (kept == 0).any()
 
 
 class Lonely:

@@ -120,6 +120,27 @@ def test_a_wrong_stranger_is_told_with_its_place(stranger, message):
         read(several(stranger=stranger))
 
 
+@pytest.mark.parametrize("key", ["hypothesis", "stranger"])
+def test_an_entry_without_friction_is_told_with_its_number(key):
+    document = several(stranger=[{"part": several()["hypothesis"][1]["part"]}])
+    own = document.pop("friction")
+    for entry in (*document["hypothesis"], *document["stranger"]):
+        entry["friction"] = own
+    assert read(document).strangers[0].friction == read(document).alone[2].friction
+    del document[key][-1]["friction"]
+    number = len(document[key])
+    with pytest.raises(
+        JobError, match=rf"\[{key} {number}\]: missing section friction; add \[{key}.friction"
+    ):
+        read(document)
+
+
+def test_a_stranger_too_large_for_the_jaws_is_told_with_its_number():
+    large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
+    with pytest.raises(JobError, match="stranger 1: part larger than the opening"):
+        read(several(stranger=[{"part": large}]))
+
+
 def test_asking_which_part_it_is_needs_two():
     with pytest.raises(JobError, match="only one part"):
         job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
