@@ -131,9 +131,10 @@ def _worth(gain: Array) -> tuple[int, int]:
 
 
 def _limited(node: Node, meant: IntArray, encoder: Encoder) -> Node:
-    """A node whose branches reach as far as the counts (256,) that mean them, and to what is expected."""
+    """A node whose grips reach as far as the counts (256,) that mean them, and to what is expected."""
     rows = ((branch, np.flatnonzero(meant == number)) for number, branch in enumerate(node.branches))
-    return node._replace(branches=tuple(_reaching(b, at, encoder) if len(at) else b for b, at in rows))
+    reaching = (_reaching(b, at, encoder) if b.grip and len(at) else b for b, at in rows)
+    return node._replace(branches=tuple(reaching))
 
 
 def _reaching(branch: Branch, counts: IntArray, encoder: Encoder) -> Branch:
