@@ -68,13 +68,18 @@ def narrowed(
     fine, making = found.success | found.unresolved, np.arange(len(found.leaf)) < MAKING * len(found.leaf)
     calibration, number = Calibration.linear(table.gripper), len(table.nodes)
     meant = np.array([by_count(decision_map(node, calibration)) for node in table.nodes], np.int64)
+    grips = [[branch.grip for branch in node.branches] for node in table.nodes]
+    empty = np.array(
+        [[n != REJECT and not own[n] for n in row] for own, row in zip(grips, meant, strict=True)]
+    )
     seen = readings(found, number, fine & making)
     answered = np.sum([readings(each, number, each.resolved) / len(each.leaf) for each in strange], axis=0)
     loss = LOSS if job.goal.stranger_loss is None else job.goal.stranger_loss
     best, least, lost = meant, np.inf, 1.0
     for margin in MARGINS:
         for price in PRICES:
-            kept = _kept(meant, seen, price * making.sum() * (COUNT + answered), margin)
+            costs = price * making.sum() * (COUNT + answered)
+            kept = np.where(empty, meant, _kept(meant, seen, costs, margin))
             loses = float(_rejected(kept, found)[fine & ~making].mean())
             if loses <= loss:
                 break
