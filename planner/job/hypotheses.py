@@ -58,10 +58,13 @@ def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """
     common = {key: value for key, value in document.items() if key not in (KEY, STRANGER, "part")}
     found = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
-    if any(share is not None for share, _ in found):
-        raise KeyNameError(
-            "has no share: no plan is made for it; drop the key", section=STRANGER, key="share"
-        )
+    for number, (share, _) in enumerate(found, start=1):
+        if share is not None:
+            raise KeyNameError(
+                "no plan is made for it, so it has no share; drop the key",
+                section=f"{STRANGER} {number}",
+                key="share",
+            )
     return [alone for _, alone in found]
 
 

@@ -111,7 +111,10 @@ def test_strangers_are_parts_that_no_plan_is_made_for():
     ("stranger", "message"),
     [
         ([], "1 to 16 entries"),
-        ([{"share": 0.5, "part": several()["hypothesis"][0]["part"]}], "no plan is made for it"),
+        (
+            [{"share": 0.5, "part": several()["hypothesis"][0]["part"]}],
+            r"\[stranger 1\] share: no plan is made for it",
+        ),
         ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
     ],
 )
