@@ -15,7 +15,8 @@ import numpy as np
 import shapely
 
 from planner.errors import PlannerError
-from planner.part.importers.file import Options, read_outline
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options
 from planner.part.outline import canonical, simplified
 
 FOOTPRINTS = Path("/usr/share/kicad/footprints")

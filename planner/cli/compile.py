@@ -50,7 +50,6 @@ def parser() -> Parser:
         "--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
     )  # fmt: skip
-    add("--sweep", dest="vary", action="append", help=argparse.SUPPRESS)  # what it was called
     add("--seed", type=natural, help="instead of the job's seed")
     add(
         "--trials", type=positive_int, default=EVALUATION_TRIALS,

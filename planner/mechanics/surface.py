@@ -1,7 +1,7 @@
 """Either limit surface, ellipsoid or convex quartic, in the form that the kernels take."""
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.part.outline import convex_hull, radius_of_gyration
-from planner.part.pressure import Kind, Pressure, even, support
+from planner.part.pressure import Kind, Pressure, Support, even, support
 from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
@@ -27,13 +27,20 @@ def of_job(job: Job) -> Surface:
         return QuarticSurface(pressure.quartic, pressure.certificate, pressure.rho_mm)
     if pressure.ellipsoid is not None and pressure.rho_mm is not None:
         return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
-    return _fit_of(pressure)(*support(pressure, outline), radius_of_gyration(outline))
+    return _fit(pressure, support(pressure, outline), radius_of_gyration(outline))
 
 
-def _fit_of(pressure: Pressure) -> Callable[[Array, Array, float], Surface]:
-    """What fits a surface of the form that the job wants to points, their weights and rho."""
-    quartic_wanted = pressure.limit_surface == "quartic"
-    return quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
+def _fit(pressure: Pressure, held: Support, rho_mm: float) -> Surface:
+    """The surface under a part that is held so, of the form that the job wants."""
+    points, weights = held
+    return _fitted(pressure.limit_surface == "quartic", points.tobytes(), weights.tobytes(), rho_mm)
+
+
+@lru_cache(maxsize=256)
+def _fitted(quartic_wanted: bool, points: bytes, weights: bytes, rho_mm: float) -> Surface:
+    """Kept, since all the worlds that a plan is tried in fit the same few pressures again."""
+    fit = quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
+    return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
 
 def others_of(job: Job) -> tuple[Surface, ...]:
@@ -45,8 +52,7 @@ def others_of(job: Job) -> tuple[Surface, ...]:
     feet = [even(corners[rng.choice(len(corners), 3, replace=False)]) for _ in range(FEET)]
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
     spread = [support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind]
-    fit = _fit_of(pressure)
-    return tuple(fit(*held, radius_of_gyration(outline)) for held in (*spread, *feet))
+    return tuple(_fit(pressure, held, radius_of_gyration(outline)) for held in (*spread, *feet))
 
 
 def nominal(surface: Surface) -> Array:

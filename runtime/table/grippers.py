@@ -21,7 +21,6 @@ class Profile(NamedTuple):
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...]
-    verified: bool  # whether the encoder's ends are readings that the maker publishes
 
     def speed_counts(self, speed_um_s: int) -> int:
         """The fastest speed setting that is not faster than asked, 0..255."""
@@ -41,13 +40,13 @@ PROFILES = {
     profile.model: profile
     for profile in (
         # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc is that of its URDF models.
-        Profile("robotiq-2f-85", 85_000, 3, 230, (20_000, 150_000), (20_000, 235_000), (57.15, 5.0), True),
+        Profile("robotiq-2f-85", 85_000, 3, 230, (20_000, 150_000), (20_000, 235_000), (57.15, 5.0)),
         # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
         # (ur_rtde issue 356). The URDF models agree on the link and differ by 5 mm in where the pads are.
-        Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,), False),
+        Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,)),
         # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
         # encoder's ends are those of the register.
-        Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), (), False),
+        Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), ()),
     )
 }
 NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140", "hand-e": "hand-e"}
@@ -58,7 +57,7 @@ def profile_of(model: str) -> Profile:
     for name, known in NAMES.items():
         if name in model.lower():
             return PROFILES[known]
-    return PROFILES["robotiq-2f-85"]._replace(model=model, arc_mm=(), verified=False)
+    return PROFILES["robotiq-2f-85"]._replace(model=model, arc_mm=())
 
 
 def _setting(value: int, least: int, most: int) -> int:

@@ -138,7 +138,7 @@ def test_results_come_in_order_and_errors_arrive_as_they_are(local_cluster, tmp_
 def test_a_sweep_on_a_cluster_writes_the_same_tables(local_cluster, tmp_path, capsys):
     job = tmp_path / "job.toml"
     job.write_text(QUICK)
-    sweep = [str(job), "--trials", "300", "--sweep", "uncertainty.radius_mm=4,-1,6"]
+    sweep = [str(job), "--trials", "300", "--vary", "uncertainty.radius_mm=4,-1,6"]
     folders = tmp_path / "here", tmp_path / "there"
     assert plan_compile.main([*sweep, "-o", str(folders[0])]) == 6
     address = ["--scheduler", local_cluster.scheduler_address]

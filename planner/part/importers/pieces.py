@@ -1,4 +1,4 @@
-"""How a drawing is read, and what it holds before it is a contour: closed rings and open strokes, in mm."""
+"""How a drawing is to be read, and what it holds before it is a contour: rings and open strokes, in mm."""
 
 import signal
 import threading

@@ -18,7 +18,8 @@ from planner.job import model as job_file
 from planner.job.fields import REQUIRED
 from planner.job.presets import FINGERS, GRIPPERS
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
-from planner.part.importers.file import Options, read_outline
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options
 
 pytestmark = pytest.mark.slow
 

@@ -36,6 +36,7 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_it_learns_the_encoder_and_keeps_the_text(tmp_path, capsys):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
     command = [str(JOB), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]

@@ -9,7 +9,8 @@ import pytest
 
 from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline as outlines
-from planner.part.importers.file import Options, read_outline
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options
 
 RECTANGLE = [(0, 0), (30, 0), (30, 21), (0, 21)]
 INSERT = {"row_count": 100, "column_count": 100, "row_spacing": 1, "column_spacing": 1}

@@ -8,7 +8,8 @@ import trimesh
 
 from planner.errors import InputFileError, UsageError
 from planner.job.checks import tips_height_mm
-from planner.part.importers.file import Options, read_faces
+from planner.part.importers.file import read_faces
+from planner.part.importers.pieces import Options
 
 BRACKET = [(0, 0), (34, 0), (34, 5), (5, 34), (0, 34)]
 

@@ -7,7 +7,8 @@ import pytest
 import shapely
 
 from planner.errors import InputFileError, OutlineError
-from planner.part.importers.file import Options, read_outline
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options
 
 FAB = '(layer "F.Fab") (width 0.1))'
 

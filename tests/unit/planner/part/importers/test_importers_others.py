@@ -9,8 +9,8 @@ import trimesh
 
 from planner.errors import InputFileError, OutlineError, PlannerError, UsageError, ValueRangeError
 from planner.part import outline as outlines
-from planner.part.importers.file import Options, read_outline
-from planner.part.importers.pieces import MAX_BYTES, flattened, time_limit
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import MAX_BYTES, Options, flattened, time_limit
 
 
 def read(path, **options):

@@ -7,7 +7,8 @@ import pytest
 
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline as outlines
-from planner.part.importers.file import Options, read_outline
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options
 
 NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
 MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
