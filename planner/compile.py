@@ -93,7 +93,8 @@ def compile_job(
     belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
-    _load_kernels(job, reference, belief[:2])
+    of_each_form = np.unique(belief.traits["surface"], return_index=True)[1]
+    _load_kernels(job, reference, belief[np.append([0, 1], of_each_form)])
     limit = limit or Limit()
     limit.start()
     ahead: MotionModel = replace(reference, simulator=Mixture.of_job(job, workers, PARAMS.ahead_step_mm))

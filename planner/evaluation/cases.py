@@ -85,6 +85,8 @@ def believed_cases(job: Job) -> list[Case]:
         cases += [friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
         cases.append(on_three_feet(job))
+    if doubt.limit_surface != "stated":
+        cases += _other_surface(job)
     if doubt.least_dof:
         change = {"pressure": {"wishart_dof": doubt.least_dof}}
         cases.append(Case(f"{doubt.least_dof} degrees of freedom", change))

@@ -87,6 +87,8 @@ class Doubt:
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
+    # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
+    limit_surface: Annotated[str, Text(("stated", "any"), default="stated")]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
     placement_mm: Annotated[float, Number(0, 10, default=0.0)]  # std of the hand's x and y, in each squeeze
