@@ -15,13 +15,11 @@ from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
-from planner.evaluation.cases import stress_cases
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
@@ -104,14 +102,12 @@ class Planning:
 
     def finished(self, planned: Planned, judge: Judge) -> tuple[Table, int]:
         """All else that trials decide: the table, and how many branches were cut off."""
-        table, runs = self._marked(planned.table, planned.evaluation, planned.attempt)
+        table, run = marked(self.job, planned.table, planned.evaluation), planned.evaluation
         if self.job.goal.wrong_ppm is not None and planned.cut is None:
-            table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
-        return pruned(self.job, self.root, table, runs, planned.cut)
+            table, run = self._held(self.job.goal.wrong_ppm, table, run, judge)
+        return pruned(self.job, self.root, table, run, planned.cut)
 
-    def _held(
-        self, limit: int, table: Table, runs: list[Evaluation], judge: Judge
-    ) -> tuple[Table, list[Evaluation]]:
+    def _held(self, limit: int, table: Table, run: Evaluation, judge: Judge) -> tuple[Table, Evaluation]:
         """Grows the leaves that are wrong too often [ppm], and marks those unresolved that do not grow.
 
         No more parts are given up so than the goal's confidence leaves open.
@@ -127,39 +123,32 @@ class Planning:
             ends = _ends(self.root)
             if number <= PARAMS.refinements and not self._late():
                 attempt = PARAMS.refinements + number
-                doubts = unsettle(self.root, blamed, self.growth.objective.metric)
+                doubts = rare.unsettle(self.root, blamed, self.growth.objective.metric)
                 self._grow(attempt)
-                settle(doubts, self.growth.objective.confidence)
+                rare.settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
-                table, runs = self._marked(table, judge(table, attempt), attempt)
+                run = judge(table, attempt)
+                table = marked(self.job, table, run)
             for leaf in blamed:
                 share = case.found.sums.visits[leaf] / case.found.sums.parts
                 if not ends[leaf].children and share <= spare:
                     given_up.append(ends[leaf])
                     spare -= share
             table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
-        return table, runs
-
-    def _marked(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[Table, list[Evaluation]]:
-        """Marks the leaves unresolved that trials refute, and returns the trials: here and beyond."""
-        others = stressed(table, self.job, attempt, self.work)
-        return marked(self.job, table, evaluation, others), [evaluation, *others]
+        return table, run
 
     def run(self, judge: Judge) -> Planned:
         """Plans the whole tree, unless it was grown before."""
-        doubts: list[Doubt] = []
         for attempt in range(PARAMS.refinements + 1):
             if attempt or not self.root.children:
                 self._grow(attempt)
-            settle(doubts, self.growth.objective.confidence)
             table = lower(self.root, self.job)
             began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
-            short, doubts = self._faults(table, evaluation, attempt)
-            if short < PARAMS.least_short and not doubts:
+            if self._faults(table, evaluation) < PARAMS.least_short:
                 break
         return Planned(self, table, evaluation, attempt, self.anytime.report())
 
@@ -186,16 +175,13 @@ class Planning:
         """Tries other squeezes for the nodes that matter most, until it is late."""
         improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
-    def _faults(self, table: Table, evaluation: Evaluation, attempt: int) -> tuple[float, list[Doubt]]:
-        """The share of leaves that do not hold in fresh trials, and those wrong in worlds a little off."""
-        metric = self.growth.objective.metric
+    def _faults(self, table: Table, evaluation: Evaluation) -> float:
+        """The share of leaves that do not hold in fresh trials."""
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
         ended = Belief(evaluation.poses, evaluation.traits, last)
         beliefs = {k: ended[evaluation.leaf == k] for k in range(len(table.leaves))}
         against = [k for k in beliefs if self._refuted(evaluation.within[evaluation.leaf == k])]
-        short = learn(self.root, beliefs, self.growth, self._reopen, against)
-        runs = stressed(table, self.job, attempt, self.work)
-        return short, doubt(self.root, runs, metric)
+        return learn(self.root, beliefs, self.growth, self._reopen, against)
 
     def _refuted(self, within: BoolArray) -> bool:
         """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
@@ -233,8 +219,7 @@ class Planning:
 
     def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
-        goal, limit = self.job.goal, self.anytime.limit
-        parts = self.deciding + 2 * self.trials + goal.stress_trials * len(stress_cases(self.job))
+        limit, parts = self.anytime.limit, self.deciding + 2 * self.trials
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -253,24 +238,22 @@ def judged(
     return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
 
 
-def marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
+def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
     """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, others, job)[0].leaves)
+    return replace(table, leaves=with_figures(table, evaluation, None, job)[0].leaves)
 
 
 def pruned(
-    job: Job, root: TreeNode, table: Table, runs: list[Evaluation], cut: Cut | None = None
+    job: Job, root: TreeNode, table: Table, run: Evaluation, cut: Cut | None = None
 ) -> tuple[Table, int]:
     """Cuts off what no trial took, in the tree, too: the table, and how many branches went.
-
-    The first of `runs` is that in the job's own world.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    kept = tried(table, runs)
+    kept = tried(table, run)
     if not kept[0]:
-        raise no_plan(table, runs[0], job, cut)
+        raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     return (without_untried(table, root, kept) if untried else table), untried
 

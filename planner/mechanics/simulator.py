@@ -32,16 +32,17 @@ STUCK_MM, STUCK_DEG = 10.0, 5.0  # How far a part that sticks to its pusher may 
 class Parameters(NamedTuple):
     """The uncertain mechanics of n roll-outs."""
 
-    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as `planner.mechanics.surface.sample_each` makes them
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as `surface.sample_each` makes them
     mu: Array  # (n, 2) friction at the upper and the lower finger
     release: Array | None = None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
     share: Array | None = None  # (n,) of the closing that the upper finger makes; None: the gripper's
     deviation: Array | None = None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
     ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid after all; None: nowhere
 
-    def of(self, rows: IntArray) -> Self:
+    def of(self, rows: IntArray) -> "Parameters":
         """Those of some roll-outs."""
-        return self._make(None if values is None else values[rows] for values in self)
+        own = {name: values[rows] for name, values in self._asdict().items() if values is not None}
+        return self._replace(**own)
 
 
 class RollOut(NamedTuple):

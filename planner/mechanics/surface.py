@@ -32,7 +32,7 @@ def of_job(job: Job) -> Surface:
 
 
 def _forms_of(job: Job) -> list[Fit]:
-    """What fits a surface to points, their weights and rho: the form that the job wants, then one in doubt."""
+    """What fits a surface to points, their weights and rho: the form that the job wants, then any doubted."""
     forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
     if job.pressure.limit_surface == "quartic":
         forms.reverse()
@@ -48,7 +48,7 @@ def others_of(job: Job) -> tuple[Surface, ...]:
 def doubted_of(job: Job) -> list[tuple[Fit, Support]]:
     """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
-    if job.pressure.limit_surface is None or doubt.pressure == doubt.limit_surface == "stated":
+    if job.pressure.limit_surface is None or (doubt.pressure == "stated" and doubt.limit_surface != "any"):
         return []
     pressures = [support(job.pressure, job.part.outline_mm), *_other_pressures(job)]
     return [(fit, held) for fit in _forms_of(job) for held in pressures][1:]

@@ -110,7 +110,9 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
     forms = [type(each) for each in surfaces]
     assert forms.count(quartic.QuarticSurface) == forms.count(limit_surface.LimitSurface) == len(forms) / 2
     which = np.repeat(np.arange(len(surfaces)), 400)
-    drawn, ellipsoid = surface.sample_each(surfaces, which, np.full(len(which), 100), np.random.default_rng(7))
+    drawn, ellipsoid = surface.sample_each(
+        surfaces, which, np.full(len(which), 100), np.random.default_rng(7)
+    )
     for number, each in enumerate(surfaces):
         nominal = surface.nominal(each)
         size = len(nominal)
