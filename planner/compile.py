@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from planner.belief.doubts import believed
+from planner.belief.doubts import believed, certain
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
 from planner.belief.particles import Belief
@@ -14,12 +14,12 @@ from planner.belief.recut import recut
 from planner.belief.transition import MotionModel, Simulation, costs_of, placing_of
 from planner.errors import NoPlanError
 from planner.evaluation import rare
+from planner.evaluation.disturbance import as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import predicting, with_figures
 from planner.evaluation.narrowing import Narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings
-from planner.evaluation.stress import beyond
 from planner.job.model import Job
 from planner.learned.model import learned_model, learns
 from planner.learned.store import Store
@@ -44,6 +44,7 @@ from runtime.table import Table
 
 EVALUATION_TRIALS = 20_000
 SEED_FIGURES = 0x46494755
+SEED_BEYOND = 0x42594E44
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +96,8 @@ def compile_job(
     belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.
     say("kernels", 0, 1)
-    _load_kernels(job, reference, belief[:2])
+    of_each_form = np.unique(belief.traits["surface"], return_index=True)[1]
+    _load_kernels(job, reference, belief[np.append([0, 1], of_each_form)])
     limit = limit or Limit()
     limit.start()
     ahead: MotionModel = replace(reference, simulator=Mixture.of_job(job, workers, PARAMS.ahead_step_mm))
@@ -132,7 +134,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
         )
     table = lower(root, job)
     evaluation = judged(job, trials, workers, table, 0, say)
-    table, untried = pruned(job, root, marked(job, table, evaluation, []), [evaluation])
+    table, untried = pruned(job, root, marked(job, table, evaluation), evaluation)
     table, against = guarded(job, root, table, trials, workers, say)
     work = Threads() if workers is None else Threads(workers)
     return _stated(job, root, table, untried, trials, work, say, against=against)
@@ -147,10 +149,13 @@ def _stated(
     A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
     failures in these very figures. Other trials would be chosen for not refuting it.
     """
-    others = [] if job.search.method in METHODS else beyond(table, job, trials, SEED_FIGURES, work)
+    beyond, other = None, job.seed + SEED_BEYOND
+    if not certain(job) and job.search.method not in METHODS:
+        worlds = ContactWorlds.of_job(job, other)
+        beyond = evaluate(table, job, worlds, trials, other, work, as_doubted(job))
     seed = job.seed + SEED_FIGURES
     evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
-    table, evaluation = with_figures(table, evaluation, others, job)
+    table, evaluation = with_figures(table, evaluation, beyond, job)
     wrong, limit = None, job.goal.wrong_ppm
     if limit is not None:
         most = rare.CUT_PARTS if cut else rare.MOST_PARTS

@@ -44,7 +44,7 @@ friction = {finger_part_min = 0.4, finger_part_max = 0.6}
 gripper = {finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 85.0}
 uncertainty = {radius_mm = 12.75, orientation = "unknown"}
 actions = {angles_deg = [0, 45, 90, 135], centers_mm = [[0, 0]], proposals = "none"}
-goal = {distance_mm = 3.0, confidence = 0.99, stress_trials = 2000}
+goal = {distance_mm = 3.0, confidence = 0.99}
 doubt = {chance = 0.8, finger_share = [-0.11, 0.11], middle_mm = [-1.4, 1.4], encoder_mm = [-1.1, 1.1]}
 """  # trees/rectangle/job.toml, which an installation does not have
 

@@ -15,14 +15,12 @@ from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
-from planner.evaluation.cases import stress_cases
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed, rejudged
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.narrowing import Narrowed, narrowed
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.stress import Doubt, doubt, settle, stressed, unsettle
 from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
@@ -56,7 +54,6 @@ class Planned(NamedTuple):
     by: Planning
     table: Table
     evaluation: Evaluation  # its trials
-    others: list[Evaluation]  # those of the same table in worlds that are off
     cut: Cut | None = None
 
     def value(self, growth: Growth) -> float:
@@ -107,15 +104,12 @@ class Planning:
 
     def finished(self, planned: Planned, judge: Judge) -> tuple[Table, int]:
         """All else that trials decide: the table, and how many branches were cut off."""
-        table = marked(self.job, planned.table, planned.evaluation, planned.others)
-        runs = [planned.evaluation, *planned.others]
+        table, run = marked(self.job, planned.table, planned.evaluation), planned.evaluation
         if self.job.goal.wrong_ppm is not None and planned.cut is None:
-            table, runs = self._held(self.job.goal.wrong_ppm, table, runs, judge)
-        return pruned(self.job, self.root, table, runs, planned.cut)
+            table, run = self._held(self.job.goal.wrong_ppm, table, run, judge)
+        return pruned(self.job, self.root, table, run, planned.cut)
 
-    def _held(
-        self, limit: int, table: Table, runs: list[Evaluation], judge: Judge
-    ) -> tuple[Table, list[Evaluation]]:
+    def _held(self, limit: int, table: Table, run: Evaluation, judge: Judge) -> tuple[Table, Evaluation]:
         """Grows the leaves that are wrong too often [ppm], and marks those unresolved that do not grow.
 
         No more parts are given up so than the goal's confidence leaves open.
@@ -131,42 +125,35 @@ class Planning:
             ends = _ends(self.root)
             if number <= PARAMS.refinements and not self._late():
                 attempt = PARAMS.refinements + number
-                doubts = unsettle(self.root, blamed, self.growth.objective.metric)
+                doubts = rare.unsettle(self.root, blamed, self.growth.objective.metric)
                 self._grow(attempt)
-                settle(doubts, self.growth.objective.confidence)
+                rare.settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
-                runs = [judge(table, attempt), *stressed(table, self.job, attempt, self.work)]
-                table = marked(self.job, table, runs[0], runs[1:])
+                run = judge(table, attempt)
+                table = marked(self.job, table, run)
             for leaf in blamed:
                 share = case.found.sums.visits[leaf] / case.found.sums.parts
                 if not ends[leaf].children and share <= spare:
                     given_up.append(ends[leaf])
                     spare -= share
             table = rare.given_up(table, [k for k, end in enumerate(_ends(self.root)) if end in given_up])
-        return table, runs
+        return table, run
 
     def run(self, judge: Judge) -> Planned:
         """Plans the whole tree, unless it was grown before."""
-        doubts: list[Doubt] = []
         for attempt in range(PARAMS.refinements + 1):
             if attempt or not self.root.children:
                 self._grow(attempt)
-            settle(doubts, self.growth.objective.confidence)
             table = lower(self.root, self.job)
             began_s = self.anytime.limit.spent_s
             evaluation = judge(table, attempt)
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
-            others = stressed(table, self.job, attempt, self.work)
             short = self._learn(table, evaluation)
-            if attempt == PARAMS.refinements or self._late():
-                break
-            doubts = doubt(self.root, others, self.growth.objective.metric)
-            if short < PARAMS.least_short and not doubts:
+            if attempt == PARAMS.refinements or self._late() or short < PARAMS.least_short:
                 break
         # The last trials, too, have told the leaves where parts lie.
         table = lower(self.root, self.job)
-        evaluation, *others = (rejudged(table, run) for run in [evaluation, *others])
-        return Planned(self, table, evaluation, others, self.anytime.report())
+        return Planned(self, table, rejudged(table, evaluation), self.anytime.report())
 
     def begin(self) -> None:
         """Grows the tree, without a look at what becomes of it."""
@@ -232,8 +219,7 @@ class Planning:
 
     def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
-        goal, limit = self.job.goal, self.anytime.limit
-        parts = self.deciding + 2 * self.trials + goal.stress_trials * len(stress_cases(self.job))
+        limit, parts = self.anytime.limit, self.deciding + 2 * self.trials
         parts += narrowing_trials(self.trials) * bool(self.job.stranger)
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
@@ -253,24 +239,22 @@ def judged(
     return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
 
 
-def marked(job: Job, table: Table, evaluation: Evaluation, others: list[Evaluation]) -> Table:
+def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
     """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, others, job)[0].leaves)
+    return replace(table, leaves=with_figures(table, evaluation, None, job)[0].leaves)
 
 
 def pruned(
-    job: Job, root: TreeNode, table: Table, runs: list[Evaluation], cut: Cut | None = None
+    job: Job, root: TreeNode, table: Table, run: Evaluation, cut: Cut | None = None
 ) -> tuple[Table, int]:
     """Cuts off what no trial took, in the tree, too: the table, and how many branches went.
-
-    The first of `runs` is that in the job's own world.
 
     Raises:
         NoPlanError: nothing stays.
     """
-    kept = tried(table, runs)
+    kept = tried(table, run)
     if not kept[0]:
-        raise no_plan(table, runs[0], job, cut)
+        raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     return (without_untried(table, root, kept) if untried else table), untried
 

@@ -9,7 +9,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief, initial
 from planner.job.model import Job
 from planner.job.schema import Interval
-from planner.mechanics.surface import others_of
+from planner.mechanics.surface import doubted_of
 from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypothesis
 from planner.part.outline import min_width
 
@@ -74,7 +74,7 @@ def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 
 def _draws(job: Job, rng: np.random.Generator) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
     """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
-    doubt, others, tolerance_mm = job.doubt, len(others_of(job)), job.part.tolerance_mm
+    doubt, others, tolerance_mm = job.doubt, len(doubted_of(job)), job.part.tolerance_mm
     low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
         "share": doubt.finger_share,

@@ -40,7 +40,7 @@ class Margins(NamedTuple):
         return (
             f"thin margins: widths {counts} off make {self.wrong_rate:.1%} of the answers wrong, since "
             f"{self.near:.0%} of the parts read within {counts} of another branch: "
-            "stress_trials of [goal] squeezes such parts once more"
+            "encoder_mm of [doubt] plans for that"
         )
 
 

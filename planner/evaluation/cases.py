@@ -16,8 +16,7 @@ from planner.job.schema import MOST_FRICTION
 from planner.part.outline import convex_hull, grown, min_width
 
 OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
-UNEVEN = 0.1  # a finger may make so much more or less of the closing motion than planned
-SLIGHTLY_UNEVEN = 0.02  # the same, for a report: 1.3 mm where the jaws close by 64
+SLIGHTLY_UNEVEN = 0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
 STEADY_DOF = 1_000_000  # degrees of freedom at which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
 """Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
@@ -85,6 +84,8 @@ def believed_cases(job: Job) -> list[Case]:
         cases += [friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
         cases.append(on_three_feet(job))
+    if doubt.limit_surface == "any":
+        cases += _other_surface(job)
     if doubt.least_dof:
         change = {"pressure": {"wishart_dof": doubt.least_dof}}
         cases.append(Case(f"{doubt.least_dof} degrees of freedom", change))
@@ -113,19 +114,6 @@ def _stands(case: Case, job: Job) -> bool:
     except JobError:
         return False
     return True
-
-
-def stress_cases(job: Job) -> list[Case]:
-    """For `goal.stress_trials`: encoder, friction and fingers a little off to both sides, and three feet."""
-    low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    planned = job.gripper.upper_finger_share
-    shares = (planned - UNEVEN, planned + UNEVEN)
-    return [
-        *offset_cases(job),
-        *(friction(a, b) for a, b in ((0.5 * low, low), (high, 1.5 * high)) if a < min(b, MOST_FRICTION)),
-        *(uneven(job, share, centred=True) for share in shares if 0.0 <= share <= 1.0),
-        *([] if job.hypothesis else [on_three_feet(job)]),  # each of several parts has corners of its own
-    ]
 
 
 def offset_cases(job: Job) -> list[Case]:

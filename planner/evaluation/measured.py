@@ -3,7 +3,6 @@
 What no trial took is never claimed: its widths become REJECT.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,19 +22,19 @@ LEAST_VISITS = 200  # a node that fewer parts came to keeps the shares that its 
 
 
 def with_figures(
-    table: tables.Table, evaluation: Evaluation, others: Sequence[Evaluation], job: Job
+    table: tables.Table, evaluation: Evaluation, beyond: Evaluation | None, job: Job
 ) -> tuple[tables.Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
     A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence) is
-    marked unresolved; its alternatives are the further poses that parts had there. `others` are evaluations
-    in other worlds, for leaves that no part came to in the stated one.
+    marked unresolved; its alternatives are the further poses that parts had there. `beyond` is an evaluation
+    in cells that are doubted, for leaves that no part came to in the stated one.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
     """
     metric = metric_of_table(table)
-    elsewhere = Evaluation.joined(others) if others else evaluation
+    elsewhere = beyond or evaluation
     here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
     leaves = tuple(
         _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
@@ -60,13 +59,12 @@ def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
     return replace(table, predicted=predicted)
 
 
-def tried(table: tables.Table, runs: Sequence[Evaluation]) -> list[list[int]]:
-    """The branches of each node that trials took in these runs, and after which there was an outcome."""
+def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
+    """The branches of each node that trials took, and after which there was an outcome."""
     took = [set[int]() for _ in table.nodes]
-    for run in runs:
-        passed = run.path >= 0
-        for index, number in set(zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)):
-            took[index].add(number)
+    passed = run.path >= 0
+    for index, number in set(zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)):
+        took[index].add(number)
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         targets = enumerate(branch.target for branch in table.nodes[index].branches)

@@ -4,16 +4,20 @@ A study is looked at after each batch of chunks, as many as all before it, and e
 shown to be below the limit or above it: its bounds hold at every look (`planner.evaluation.ppm`).
 """
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from planner.belief.metric import Metric, Mode
 from planner.belief.particles import Belief
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.ppm import CHUNK, Findings, Study, Sums, Wrong, copies_of
 from planner.evaluation.trials import Program
 from planner.job.model import Job
+from planner.search.expand import TreeNode, breadth_first
 from planner.work.progress import Report
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
@@ -23,6 +27,15 @@ MOST_PARTS = 2_000_000  # of a study: without a wrong answer among them the boun
 CUT_PARTS = 20_000  # of that of a plan whose search was cut short
 FIRST = 2  # chunks before the first look
 AIM = 0.5  # of the limit: what the leaves left alone may come to, so that a bound on it is below the limit
+AMPLIFIED = 0.1  # least share of a doubted belief that is wrong, for a look-ahead of few particles to see it
+
+
+class Doubt(NamedTuple):
+    """A leaf made to be searched once more, and what it was before."""
+
+    node: TreeNode
+    belief: Belief
+    mode: Mode
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +89,39 @@ def studied(
         done = batch.stop
         report("wrong answers", done, chunks)
     return Case(Findings.of(sums), Wrong(*map(np.concatenate, zip(*told, strict=True))))
+
+
+def unsettle(root: TreeNode, wrong: Mapping[int, Belief], metric: Metric) -> list[Doubt]:
+    """Joins wrong parts, amplified, to the beliefs of their leaves, by leaf number.
+
+    The tree is modified in place. Returns the leaves, with what they were before.
+    """
+    ends = [node for node in breadth_first(root) if not node.children]
+    found = []
+    for leaf, parts in wrong.items():
+        node = ends[leaf]
+        found.append(Doubt(node, node.belief, node.mode))
+        more = _amplified(parts, len(node.belief))
+        node.belief, node.doubted = Belief.joined([node.belief, more]), node.doubted + len(more)
+        node.mode = metric.mode(node.belief.states)
+    return found
+
+
+def settle(doubts: Sequence[Doubt], confidence: float) -> None:
+    """Gives the leaves that no squeeze would improve back what they were.
+
+    Some need no squeeze: another pose of theirs holds for the parts that were wrong, too. They keep it.
+    """
+    for node, belief, mode in doubts:
+        if not node.children and node.mode.ratio < confidence:
+            node.doubted -= len(node.belief) - len(belief)
+            node.belief, node.mode = belief, mode
+
+
+def _amplified(wrong: Belief, among: int) -> Belief:
+    """Particles repeated until they count among so many others."""
+    times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
+    return wrong[np.tile(np.arange(len(wrong)), times)]
 
 
 def given_up(table: Table, leaves: Collection[int]) -> Table:

@@ -163,6 +163,11 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
         raise _conflict("doubt", "least_dof", f"is {least}; write 0 for no doubt, or {LEAST_DOF} or more")
     if least:
         _check_dof({**pressure, "wishart_dof": least}, ("doubt", "least_dof"))
+    if doubt["limit_surface"] == "any":
+        if pressure.get("limit_surface") is None:
+            problem = f'is "any", but [pressure] kind = "{pressure["kind"]}" states the surface; leave it out'
+            raise _conflict("doubt", "limit_surface", problem)
+        _check_dof({**pressure, "limit_surface": "quartic"})
 
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from planner.errors import InputFileError, JobError, KeyNameError, TomlError, UsageError, ValueRangeError
 from planner.job import hypotheses
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
-from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, TOP_LEVEL
+from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, RETIRED, TOP_LEVEL
 from runtime.shell import strict_json
 
 INSTEAD = {
@@ -69,6 +69,9 @@ def from_json(text: str, where: str) -> dict[str, Any]:
         raise TomlError(f"{error}; compile the job again", where=where) from error
     if not isinstance(document, dict):
         raise TomlError("not a JSON object; compile the job again", where=where)
+    for section, key in RETIRED:
+        if isinstance(table := document.get(section), dict):
+            table.pop(key, None)
     return document
 
 
@@ -152,9 +155,12 @@ def _pressure_fields(table: Any) -> Mapping[str, Field]:
 
 
 def _check_strays(table: Any, valid: Container[str], section: str) -> None:
-    """Refuses a key that is valid elsewhere, and says where."""
+    """Refuses a key that is valid elsewhere, and says where, or that is valid no longer."""
     if not isinstance(table, dict):
         return
+    for name, key in RETIRED:
+        if name == section and key in table:
+            raise KeyNameError(f"{key} is no longer known; {RETIRED[name, key]}", section=section)
     homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
     for kind, home in PRESSURE_FIELDS.items():
         homes |= dict.fromkeys(

@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.job.model import Job
-from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
+from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator, in_order
 from planner.mechanics.traits import Traits, by_hypothesis
 
 
@@ -43,14 +43,4 @@ class Mixture:
             (rows, self.simulators[k].squeeze(poses[rows], rng, traits[rows]))
             for k, rows in by_hypothesis(traits)
         ]
-        return pieces[0][1] if len(pieces) == 1 else _in_order(pieces, len(poses))
-
-
-def _in_order(pieces: list[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:
-    """One roll-out of n parts, of the rows that each piece has."""
-    first = pieces[0][1]
-    whole = RollOut(*(np.empty((n, *column.shape[1:]), column.dtype) for column in first))
-    for rows, piece in pieces:
-        for column, values in zip(whole, piece, strict=True):
-            column[rows] = values
-    return whole
+        return pieces[0][1] if len(pieces) == 1 else in_order(pieces, len(poses))

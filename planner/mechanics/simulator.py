@@ -3,12 +3,13 @@
 import math
 import os
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
@@ -31,11 +32,17 @@ STUCK_MM, STUCK_DEG = 10.0, 5.0  # How far a part that sticks to its pusher may 
 class Parameters(NamedTuple):
     """The uncertain mechanics of n roll-outs."""
 
-    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics, as `planner.mechanics.surface` makes them
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as `surface.sample_each` makes them
     mu: Array  # (n, 2) friction at the upper and the lower finger
     release: Array | None = None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
     share: Array | None = None  # (n,) of the closing that the upper finger makes; None: the gripper's
     deviation: Array | None = None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
+    ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid after all; None: nowhere
+
+    def of(self, rows: IntArray) -> "Parameters":
+        """Those of some roll-outs."""
+        own = {name: values[rows] for name, values in self._asdict().items() if values is not None}
+        return self._replace(**own)
 
 
 class RollOut(NamedTuple):
@@ -100,15 +107,15 @@ class Simulator:
         """
         own = as_planned(n) if traits is None else traits
         dof = np.where(own["dof"] > 0, own["dof"], self.wishart_dof)
-        surfaces = limit_surface.sample(self.surface, dof, rng, n)
-        for number, other in enumerate(self.others, start=1):
-            rows = np.flatnonzero(own["surface"] == number)
-            surfaces[rows] = limit_surface.sample(other, dof[rows], rng, len(rows))
+        surfaces, ellipsoid = limit_surface.sample_each(
+            (self.surface, *self.others), own["surface"], dof, rng
+        )
         drawn = rng.uniform(*self.friction, size=n)
         mu = np.where(own["friction"] == FRESH, drawn, own["friction"])
         release = rng.standard_normal((n, 3)) * np.hypot(self.release, own["release"][:, [0, 0, 1]])
         share = np.clip(self.jaws[3] + own["share"], 0.0, 1.0)
-        return Parameters(surfaces, np.repeat(mu[:, None], 2, axis=1), release, share, own["deviation"])
+        mus = np.repeat(mu[:, None], 2, axis=1)
+        return Parameters(surfaces, mus, release, share, own["deviation"], ellipsoid)
 
     def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits | None = None) -> RollOut:
         """Squeezes poses (n, 3) in the hand frame, each with random mechanics, of parts with traits (n,)."""
@@ -131,6 +138,8 @@ class Simulator:
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
         """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
+        if parameters.ellipsoid is not None:
+            return self._by_form(poses, parameters, parameters.ellipsoid)
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)
@@ -157,6 +166,15 @@ class Simulator:
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
+    def _by_form(self, poses: Array, parameters: Parameters, ellipsoid: BoolArray) -> RollOut:
+        """`roll_out` of ellipsoids (n,) and quartics, each as a batch: kernels know one form at a time."""
+        bare, curved, pieces = parameters._replace(ellipsoid=None), np.flatnonzero(~ellipsoid), []
+        for rows, size in ((np.flatnonzero(ellipsoid), 3), (curved, 6)):
+            own = bare.of(rows)
+            corner = np.ascontiguousarray(own.surfaces[:, :size, :size])
+            pieces.append((rows, self.roll_out(poses[rows], own._replace(surfaces=corner))))
+        return in_order(pieces, len(poses))
+
     def push(self, paths: Paths, parameters: Parameters) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
 
@@ -179,6 +197,16 @@ class Simulator:
         stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
         stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
         return Pushed(moved, np.where(stuck, STUCK, np.where(touching == 1, SLID, LOST)), given_up)
+
+
+def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:
+    """One roll-out of n parts, of the rows that each piece has."""
+    first = pieces[0][1]
+    whole = RollOut(*(np.empty((n, *column.shape[1:]), column.dtype) for column in first))
+    for rows, piece in pieces:
+        for column, values in zip(whole, piece, strict=True):
+            column[rows] = values
+    return whole
 
 
 def commanded(paths: Paths) -> Array:

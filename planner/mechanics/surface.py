@@ -1,21 +1,23 @@
 """Either limit surface, ellipsoid or convex quartic, in the form that the kernels take."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.part.outline import convex_hull, radius_of_gyration
-from planner.part.pressure import Kind, Pressure, Support, even, support
+from planner.part.pressure import Kind, Support, even, support
 from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
+Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
 FEET = 8  # how many sets of three feet, at corners of the hull, stand for all that a part may stand on
 
@@ -27,32 +29,51 @@ def of_job(job: Job) -> Surface:
         return QuarticSurface(pressure.quartic, pressure.certificate, pressure.rho_mm)
     if pressure.ellipsoid is not None and pressure.rho_mm is not None:
         return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
-    return _fit(pressure, support(pressure, outline), radius_of_gyration(outline))
+    return _fitted(_forms_of(job)[0], support(pressure, outline), radius_of_gyration(outline))
 
 
-def _fit(pressure: Pressure, held: Support, rho_mm: float) -> Surface:
-    """The surface under a part that is held so, of the form that the job wants."""
+def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
     points, weights = held
-    return _fitted(pressure.limit_surface == "quartic", points.tobytes(), weights.tobytes(), rho_mm)
+    return _kept(fit, points.tobytes(), weights.tobytes(), rho_mm)
 
 
 @lru_cache(maxsize=256)
-def _fitted(quartic_wanted: bool, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """Kept, since all the worlds that a plan is tried in fit the same few pressures again."""
-    fit = quartic_fit.fit_pressure if quartic_wanted else limit_surface.fit_ellipsoid
+def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
+    """All the worlds that a plan is tried in fit the same few pressures again."""
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
 
+def _forms_of(job: Job) -> list[Fit]:
+    """What fits a surface to points, their weights and rho: the form that the job wants, then any doubted."""
+    forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
+    if job.pressure.limit_surface == "quartic":
+        forms.reverse()
+    return forms if job.doubt.limit_surface == "any" else forms[:1]
+
+
 def others_of(job: Job) -> tuple[Surface, ...]:
-    """The limit surfaces of the pressures that a part may press with instead, as the job doubts."""
+    """The limit surfaces that a part may have instead, as the job doubts."""
+    rho = radius_of_gyration(job.part.outline_mm)
+    return tuple(_fitted(fit, held, rho) for fit, held in doubted_of(job))
+
+
+def doubted_of(job: Job) -> list[tuple[Fit, Support]]:
+    """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
+    doubt = job.doubt
+    if job.pressure.limit_surface is None or (doubt.pressure == "stated" and doubt.limit_surface != "any"):
+        return []
+    pressures = [support(job.pressure, job.part.outline_mm), *_other_pressures(job)]
+    return [(fit, held) for fit in _forms_of(job) for held in pressures][1:]
+
+
+def _other_pressures(job: Job) -> list[Support]:
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
-    if job.doubt.pressure == "stated" or pressure.limit_surface is None:
-        return ()
+    if job.doubt.pressure == "stated":
+        return []
     corners = convex_hull(outline)
-    feet = [even(corners[rng.choice(len(corners), 3, replace=False)]) for _ in range(FEET)]
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
     spread = [support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind]
-    return tuple(_fit(pressure, held, radius_of_gyration(outline)) for held in (*spread, *feet))
+    return [*spread, *(even(corners[rng.choice(len(corners), 3, replace=False)]) for _ in range(FEET))]
 
 
 def nominal(surface: Surface) -> Array:
@@ -65,6 +86,27 @@ def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: i
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
     return hessian_tables(coefficients_of(quartic.sample(surface, dof, rng, n)))
+
+
+def sample_each(
+    surfaces: Sequence[Surface], which: IntArray, dof: IntArray, rng: np.random.Generator
+) -> tuple[Array, BoolArray | None]:
+    """`sample` for each of n parts, about the surface that `which` (n,) numbers, with dof (n,).
+
+    Returns:
+        (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. Where both forms occur, (n, 6, 6) whose
+        (3, 3) corner an ellipsoid fills, and where (n,) it does.
+    """
+    drawn = sample(surfaces[0], dof, rng, len(which))
+    ellipsoid = np.full(len(which), isinstance(surfaces[0], LimitSurface))
+    for number in np.unique(which[which > 0]).tolist():
+        rows = np.flatnonzero(which == number)
+        own = sample(surfaces[number], dof[rows], rng, len(rows))
+        size, most = own.shape[1], max(own.shape[1], drawn.shape[1])
+        drawn = np.pad(drawn, [(0, 0), *[(0, most - drawn.shape[1])] * 2])
+        drawn[rows, :size, :size] = own
+        ellipsoid[rows] = isinstance(surfaces[number], LimitSurface)
+    return drawn, ellipsoid if drawn.shape[1] > 3 and ellipsoid.any() else None
 
 
 def hessian_tables(coefficients: Array) -> Array:

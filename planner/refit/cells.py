@@ -128,7 +128,7 @@ class Cells:
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
         """The cells of a job that run a table; their parts may press on the table in any way."""
-        any_pressure = job.replaced(doubt={"pressure": "any"})
+        any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:
             simulator = replace(simulator, others=(*simulator.others, *_on_feet(job)))

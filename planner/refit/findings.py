@@ -131,6 +131,8 @@ def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(told, cells.job)}
     if "pressure" in told:
         made["pressure"], doubt["pressure"] = _pressure(found, cells)
+        if made["pressure"] and cells.job.doubt.limit_surface == "any":
+            doubt["limit_surface"] = "stated"  # as it says, not fitted to a pressure
     return {section: values for section, values in made.items() if values}
 
 

@@ -87,7 +87,7 @@ def policies(parts: int) -> list[Row]:
     """Success, squeezes and reward of each."""
     model = planner.gym.problem_of(None)
     kept = tables.load(TABLE).table
-    trusting = model.job.replaced(goal={"stress_trials": 0}, friction={"doubt": 0.0})
+    trusting = model.job.replaced(doubt={"chance": 0.0}, friction={"doubt": 0.0})
     rows = [
         _figures("the plan in trees/rectangle", *planned(model, kept, 20_000), model),
         _figures("a plan for this world alone", *planned(model, compile_job(trusting).table, 20_000), model),

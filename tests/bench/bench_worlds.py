@@ -2,9 +2,8 @@
 
     python tests/bench/bench_worlds.py [--parts butterfly-10 ...] [--trials 20000]
 
-Not part of the gate. The jobs of Table I, each planned as it stands and *carefully*: with placements from the
-belief, and with every leaf squeezed once more that would be wrong in one of seven worlds a little off
-(`goal.stress_trials`). Both plans go through the standard set of worlds of `plan-evaluate --sweep`, with the
+Not part of the gate. The jobs of Table I, each planned with the doubts that `plan-init` writes, and so with
+leaves that are surer. Both plans go through the standard set of worlds of `plan-evaluate --sweep`, with the
 same parts. Prints figures and writes `results/worlds.json` beside this file.
 """
 
@@ -31,9 +30,13 @@ from planner.world import ContactWorlds  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "worlds.json"
 PARTS = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
+DOUBTS: dict[str, dict[str, Any]] = {
+    "doubt": {"finger_share": [-0.11, 0.11], "middle_mm": [-1.4, 1.4], "encoder_mm": [-1.1, 1.1]},
+    "part": {"tolerance_mm": 0.33},
+}
 PLANS: dict[str, dict[str, Any]] = {
-    "as the job stands": {},
-    "careful": {"actions": {"proposals": "belief"}, "goal": {"stress_trials": 2000}},
+    "with [doubt]": DOUBTS,
+    "confidence 0.998": {**DOUBTS, "goal": {"confidence": 0.998}},
 }
 SEED = 99
 """Of the parts and the worlds; no plan is made with it."""

@@ -32,26 +32,13 @@ sys.exit(compile.main(sys.argv[1:]))
 """
 
 
-def written(folder, *changes):
-    """The rectangle, searched for with few particles."""
-    text = RECTANGLE.read_text(encoding="utf-8")
-    for old, new in changes:
-        text = text.replace(old, new)
-    path = folder / "job.toml"
-    path.write_text(text + SEARCH, encoding="utf-8")
-    return path
-
-
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
-    """In a cell that is not doubted."""
-    certain = ("stress_trials = 2000", "stress_trials = 0"), ("chance = 0.8", "chance = 0.0")
-    return written(tmp_path_factory.mktemp("job"), *certain)
-
-
-@pytest.fixture(scope="module")
-def stressed(tmp_path_factory):
-    return written(tmp_path_factory.mktemp("stressed"), ("stress_trials = 2000", "stress_trials = 200"))
+    """The rectangle in a cell that is not doubted, searched for with few particles."""
+    path = tmp_path_factory.mktemp("job") / "job.toml"
+    text = RECTANGLE.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
+    path.write_text(text + SEARCH, encoding="utf-8")
+    return path
 
 
 class Steps:
@@ -65,9 +52,9 @@ class Steps:
 
 
 @pytest.fixture(scope="module")
-def whole(stressed):
+def whole(job):
     clock = Steps()
-    plan = compile_job(job_file.load(stressed), 2, 2000, limit=Limit(1e9, clock))
+    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(1e9, clock))
     return plan, clock.now
 
 
@@ -78,8 +65,8 @@ def test_a_budget_that_is_not_spent_cuts_nothing_short(whole):
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(stressed, whole, share):
-    plan = compile_job(job_file.load(stressed), 2, 2000, limit=Limit(share * whole[1], Steps()))
+def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole, share):
+    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
     assert plan.table.predicted.trials == 2000
     assert plan.cut is not None

@@ -11,7 +11,7 @@ from planner import compile as planning
 from planner import planning as course
 from planner.cli import compile as compile_
 from planner.cli import evaluate as evaluate_
-from planner.evaluation import ppm, rare, stress
+from planner.evaluation import ppm, rare
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file
 from planner.search.expand import breadth_first
@@ -26,9 +26,7 @@ TRIALS = 1500
 
 
 def quick(**goal):
-    return job_file.load(
-        TREES / "rectangle" / "job.toml", {"search": QUICK, "goal": {"stress_trials": 0, **goal}}
-    )
+    return job_file.load(TREES / "rectangle" / "job.toml", {"search": QUICK, "goal": goal})
 
 
 @pytest.fixture
@@ -46,8 +44,6 @@ def seeds(monkeypatch):
     taken = [
         (planning, "evaluate", 4),
         (course, "evaluate", 4),
-        (stress, "evaluate", 4),
-        (stress, "sweep", 5),
         (rare, "Study", 3),
     ]
     for module, name, position in taken:
@@ -57,7 +53,7 @@ def seeds(monkeypatch):
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed):
-    job = replace(quick(stress_trials=200), seed=seed)
+    job = replace(quick(), seed=seed)
     plan = planning.compile_job(job, workers=2, trials=TRIALS)
     assert seeds[-1] == plan.seed
     assert plan.seed not in seeds[:-1]
@@ -95,7 +91,6 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
 
 def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
-    text = text.replace("stress_trials = 2000", "stress_trials = 0")
     path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
     path.write_text(text + "\n[search]\nparticles = 1000\nsearch_particles = 100\n", encoding="utf-8")
     words = [str(path), "-o", str(output), "--trials", "1500", "--json", "--no-advice"]

@@ -14,7 +14,7 @@ import planner.api
 from planner.api import Job, Limit
 
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
-QUICK = {"goal": {"stress_trials": 0}, "search": {"particles": 500, "search_particles": 50}}
+QUICK = {"search": {"particles": 500, "search_particles": 50}}
 PAGE = (DOCS / "python.md").read_text()
 CALLS = {
     "Belief.of": "poses, reading, traits",

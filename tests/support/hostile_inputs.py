@@ -56,6 +56,11 @@ RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
         "drivers.camera.calibration.command", "drivers.sim.cli",
     )
 )  # fmt: skip
+CALIBRATE = ("runtime.cli", "calibrate")
+PARSERS = {
+    RUNTIME: "runtime.commands.arguments",
+    CALIBRATE: "runtime.commands.calibrate",
+}  # beside the others
 LOOKS = (
     "show {j}", "show {j} --json --since 2026-01-01 --outcome leaf", "verify {j}", "replay {j} --json",
     "export {j} -o o.csv", "export {j} -o o.parquet",
@@ -115,6 +120,8 @@ def kinds() -> tuple[Kind, ...]:
     init = "-o o.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber"
     tag = "tag --part p --number 7 --side 20 --calibration {c} --poses {p} -o o.json"
     reports = "{t} -o o.html --trials 20"
+    middle = "middle --port no.tty --arm tcp://127.0.0.1:9 --tree {t} --calibration {c} --block 21"
+    middle += " --tips straight -o o.json"
     return (
         Kind(INIT, f"{{f.dxf}} --units mm {init}", {"f.dxf": (lever(), text)}, {}, 2),
         Kind(INIT, f"{{f.svg}} {init}", {"f.svg": (SVG, text)}, {}, 2),
@@ -131,6 +138,8 @@ def kinds() -> tuple[Kind, ...]:
         Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
         Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),
         Kind(RUNTIME, "--tree {t} --check --calibration {c}", {"c": (gauged(), sealed)}, {"t": small}, 3),
+        Kind(CALIBRATE, middle, {"t": (small, table)}, {"c": gauged()}, 2),
+        Kind(CALIBRATE, middle, {"c": (gauged(), sealed)}, {"t": small}, 2),
         Kind(RUNTIME, "--tree {t} --check --deliver {d.toml}", {"d.toml": (DELIVERY, text)}, {"t": small}, 2),
         *(Kind(JOURNAL, words, {"j": (runs, journal)}, {}, 2) for words in LOOKS),
         Kind(AUDIT, "{j} -o o.html --export o.csv", {"j": (runs, journal)}, {}, 4),
@@ -304,16 +313,16 @@ def _as_process(made: Case) -> tuple[int, str]:
 @cache
 def documented(entry: tuple[str, str]) -> frozenset[int]:
     """The codes that a command's --help lists, but for that of a bug."""
-    module = "runtime.commands.arguments" if entry[0] == "runtime.cli" else entry[0]
-    listed = (importlib.import_module(module).parser().epilog or "").partition("exit codes")[2]
+    listed = (importlib.import_module(PARSERS.get(entry, entry[0])).parser().epilog or "").partition(
+        "exit codes"
+    )[2]
     each = re.sub(r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed)
     return frozenset(map(int, re.findall(r"\b\d{1,3}\b(?=\s)", each))) - {INTERNAL}
 
 
 def err_name(entry: tuple[str, str]) -> str:
     """What a command's errors begin with."""
-    module = "runtime.commands.arguments" if entry[0] == "runtime.cli" else entry[0]
-    return str(importlib.import_module(module).parser().prog)
+    return str(importlib.import_module(PARSERS.get(entry, entry[0])).parser().prog)
 
 
 def run(

@@ -14,8 +14,8 @@ from planner.evaluation.cases import (
     believed_cases,
     friction_cases,
     noise_cases,
+    offset_cases,
     standard_cases,
-    stress_cases,
     three_feet,
 )
 from planner.evaluation.disturbance import Disturbance
@@ -103,7 +103,7 @@ def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
 
 
 @pytest.mark.parametrize(
-    "cases", [standard_cases, stress_cases, noise_cases, friction_cases, assumption_cases]
+    "cases", [standard_cases, offset_cases, noise_cases, friction_cases, assumption_cases]
 )
 def test_every_list_of_worlds_fits_the_greatest_friction_that_a_job_may_state(job, cases):
     rough = job.replaced(friction={"finger_part_min": 1.4, "finger_part_max": MOST_FRICTION})
@@ -116,9 +116,16 @@ def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
     job = job.replaced(doubt=none, part={"tolerance_mm": 0})
     assert believed_cases(job.replaced(friction={"doubt": 0})) == []
     doubt = {"finger_share": [-0.1, 0.05], "middle_mm": [0, 1], "encoder_mm": [-1, 1]}
-    doubt |= {"pressure": "any", "least_dof": 20, "placement_mm": 0.2, "arm_mm": 0.5, "release_deg": 2.0}
+    doubt |= {
+        "pressure": "any",
+        "least_dof": 20,
+        "limit_surface": "any",
+        "placement_mm": 0.2,
+        "arm_mm": 0.5,
+        "release_deg": 2.0,
+    }
     cases = believed_cases(job.replaced(doubt=doubt, part={"tolerance_mm": 0.2}))
-    assert len({case.name for case in cases}) == len(cases) == 14
+    assert len({case.name for case in cases}) == len(cases) == 15
     assert {case.disturbance.encoder_offset_mm for case in cases} == {-1.0, 0.0, 1.0}
 
 

@@ -5,11 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.belief.metric import Mode
+from planner.belief.particles import Belief
 from planner.evaluation import ppm, rare
+from planner.evaluation.judge import metric_of_table
 from planner.evaluation.ppm import Findings, Sums, Wrong
-from planner.evaluation.rare import AIM, Case, given_up, studied
+from planner.evaluation.rare import AIM, AMPLIFIED, Case, given_up, settle, studied, unsettle
 from planner.job import model as job_file
 from planner.mechanics.traits import as_planned
+from planner.search.expand import TreeNode
 from planner.work.progress import silent
 from planner.work.scheduler import Threads
 from runtime.table import PPM, load
@@ -96,3 +100,50 @@ def test_an_undecided_study_ends_with_what_it_has_and_on_any_number_of_workers(t
     assert np.array_equal(one.wrong.poses, two.wrong.poses)
     assert one.found.wrong.low < 1 < one.found.wrong.high < PPM
     assert "NOT shown to be below wrong_ppm = 1" in one.found.verdict(1)
+
+
+def tree():
+    """A root with four leaves."""
+    belief = Belief.of(np.zeros((50, 3)))
+    root = TreeNode(belief, 1.0, Mode(np.zeros(3), 0.5))
+    root.children = [TreeNode(belief, 0.25, Mode(np.zeros(3), 1.0), (k,)) for k in range(4)]
+    return root
+
+
+def wrong_parts(n):
+    """Parts that lie well away from the others."""
+    return Belief.of(np.arange(3.0 * n).reshape(n, 3) + 10.0)
+
+
+def test_a_leaf_to_blame_is_joined_by_its_wrong_parts_so_many_that_they_count(table):
+    root, metric, wrong = tree(), metric_of_table(table), wrong_parts(7)
+    (found,) = unsettle(root, {1: wrong}, metric)
+    leaf = root.children[1]
+    assert found.node is leaf
+    assert np.array_equal(leaf.belief.poses[:50], found.belief.poses)
+    joined = leaf.belief[50:]
+    assert {tuple(pose) for pose in joined.poses} == {tuple(pose) for pose in wrong.poses}
+    assert AMPLIFIED <= len(joined) / len(leaf.belief) < 2.0 * AMPLIFIED + 0.1
+    assert leaf.doubted == len(joined)
+    assert leaf.mode.ratio == metric.mode(leaf.belief.poses).ratio
+
+
+def test_a_leaf_to_blame_that_no_squeeze_improves_is_what_it_was(table):
+    root = tree()
+    before = [(leaf.belief, leaf.mode) for leaf in root.children]
+    doubts = unsettle(root, {k: wrong_parts(3) for k in range(4)}, metric_of_table(table))
+    grown = root.children[2]
+    grown.children = [TreeNode(grown.belief, 0.25, grown.mode, (2, 0))]
+    settle(doubts, 2.0)
+    for k, (leaf, (belief, mode)) in enumerate(zip(root.children, before, strict=True)):
+        assert (leaf.belief is belief) == (leaf.mode is mode) == (leaf.doubted == 0) == (k != 2)
+
+
+def test_a_leaf_to_blame_keeps_a_pose_that_holds_for_the_wrong_ones_too(table):
+    root = tree()
+    (found,) = unsettle(root, {1: wrong_parts(7)}, metric_of_table(table))
+    joined = found.node.mode
+    settle([found], joined.ratio)
+    assert found.node.mode is joined
+    settle([found], joined.ratio + 1e-9)
+    assert found.node.mode is found.mode

@@ -46,7 +46,7 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 2000, 0.0, None)
+    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 0.0, None)
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 
@@ -309,3 +309,14 @@ def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
     assert again.part.picks == {"rim": [5.0, 0.0, 90.0]}
     with pytest.raises(errors.ValueRangeError, match="need a datum"):
         job.parse(TEXT.replace("outline_mm = [", stated.partition("\n")[2], 1))
+
+
+def test_a_retired_key_is_refused_in_a_job_and_read_over_in_a_table(rectangle):
+    stated = edited("confidence = 0.99", "stress_trials = 2000\nconfidence = 0.99")
+    with pytest.raises(errors.KeyNameError, match=r"stress_trials is no longer known; state .* \[doubt\]"):
+        job.parse(stated)
+    with pytest.raises(errors.KeyNameError, match="no longer known"):
+        rectangle.replaced(goal={"stress_trials": 0})
+    document = json.loads(rectangle.canonical())
+    document["goal"]["stress_trials"] = 2000
+    assert job.from_canonical(json.dumps(document)) == rectangle

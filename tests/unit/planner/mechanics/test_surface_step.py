@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from surfaces import hessian
 
+from planner.belief.doubts import believed
 from planner.belief.particles import initial
 from planner.errors import ValueRangeError
 from planner.job import model as job_file
@@ -71,6 +72,65 @@ def test_a_quartic_job_squeezes_to_the_same_widths_with_its_own_poses(poses, qua
     finer = dataclasses.replace(simulator, step_mm=0.05).roll_out(poses, sampled)
     close = np.abs(finer.poses - rolled.poses).max(axis=1) < 0.3
     assert close.mean() > 0.985
+
+
+def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(poses):
+    doubting = JOB.replaced(doubt={"limit_surface": "any", "chance": 1.0})
+    simulator, rng = Simulator.of_job(doubting, workers=1), np.random.default_rng(6)
+    traits = believed(doubting, len(poses), rng).traits
+    curved = traits["surface"] == 1
+    assert curved.any()
+    drawn = simulator.sample(len(poses), rng, traits)
+    np.testing.assert_array_equal(drawn.ellipsoid, ~curved)
+    rolled = simulator.roll_out(poses, drawn)
+    for k in range(len(poses)):
+        size, one = 6 if curved[k] else 3, drawn.of(np.array([k]))
+        own = one._replace(surfaces=one.surfaces[:, :size, :size].copy(), ellipsoid=None)
+        alone = simulator.roll_out(poses[k : k + 1], own)
+        np.testing.assert_array_equal(alone.poses[0], rolled.poses[k])
+        assert alone.width_mm[0] == rolled.width_mm[k]
+
+
+def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(poses):
+    plain = Simulator.of_job(JOB, workers=1)
+    same = quartic.of_ellipsoid(plain.surface.A, plain.surface.rho_mm)
+    both = np.zeros((len(poses), 6, 6))
+    both[:, :3, :3] = plain.surface.A
+    both[::2] = same.hessian_table()
+    nominal = plain.nominal(len(poses), 0.5)
+    mixed = nominal._replace(surfaces=both, ellipsoid=np.arange(len(poses)) % 2 == 1)
+    a, b = plain.roll_out(poses, nominal), plain.roll_out(poses, mixed)
+    np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
+    np.testing.assert_array_equal(b.status, a.status)
+
+
+def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
+    job = JOB.replaced(doubt={"limit_surface": "any", "pressure": "any"})
+    surfaces = (surface.of_job(job), *surface.others_of(job))
+    forms = [type(each) for each in surfaces]
+    assert forms.count(quartic.QuarticSurface) == forms.count(limit_surface.LimitSurface) == len(forms) / 2
+    which = np.repeat(np.arange(len(surfaces)), 400)
+    drawn, ellipsoid = surface.sample_each(
+        surfaces, which, np.full(len(which), 100), np.random.default_rng(7)
+    )
+    for number, each in enumerate(surfaces):
+        nominal = surface.nominal(each)
+        size = len(nominal)
+        own = drawn[which == number]
+        assert (ellipsoid[which == number] == (size == 3)).all()
+        error = own[:, :size, :size].std(axis=0) / 20.0
+        np.testing.assert_allclose(own[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max())
+        assert not own[:, size:].any()
+
+
+@pytest.mark.parametrize(
+    ("pressure", "match"),
+    [({"kind": "stated", "ellipsoid": np.eye(3).tolist(), "rho_mm": 10.0}, "states the surface"),
+     ({"wishart_dof": 8}, "at least 9")],
+)  # fmt: skip
+def test_another_form_is_doubted_where_there_may_be_one(pressure, match):
+    with pytest.raises(ValueRangeError, match=match):
+        JOB.replaced(pressure=pressure, doubt={"limit_surface": "any"})
 
 
 def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):
