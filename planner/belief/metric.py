@@ -19,9 +19,6 @@ from planner.part.outline import radius_of_gyration
 
 CANDIDATES = 48
 REFINEMENTS = 4
-STEPS = 12  # towards what lies farthest from a mode
-WIDER = 1.4  # goals of a mode within which what it does not explain pulls at it
-ROOM = 0.8  # goals of a mode within which what it explains leaves room for what was not drawn
 
 
 class Mode(NamedTuple):
@@ -120,10 +117,7 @@ class Metric(NamedTuple):
         return np.asarray(self.reached(states[:, None], said).any(axis=1))
 
     def shares(self, beliefs: Sequence[Array], most: int) -> Array:
-        """About the shares (k, most) of the heaviest modes of k beliefs (n, 3 or 4), n >= 1 each.
-
-        Much faster than `main_modes`, and than `mode`, which settles what it finds.
-        """
+        """The shares (k, most) of `main_modes` of k beliefs (n, 3 or 4), n >= 1 each, much faster."""
         shares, stops = np.zeros((len(beliefs), most)), np.cumsum([len(states) for states in beliefs])
         states = np.zeros((int(stops[-1]) if beliefs else 0, 4 if self.further else 3))
         for belief, stop in zip(beliefs, stops, strict=True):
@@ -137,21 +131,18 @@ class Metric(NamedTuple):
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
         """
-        found = self.main_modes(states, self.modes, settled=True)
+        found = self.main_modes(states, self.modes)
         ratio = min(1.0, sum(mode.ratio for mode in found))
         others = np.array([mode.pose for mode in found[1:]]).reshape(-1, 3)
         return Mode(found[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in found))
 
-    def main_modes(
-        self, states: Array, most: int, least_share: float = 0.0, *, settled: bool = False
-    ) -> list[Mode]:
+    def main_modes(self, states: Array, most: int, least_share: float = 0.0) -> list[Mode]:
         """The heaviest modes, one after the other: each explains what those before it do not.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
             most: how many at most.
             least_share: lighter ones are not sought, except for the first.
-            settled: whether to look for the best pose of each.
 
         Returns:
             Single modes, each with its share of all the particles.
@@ -162,8 +153,6 @@ class Metric(NamedTuple):
         while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
             state = np.empty(states.shape[1])
             share = float(largest_mode(rest, weights, state)) * len(rest) / total
-            if settled:
-                share = float(settled_mode(rest, weights, state)) * len(rest) / total
             if found and share < least_share:
                 break
             found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
@@ -224,24 +213,6 @@ def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
     if states.shape[1] > 3:
         mean[3] = centre[3]
     return count
-
-
-@inner_kernel
-def farthest(states: Array, centre: Array, weights: Array, reach: float, way: Array) -> tuple[int, float]:
-    """Counts states as `inliers`; the distance of the farthest within `reach`, in goals.
-
-    `way` (3,) receives how that one lies off the centre.
-    """
-    count, most = 0, 0.0
-    way[0] = way[1] = way[2] = 0.0
-    for i in range(states.shape[0]):
-        distance, dx, dy, turn = off(states, i, centre, weights)
-        if distance < 1.0:
-            count += 1
-        if most < distance < reach:
-            most = distance
-            way[0], way[1], way[2] = dx, dy, turn
-    return count, most
 
 
 @kernel
@@ -315,43 +286,3 @@ def mode_shares(states: Array, stops: IntArray, weights: Array, shares: Array) -
                     kept += 1
             left = kept
         start = stops[k]
-
-
-@kernel
-def settled_mode(states: Array, weights: Array, state: Array) -> float:
-    """Moves a mode to where it explains most states, and leaves room around them.
-
-    The mean of what a mode explains lies near the peak of a skewed belief, and leaves out its tail. Steps
-    towards the farthest state lead to the middle (Badoiu and Clarkson, SODA 2003): first of the states
-    within `WIDER` goals, then of those explained, unless they are within `ROOM`.
-
-    Args:
-        states: (n, m), n >= 1 [mm, mm, rad, and maybe hypothesis].
-        weights: (h, 6) of the metric.
-        state: (m,) the mode; modified in place.
-
-    Returns:
-        The share of the states within the goal of it, 0 to 1.
-    """
-    centre, way = np.copy(state), np.empty(3)
-    best, least = 0, 1.0
-    for k in range(STEPS):
-        count, most = farthest(states, centre, weights, WIDER, way)
-        if count > best:
-            best = count
-            state[:] = centre
-        if most < 1.0:
-            break
-        for j in range(3):
-            centre[j] += way[j] / (k + 2)
-    centre[:] = state
-    for k in range(STEPS):
-        count, most = farthest(states, centre, weights, 1.0, way)
-        if count >= best and most < least:
-            least = most
-            state[:] = centre
-        if least <= ROOM:
-            break
-        for j in range(3):
-            centre[j] += way[j] / (k + 2)
-    return float(best / states.shape[0])
