@@ -165,7 +165,7 @@ def test_prongs_that_the_jaws_pinch_are_told_from_an_empty_hand(job):
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1}, uncertainty={"radius_mm": 2}, search=FEW,
         actions={"angles_deg": [0, 90], "centers_mm": [[0, 0], [0, 18], [18, 0]], "proposals": "none"},
-        goal={"confidence": 0.9, "stress_trials": 0},
+        goal={"confidence": 0.9},
     )  # fmt: skip
     plan = compile_job(pronged, workers=2, trials=1000)
     thin = [b for node in plan.table.nodes for b in node.branches if b.low_um > 0 and b.expected_um < HELD_UM]
