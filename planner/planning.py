@@ -186,8 +186,10 @@ class Planning:
         return learn(self.root, beliefs, self.growth, self._reopen, self._refuted)
 
     def _refuted(self, within: BoolArray) -> bool:
-        """Whether trials that came to a leaf speak against it."""
-        return refuted(int(within.sum()), len(within), self.job.goal.confidence)
+        """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
+        confidence = self.job.goal.confidence
+        fails = len(within) >= PARAMS.leaf_trials and float(within.mean()) < confidence
+        return fails or refuted(int(within.sum()), len(within), confidence)
 
     @property
     def _reopen(self) -> float:

@@ -90,6 +90,9 @@ class SearchParams:
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
     refinements: int = 3
     """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
+    leaf_trials: int = 100
+    """Trials of a leaf from which its success rate itself is compared with the goal: by the exact test alone,
+    leaves just below it stay, and fresh trials refute them once nothing is grown any more (clevis: 2 %)."""
     least_short: float = 0.001
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
