@@ -147,7 +147,7 @@ FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
 
 @pytest.mark.slow
 def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
-    """The blind cell of the page: what its journals and audits tell is written, and mends nearly all answers."""
+    """The blind cell of the page: what journals and audits tell is written, and mends nearly all answers."""
     page = DOCS / "refit.md"
     (work / "hidden.py").write_text(re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1])
     shutil.copy(DOCS / "lever.dxf", work)
