@@ -88,7 +88,7 @@ class SearchParams:
     """The same for a leaf that exists already: one more squeeze for all its parts must pay."""
     ahead_step_mm: float = 0.8
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
-    refinements: int = 3
+    refinements: int = 6
     """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
     leaf_trials: int = 100
     """Trials of a leaf from which its success rate itself is compared with the goal: by the exact test alone,
