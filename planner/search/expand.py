@@ -6,8 +6,9 @@ import heapq
 import math
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.params import Objective
-from planner.search.ranking import selection_bias
+from planner.search.ranking import Choice, selection_bias
 
 Progress = Callable[[int, int], None]
+Chosen: TypeAlias = tuple[list[Choice], np.random.Generator]  # a node's placements, and its stream after it
 
 
 class PlannedSqueeze(NamedTuple):
@@ -145,7 +147,8 @@ def grow(
 ) -> None:
     """Expands the leaves until each meets the goal or nothing gets it nearer, those that hold most first.
 
-    The tree is a whole plan at any time, so it may be stopped at any node.
+    The tree is a whole plan at any time, so it may be stopped at any node. A node's placements depend on
+    nothing but itself, so they are chosen for as many nodes at once as there are workers.
 
     Args:
         root: the tree, modified in place.
@@ -165,17 +168,20 @@ def grow(
         if not leaf.children and growth.worth_growing(leaf, reopen)
     ]
     heapq.heapify(waiting)
-    done = 0
-    while waiting and not out_of_time():
-        _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
-        done += 1
-        if node.mode.ratio < growth.objective.confidence:
-            for leaf, above in _expand(
-                node, parent, growth, np.random.default_rng([*seed, len(path), *path])
-            ):
+    done, ahead = 0, dict[tuple[int, ...], Future[Chosen]]()
+    workers = growth.look_ahead.ranking.mixture.workers
+    with ThreadPoolExecutor(workers) as pool:
+        while waiting and not out_of_time():
+            for _, path, node, _ in heapq.nsmallest(workers, waiting):
+                if path not in ahead:
+                    ahead[path] = pool.submit(_chosen, node, growth, seed)
+            _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
+            done += 1
+            for leaf, above in _expand(node, parent, growth, ahead.pop(path).result()):
                 heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
-        if progress is not None:
-            progress(done, len(waiting))
+            if progress is not None:
+                progress(done, len(waiting))
+        pool.shutdown(cancel_futures=True)
 
 
 def learn(
@@ -213,19 +219,23 @@ def learn(
     return short
 
 
-def _expand(
-    node: TreeNode, parent: TreeNode | None, growth: Growth, rng: np.random.Generator
-) -> list[tuple[TreeNode, TreeNode]]:
-    """Chooses the node's action and squeezes there; leaves it as it is where none gains anything.
-
-    Returns:
-        New leaves, each with its parent.
-    """
-    params = growth.objective.params
+def _chosen(node: TreeNode, growth: Growth, seed: list[int]) -> Chosen:
+    """Where to squeeze a node's belief: nowhere if it meets the goal, or where nothing gains anything."""
+    rng, params = np.random.default_rng([*seed, node.depth, *node.path]), growth.objective.params
     may = node.depth < growth.max_depth and node.squeezes_without_gain < params.most_without_gain
-    choices = growth.look_ahead.choose(node.belief, rng, 1 + params.alternatives, node.share) if may else []
+    if not may or node.mode.ratio >= growth.objective.confidence:
+        return [], rng
+    return growth.look_ahead.choose(node.belief, rng, 1 + params.alternatives, node.share), rng
+
+
+def _expand(
+    node: TreeNode, parent: TreeNode | None, growth: Growth, chosen: Chosen
+) -> list[tuple[TreeNode, TreeNode]]:
+    """Squeezes where the node's best choice says; the new leaves, each with its parent."""
+    choices, rng = chosen
     if not choices:
-        node.exhausted = node.mode.ratio
+        if node.mode.ratio < growth.objective.confidence:
+            node.exhausted = node.mode.ratio
         return []
     node.alternatives = [choice.placement for choice in choices[1:]]
     return squeeze_at(node, parent, choices[0].placement, growth, rng)
