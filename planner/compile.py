@@ -176,7 +176,7 @@ def objective_of(job: Job) -> Objective:
     """What a job's plan is to reach."""
     metric = metric_of(job)
     costs = costs_of(job)
-    estimate = Estimate(1.0 - PARAMS.goal_margin * (1.0 - job.goal.confidence), 1.0 / costs.least)
+    estimate = Estimate(job.goal.confidence, 1.0 / costs.least)
     carried = job.doubt.chance > 0.0 and any(job.doubt.encoder_mm)
     rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), carried=carried)
     return Objective(rule, costs, PARAMS)

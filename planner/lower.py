@@ -18,6 +18,9 @@ from runtime import table as tables
 MARGIN_MM = (
     1.0  # a branch's interval reaches beyond the widths seen, at most half a gap: rare or a little off
 )
+LEAST_EVIDENCE = 1000
+"""Particles from which a leaf's mode ratio may miss the goal by chance; where fewer miss it, they leave open
+too much."""
 
 
 def lower(root: TreeNode, job: Job) -> tables.Table:
@@ -96,12 +99,20 @@ def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
         covariance=(0, 0, 0, 0, 0, 0),
         success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
-        resolved=node.mode.ratio >= job.goal.confidence,
+        resolved=_holds(node, job.goal.confidence),
         alternatives=tuple(map(pose_of, node.mode.others)),
         hypothesis=node.mode.hypothesis[0],
         other_hypotheses=node.mode.hypothesis[1:] if job.hypothesis else (),
     )
     return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
+
+
+def _holds(leaf: TreeNode, confidence: float) -> bool:
+    """Whether a leaf meets the goal, or misses it by no more than fresh trials would of one that does."""
+    ratio, size = leaf.mode.ratio, len(leaf.belief)
+    return ratio >= confidence or (
+        size >= LEAST_EVIDENCE and not tables.refuted(round(ratio * size), size, confidence)
+    )
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:

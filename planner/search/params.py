@@ -82,10 +82,8 @@ class SearchParams:
     improved_saving: float = 0.15
     """Least squeezes a part beyond the one needed, likewise."""
 
-    goal_margin: float = 0.7
-    """Fraction of the goal's allowed errors at which a new leaf is accepted: the rest is reserve."""
     reopen_margin: float = 0.75
-    """The same for a leaf that exists already: one more squeeze for all its parts must pay."""
+    """Fraction of the goal's allowed errors above which a leaf is grown further: the rest is reserve."""
     ahead_step_mm: float = 0.8
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
     refinements: int = 6
