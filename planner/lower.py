@@ -18,7 +18,7 @@ from runtime import table as tables
 MARGIN_MM = (
     1.0  # a branch's interval reaches beyond the widths seen, at most half a gap: rare or a little off
 )
-LEAST_EVIDENCE = 1000
+LEAST_EVIDENCE = 300
 """Particles from which a leaf's mode ratio may miss the goal by chance; where fewer miss it, they leave open
 too much."""
 
