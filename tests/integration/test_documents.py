@@ -9,6 +9,7 @@ import argparse
 import importlib
 import re
 import shlex
+import subprocess
 import sys
 import tomllib
 
@@ -216,6 +217,15 @@ def test_the_readme_shows_what_the_demo_runs():
     ]
     first = blocks(ROOT / "README.md")[0].commands
     assert first == ["tools/demo", *shown]
+
+
+@pytest.mark.parametrize(
+    ("word", "code", "said"), [("--help", 0, "a job file becomes"), ("--fast", 2, "--fast")]
+)
+def test_the_demo_does_nothing_where_it_is_only_asked(word, code, said):
+    asked = subprocess.run([ROOT / "tools" / "demo", word], capture_output=True, text=True, timeout=60)
+    assert asked.returncode == code
+    assert said in (asked.stderr if code else asked.stdout)
 
 
 def test_the_checks_see_mistakes(monkeypatch, capsys):
