@@ -129,7 +129,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         strange = list(
             strangers(
                 table, real, lambda other: supply(arguments.world, other, seed, arguments.world_copies),
-                trials, seed, scheduler, _disturbance(arguments), evaluation,
+                trials, seed, scheduler, _disturbance(arguments),
             )
         )  # fmt: skip
     outcome = reliability(table, evaluation)

@@ -22,7 +22,6 @@ class Strange(NamedTuple):
     evaluation: Evaluation
     leaf: int | None  # that most of those answered came to
     widths_mm: tuple[float, ...]  # median widths on the way there: what could not be told apart
-    own_mm: tuple[float, ...]  # what those that belong there read instead; none where none of them came
 
     @property
     def answered(self) -> float:
@@ -40,7 +39,6 @@ class Strange(NamedTuple):
             "crashes": self.evaluation.crashes,
             "leaf": self.leaf,
             "widths_mm": [round(width, 2) for width in self.widths_mm],
-            "own_widths_mm": [round(width, 2) for width in self.own_mm],
         }
 
     def line(self) -> str:
@@ -48,24 +46,25 @@ class Strange(NamedTuple):
         told = f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         if self.leaf is None:
             return told
-        widths, own = (", ".join(f"{width:.1f}" for width in some) for some in (self.widths_mm, self.own_mm))
-        return f"{told}, most at leaf {self.leaf} by {widths} mm" + (f" (own: {own} mm)" if own else "")
+        widths = ", ".join(f"{width:.1f}" for width in self.widths_mm)
+        return f"{told}, most at leaf {self.leaf} by {widths} mm"
 
 
 def strangers(
     table: Table, job: Job, worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
-    scheduler: Scheduler, disturbance: Disturbance, own: Evaluation,
+    scheduler: Scheduler, disturbance: Disturbance,
 ) -> Iterator[Strange]:  # fmt: skip
-    """Runs a table on each stranger of its job; the arguments are those of `evaluate`, `own` what it found."""
+    """Runs a table on each stranger of its job; the arguments are those of `evaluate`."""
     for stranger in job.strangers:
         found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
-        leaf = int(np.bincount(found.leaf[found.resolved]).argmax()) if found.resolved.any() else None
-        widths_mm, own_mm = (_widths_to(leaf, parts, job) for parts in (found, own))
-        yield Strange(stranger.part.name, found, leaf, widths_mm, own_mm)
+        yield Strange(stranger.part.name, found, *_commonest(found, job))
 
 
-def _widths_to(leaf: int | None, found: Evaluation, job: Job) -> tuple[float, ...]:
-    """Median widths [mm] on the way to a leaf: a tree, so that one way leads there."""
+def _commonest(found: Evaluation, job: Job) -> tuple[int | None, tuple[float, ...]]:
+    """The leaf that most answered parts came to, and the median widths on the way."""
+    if not found.resolved.any():
+        return None, ()
+    leaf = int(np.bincount(found.leaf[found.resolved]).argmax())
     here = found.leaf == leaf
-    counts = found.counts[here][:, : int(found.squeezes[here].max(initial=0))]
-    return tuple(map(float, encoder_of(job).width_mm(np.median(counts, axis=0)))) if here.any() else ()
+    counts = found.counts[here][:, : int(found.squeezes[here][0])]  # a tree: one way leads to a leaf
+    return leaf, tuple(map(float, encoder_of(job).width_mm(np.median(counts, axis=0))))
