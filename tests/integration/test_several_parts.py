@@ -21,12 +21,14 @@ from planner.evaluation.outcome import Evaluation
 from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
+from planner.report import dossier
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
 from runtime.table import COUNTS, REJECT, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
+COUNT_MM = 0.38
 SQUARE = """
 [[hypothesis]]
 name = "{name}"
@@ -109,13 +111,25 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     def worlds(real: job_file.Job) -> ContactWorlds:
         return ContactWorlds.of_job(real, 5)
 
-    alike, *others = strangers(plan.table, job, worlds, 400, 5, Threads(2), NONE)
+    own = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
+    alike, *others = strangers(plan.table, job, own, worlds, 400, 5, Threads(2), NONE)
     assert alike.answered > 0.9
-    assert 20.0 < alike.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    (answer,) = alike.answers
+    assert (answer.part, answer.share) == ("small", alike.answered)
+    assert 20.0 < answer.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    assert answer.apart_mm == pytest.approx(abs(answer.widths_mm[0] - answer.ours_mm[0]), abs=0.006)
+    assert (
+        answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
+    )  # no more than the parts differ, and a reading's rounding
+    assert alike.lines()[1:] == [answer.line()]
+    assert "as small" in answer.line()
+    assert "mm of ours at every squeeze" in answer.line()
+    assert alike.figures()["too_often"]
+    assert json.loads(json.dumps(alike.figures()))["answers"][0]["apart_mm"] == answer.apart_mm
     assert [other.answered for other in others] == [0.0, 0.0]
     assert others[0].evaluation.rejected.all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
-    assert [other.leaf for other in others] == [None, None]
+    assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
 @pytest.fixture(scope="module")
@@ -278,6 +292,22 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     sides = {a["id"]: points for a, points in polygons(page)}
     assert np.ptp(sides["part"]) == pytest.approx(20.0, abs=0.02)
     assert np.ptp(sides["part-1"]) == pytest.approx(34.0, abs=0.02)
+
+
+def test_a_report_says_by_which_widths_a_stranger_is_taken_for_ours(plan):
+    more = "".join(
+        SQUARE.format(name=side, share=1, side=side)
+        .replace("share = 1\n", "")
+        .replace("hypothesis", "stranger")
+        for side in (20.2, 50)
+    )
+    job = job_file.parse(COMMON + squares(20, 34) + more)
+    text = dossier.page(plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3)
+    assert Page(text).open == []
+    body = text.split('<table id="strangers">')[1].split("<tbody>")[1].split("</tbody>")[0]
+    alike, answer, other = re.findall(r"<tr>(.*?)</tr>", body)
+    assert (">20.2<" in alike, ">50<" in other, "<td>small</td>" in answer) == (True, True, True)
+    assert float(re.findall(r"<td>([\d.]+)</td>$", answer)[0]) < 0.2 * 2**0.5 + COUNT_MM
 
 
 def polygons(page):
