@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from html_pages import Page
 
+from drivers.camera.audit.subject import from_table
+from drivers.camera.errors import CameraFileError
+from drivers.camera.vision.tag_file import PartTag
 from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
@@ -245,6 +248,13 @@ def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, m
 
 
 EVIL = "large <i>&"
+JUDGE = """
+import json, sys
+for line in sys.stdin:
+    asked = json.loads(line)
+    known = asked["part"] == 0 or asked["hypothesis"] in sys.argv[1:]
+    print(json.dumps({"verdict": "pass" if known else "fail", "hypothesis": "seen"}), flush=True)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -252,6 +262,29 @@ def posed():
     entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
     goal = COMMON.replace('kind = "identity"\n', "").replace("distance_mm = 3.0", "distance_mm = 6.0")
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
+
+
+def test_an_auditor_is_told_which_part_it_is_said_to_be(posed, tmp_path):
+    dump(posed.table, tmp_path / "t.msgpack")
+    (tmp_path / "judge.py").write_text(JUDGE)
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tmp_path / "t.msgpack"), "--port", "sim"]
+    command += ["--time-scale", "100", "--count", "6", "--seed", "5", "--journal", str(tmp_path / "journal")]
+    command += ["--json", "--audit", f"{sys.executable} {tmp_path / 'judge.py'} small"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    told = [part for part in map(json.loads, done.stdout.splitlines()) if part.get("leaf") is not None]
+    assert {part["hypothesis"] for part in told} == {"small", EVIL}, done.stderr
+    assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in told)
+    recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
+    assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(told)
+
+
+def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
+    dump(posed.table, tmp_path / "t.msgpack")
+    small, large = from_table(tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)])
+    assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
+    assert [each.goal.rho_um for each in (small, large)] == [own.rho_um for own in posed.table.hypotheses]
+    with pytest.raises(CameraFileError, match="for no part of"):
+        from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
 
 def report_of(table, folder, *more):
