@@ -128,7 +128,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         believed = worst_of(_believed(table, job, scheduler, arguments))
         strange = list(
             strangers(
-                table, real, lambda other: supply(arguments.world, other, seed, arguments.world_copies),
+                table, real, evaluation,
+                lambda other: supply(arguments.world, other, seed, arguments.world_copies),
                 trials, seed, scheduler, _disturbance(arguments),
             )
         )  # fmt: skip
@@ -151,7 +152,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         *([text.worst_world(believed.case.name, believed.evaluation)] if believed else []),
         *text.overview(evaluation, _name_of_world(arguments)),
         *(text.named(identities(table, evaluation)) if table.hypotheses else ()),
-        *(each.line() for each in strange),
+        *(line for each in strange for line in each.lines()),
         *text.predictions(table, outcome),
         *text.taken_for(confused),
         *text.furthest(mistakes),

@@ -1,12 +1,13 @@
 """Parts that do not belong on the table: how often one of them is taken for one that does."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.belief.observation import encoder_of
-from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -14,19 +15,54 @@ from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.table import Table
 
+OFTEN = 0.05  # of a stranger answered: what a reader should know the reason of
+MOST = 3
+
+
+class Answer(NamedTuple):
+    """A leaf that answers a stranger, and what the squeezes on the way there read."""
+
+    leaf: int
+    part: str | None  # the name that it gives; None where only one part may come
+    share: float  # of the strangers that it answers
+    widths_mm: tuple[float, ...]  # at each squeeze: median of theirs
+    ours_mm: tuple[float, ...]  # and of the own parts that end there; empty where none did
+
+    @property
+    def apart_mm(self) -> float | None:
+        """The most that the two differ at any squeeze."""
+        pairs = zip(self.widths_mm, self.ours_mm, strict=True) if self.ours_mm else ()
+        return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), "apart_mm": self.apart_mm}
+
+    def line(self) -> str:
+        """For people."""
+        named = "" if self.part is None else f" as {self.part}"
+        told = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
+        if self.apart_mm is None:
+            return told
+        return f"{told}: within {self.apart_mm:.1f} mm of ours at every squeeze ({_listed(self.ours_mm)})"
+
 
 class Strange(NamedTuple):
     """What became of one stranger."""
 
     name: str
     evaluation: Evaluation
-    leaf: int | None  # that most of those answered came to
-    widths_mm: tuple[float, ...]  # median widths on the way there: what could not be told apart
+    answers: tuple[Answer, ...]  # the leaves that answer most of them, at most `MOST`
 
     @property
     def answered(self) -> float:
         """Share that ended in a resolved leaf."""
         return float(self.evaluation.resolved.mean())
+
+    @property
+    def often(self) -> bool:
+        """Whether that is too often."""
+        return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -34,37 +70,47 @@ class Strange(NamedTuple):
             "name": self.name,
             "trials": len(self.evaluation.leaf),
             "answered_rate": self.answered,
+            "too_often": self.often,
             "reject_rate": float(self.evaluation.rejected.mean()),
             "unresolved_rate": float(self.evaluation.unresolved.mean()),
             "crashes": self.evaluation.crashes,
-            "leaf": self.leaf,
-            "widths_mm": [round(width, 2) for width in self.widths_mm],
+            "answers": [answer.figures() for answer in self.answers],
         }
 
-    def line(self) -> str:
-        """For people."""
+    def lines(self) -> list[str]:
+        """For people; by which widths it is taken for which part, where that is too often."""
         told = f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
-        if self.leaf is None:
-            return told
-        widths = ", ".join(f"{width:.1f}" for width in self.widths_mm)
-        return f"{told}, most at leaf {self.leaf} by {widths} mm"
+        if not self.often:
+            return [told]
+        return [f"{told}, more than {OFTEN:.0%}:", *(answer.line() for answer in self.answers)]
 
 
 def strangers(
-    table: Table, job: Job, worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
-    scheduler: Scheduler, disturbance: Disturbance,
+    table: Table, job: Job, own: Evaluation, worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
+    scheduler: Scheduler | None = None, disturbance: Disturbance = NONE,
 ) -> Iterator[Strange]:  # fmt: skip
-    """Runs a table on each stranger of its job; the arguments are those of `evaluate`."""
+    """Runs a table on each stranger of its job; `own`: trials of its own parts; the rest as of `evaluate`."""
     for stranger in job.strangers:
         found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
-        yield Strange(stranger.part.name, found, *_commonest(found, job))
+        yield Strange(stranger.part.name, found, tuple(_answers(table, found, own, job)))
 
 
-def _commonest(found: Evaluation, job: Job) -> tuple[int | None, tuple[float, ...]]:
-    """The leaf that most answered parts came to, and the median widths on the way."""
-    if not found.resolved.any():
-        return None, ()
-    leaf = int(np.bincount(found.leaf[found.resolved]).argmax())
+def _answers(table: Table, found: Evaluation, own: Evaluation, job: Job) -> Iterator[Answer]:
+    reached = Counter(found.leaf[found.resolved].tolist())
+    for leaf, number in reached.most_common(MOST):
+        widths = (_widths(trials, leaf, job) for trials in (found, own))
+        yield Answer(leaf, table.name_of(table.leaves[leaf]), number / len(found.leaf), *widths)
+
+
+def _widths(found: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
+    """The median at each squeeze on the way to a leaf [mm]; nothing where no part came there."""
     here = found.leaf == leaf
+    if not here.any():
+        return ()
     counts = found.counts[here][:, : int(found.squeezes[here][0])]  # a tree: one way leads to a leaf
-    return leaf, tuple(map(float, encoder_of(job).width_mm(np.median(counts, axis=0))))
+    medians = encoder_of(job).width_mm(np.median(counts, axis=0))
+    return tuple(round(float(width), 2) for width in medians)
+
+
+def _listed(widths_mm: tuple[float, ...]) -> str:
+    return ", ".join(f"{width:.1f}" for width in widths_mm)

@@ -18,6 +18,7 @@ from planner.bound.certificate import Certificate
 from planner.evaluation.cases import assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.leaves import identities
+from planner.evaluation.strangers import OFTEN, strangers
 from planner.evaluation.trials import Step
 from planner.job import hypotheses
 from planner.job.model import Job
@@ -103,6 +104,7 @@ def page(
         worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
         colors=vars(canvas), outlines=[alone.part.outline_mm for alone in job.alone],
         named=tree.names_parts(table), posed=table.goal.kind != "identity",
+        strange=list(strangers(table, job, judged, worlds_of, few, seed)), often=OFTEN,
     )  # fmt: skip
 
 

@@ -50,8 +50,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     console.note(_headline(arguments.tree, table))
     _check_fit(table, options)
     carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
-    if arguments.audit is not None and table.hypotheses:
-        raise ArgumentsError("--audit judges one part, and the table leaves open which part it is")
+    if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
+        raise ArgumentsError("--audit judges a pose; the table leaves open it, or which part it is")
     with ExitStack() as stack:
         asked = _Asked(arguments, loaded, options, console, drivers, stack)
         if arguments.check:

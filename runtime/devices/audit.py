@@ -7,7 +7,8 @@
 
 Before a run, `{"part": 0}` asks for no more than a verdict: a program that is not there, ends or says
 something else is refused then. A camera never stops the cell: whatever is wrong with it, the verdict is
-"unknown" and the run goes on.
+"unknown" and the run goes on. Where several parts may lie there, the question holds the `hypothesis` that the
+leaf names, too.
 """
 
 import json
@@ -44,13 +45,16 @@ class AuditProcess(ChildProcess):
         except (OSError, ValueError, IndexError) as error:
             raise ArgumentsError(f"--audit {command!r} cannot be started: {error}") from error
 
-    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> Mapping[str, object]:
-        """Ask for one part's verdict.
+    def judge(
+        self, part: int, x_mm: float, y_mm: float, theta_rad: float, hypothesis: str | None = None
+    ) -> Mapping[str, object]:
+        """Ask for one part's verdict; the hypothesis is the name that its leaf gives it, if any.
 
         Raises:
             OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
         """
-        asked = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
+        asked: dict[str, object] = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
+        asked |= {} if hypothesis is None else {"hypothesis": hypothesis}
         return self._ask(asked, self._answer_s)
 
     def check(self) -> None:
@@ -90,14 +94,16 @@ class AuditProcess(ChildProcess):
         return told if isinstance(told, dict) else {}
 
 
-def answer_of(auditor: AuditProcess, part: int, pose: Pose2) -> dict[str, object]:
+def answer_of(
+    auditor: AuditProcess, part: int, pose: Pose2, hypothesis: str | None = None
+) -> dict[str, object]:
     """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
     Returns:
         `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
     """
     try:
-        told = dict(auditor.judge(part, *pose))
+        told = dict(auditor.judge(part, *pose, hypothesis))
     except Exception as error:
         return {"verdict": UNKNOWN, "reason": " ".join(str(error).split())[:MAX_TEXT]}
     plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}

@@ -193,7 +193,7 @@ class Executor:
         pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
             self._watch(result.part, Phase.AUDIT, None)
-            answer = answer_of(self._cell.auditor, result.part, pose)
+            answer = answer_of(self._cell.auditor, result.part, pose, self._table.name_of(leaf))
             result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
         places = self._options.delivery

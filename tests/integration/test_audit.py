@@ -162,7 +162,7 @@ class Slow:
     def __init__(self, *seconds):
         self._seconds = iter(seconds)
 
-    def audit(self, part, predicted, until):
+    def audit(self, part, predicted, until, name=None):
         time.sleep(next(self._seconds))
         return Answer(PASS, f"part {part}")
 
@@ -187,7 +187,7 @@ def test_hanging_camera_is_told_and_holds_nothing_up():
 )
 def test_nothing_that_an_audit_raises_ends_the_service(error, sentence):
     class Broken:
-        def audit(self, part, predicted, until):
+        def audit(self, part, predicted, until, name=None):
             raise error
 
     worker = service.Worker(Broken)

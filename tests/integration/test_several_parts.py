@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from html_pages import Page
 
+from drivers.camera.audit.subject import from_table
+from drivers.camera.errors import CameraFileError
+from drivers.camera.vision.tag_file import PartTag
 from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
@@ -21,12 +24,14 @@ from planner.evaluation.outcome import Evaluation
 from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
+from planner.report import dossier
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
 from runtime.table import COUNTS, REJECT, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
+COUNT_MM = 0.38
 SQUARE = """
 [[hypothesis]]
 name = "{name}"
@@ -109,13 +114,25 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     def worlds(real: job_file.Job) -> ContactWorlds:
         return ContactWorlds.of_job(real, 5)
 
-    alike, *others = strangers(plan.table, job, worlds, 400, 5, Threads(2), NONE)
+    own = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
+    alike, *others = strangers(plan.table, job, own, worlds, 400, 5, Threads(2), NONE)
     assert alike.answered > 0.9
-    assert 20.0 < alike.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    (answer,) = alike.answers
+    assert (answer.part, answer.share) == ("small", alike.answered)
+    assert 20.0 < answer.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
+    assert answer.apart_mm == pytest.approx(abs(answer.widths_mm[0] - answer.ours_mm[0]), abs=0.006)
+    assert (
+        answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
+    )  # no more than the parts differ, and a reading's rounding
+    assert alike.lines()[1:] == [answer.line()]
+    assert "as small" in answer.line()
+    assert "mm of ours at every squeeze" in answer.line()
+    assert alike.figures()["too_often"]
+    assert json.loads(json.dumps(alike.figures()))["answers"][0]["apart_mm"] == answer.apart_mm
     assert [other.answered for other in others] == [0.0, 0.0]
     assert others[0].evaluation.rejected.all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
-    assert [other.leaf for other in others] == [None, None]
+    assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +248,13 @@ def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, m
 
 
 EVIL = "large <i>&"
+JUDGE = """
+import json, sys
+for line in sys.stdin:
+    asked = json.loads(line)
+    known = asked["part"] == 0 or asked["hypothesis"] in sys.argv[1:]
+    print(json.dumps({"verdict": "pass" if known else "fail", "hypothesis": "seen"}), flush=True)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -238,6 +262,29 @@ def posed():
     entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
     goal = COMMON.replace('kind = "identity"\n', "").replace("distance_mm = 3.0", "distance_mm = 6.0")
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
+
+
+def test_an_auditor_is_told_which_part_it_is_said_to_be(posed, tmp_path):
+    dump(posed.table, tmp_path / "t.msgpack")
+    (tmp_path / "judge.py").write_text(JUDGE)
+    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tmp_path / "t.msgpack"), "--port", "sim"]
+    command += ["--time-scale", "100", "--count", "6", "--seed", "5", "--journal", str(tmp_path / "journal")]
+    command += ["--json", "--audit", f"{sys.executable} {tmp_path / 'judge.py'} small"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    told = [part for part in map(json.loads, done.stdout.splitlines()) if part.get("leaf") is not None]
+    assert {part["hypothesis"] for part in told} == {"small", EVIL}, done.stderr
+    assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in told)
+    recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
+    assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(told)
+
+
+def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
+    dump(posed.table, tmp_path / "t.msgpack")
+    small, large = from_table(tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)])
+    assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
+    assert [each.goal.rho_um for each in (small, large)] == [own.rho_um for own in posed.table.hypotheses]
+    with pytest.raises(CameraFileError, match="for no part of"):
+        from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
 
 def report_of(table, folder, *more):
@@ -278,6 +325,22 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     sides = {a["id"]: points for a, points in polygons(page)}
     assert np.ptp(sides["part"]) == pytest.approx(20.0, abs=0.02)
     assert np.ptp(sides["part-1"]) == pytest.approx(34.0, abs=0.02)
+
+
+def test_a_report_says_by_which_widths_a_stranger_is_taken_for_ours(plan):
+    more = "".join(
+        SQUARE.format(name=side, share=1, side=side)
+        .replace("share = 1\n", "")
+        .replace("hypothesis", "stranger")
+        for side in (20.2, 50)
+    )
+    job = job_file.parse(COMMON + squares(20, 34) + more)
+    text = dossier.page(plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3)
+    assert Page(text).open == []
+    body = text.split('<table id="strangers">')[1].split("<tbody>")[1].split("</tbody>")[0]
+    alike, answer, other = re.findall(r"<tr>(.*?)</tr>", body)
+    assert (">20.2<" in alike, ">50<" in other, "<td>small</td>" in answer) == (True, True, True)
+    assert float(re.findall(r"<td>([\d.]+)</td>$", answer)[0]) < 0.2 * 2**0.5 + COUNT_MM
 
 
 def polygons(page):

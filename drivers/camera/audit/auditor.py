@@ -1,7 +1,7 @@
 """One audit: take a picture, check the camera, measure the part, compare it with what the leaf says."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,6 +33,7 @@ class Answer:
     distance: float | None = None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
     error: float | None = None  # `COVERAGE` standard deviations of it
     moved_mm: float | None = None  # greatest motion of a reference tag
+    hypothesis: str | None = None  # which part it is by its tag, where the tags of several parts differ
     picture: str | None = None  # file of the overlay, None where none was kept
 
     def fields(self) -> dict[str, object]:
@@ -44,7 +45,8 @@ class Answer:
                 told |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
         figures = {"distance": self.distance, "error": self.error, "moved_mm": self.moved_mm}
         told |= {name: round(value, 6) for name, value in figures.items() if value is not None}
-        return told if self.picture is None else told | {"picture": self.picture}
+        texts = {"hypothesis": self.hypothesis, "picture": self.picture}
+        return told | {name: text for name, text in texts.items() if text is not None}
 
 
 def judge(
@@ -86,7 +88,7 @@ class Auditor:
     Args:
         source: takes the pictures.
         calibration: of the camera.
-        subject: what is audited.
+        subjects: what is audited, one for each part that may lie there.
         limit_mm: by how much reference tags may have moved.
         pictures: folder for overlays of what did not pass, None: none are kept.
     """
@@ -95,24 +97,29 @@ class Auditor:
         self,
         source: Source,
         calibration: CameraCalibration,
-        subject: Subject,
+        subjects: Sequence[Subject],
         limit_mm: float = drift.LIMIT_MM,
         pictures: Path | None = None,
     ) -> None:
         self._source = source
         self._calibration = calibration
-        self._subject = subject
+        self._subjects = subjects
         self._limit_mm = limit_mm
         self._pictures = pictures
 
-    def audit(self, part: int, predicted: Pose2, until: float) -> Answer:
+    def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
 
         Args:
             part: its number.
             predicted: pose at its leaf: mm, mm, rad.
             until: `time.monotonic` at which a picture must be there.
+            name: of the part, as its leaf says; None where only one may lie there.
         """
+        subject = next((each for each in self._subjects if each.name == name), None)
+        if subject is None:
+            known = ", ".join(str(each.name) for each in self._subjects)
+            return Answer(UNKNOWN, f"no tag file is for the part {name}, only for: {known}; name it by --tag")
         try:
             picture = self._source.picture(until)
         except CameraError as error:
@@ -124,15 +131,24 @@ class Auditor:
             explain.check_exposure(picture)
             seen = find(picture)
             moved_mm = drift.check(self._calibration.references, seen, view, self._limit_mm)
-            found = measure(picture, seen, self._calibration, self._subject.tag, predicted)
-            allowed = self._subject.poses_of(predicted)
-            judged = judge(self._subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
-            answer = replace(judged, moved_mm=moved_mm)
+            carried = self._carrier({sighting.number for sighting in seen})
+            found = measure(picture, seen, self._calibration, (carried or subject).tag, predicted)
+            if carried is None or carried is subject:
+                allowed = subject.poses_of(predicted)
+                answer = judge(subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
+            else:
+                answer = Answer(FAIL, f"it is {carried.name}, not {name}", found.pose)
+            answer = replace(answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name)
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
         if self._pictures is None or answer.verdict == PASS:
             return answer
         sentence = f"{answer.verdict}: {answer.reason}"
-        drawn = overlay.draw(picture, view, self._subject, predicted, found, sentence)
+        drawn = overlay.draw(picture, view, subject, predicted, found, sentence)
         path = overlay.keep(self._pictures, part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))
+
+    def _carrier(self, seen: Collection[int]) -> Subject | None:
+        """The only part that has one of the tags seen; None where they do not tell."""
+        having = [each for each in self._subjects if each.tag.number in seen]
+        return having[0] if len(having) == 1 else None

@@ -55,7 +55,8 @@ def parser() -> Parser:
     add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table: its goal and its part")
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp://, http:// or a folder")
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
-    add("--tag", type=Path, required=True, metavar="F", help="from grasp-calibrate tag")
+    tags = "from grasp-calibrate tag; for a table of several parts once for each, whose name is its --part"
+    add("--tag", type=Path, required=True, action="append", metavar="F", help=tags)
     add("--pictures", type=Path, metavar="DIR", help="keep an overlay of every part that does not pass")
     limit = "limit of reference tags (default: %(default)s)"
     add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
@@ -94,9 +95,10 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     return 0
 
 
-def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, subject.Subject]:
+def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
     """What the files of a command line say; errors of their readers pass as they are."""
-    return calibration.load(options.calibration), subject.from_table(options.tree, tag_file.load(options.tag))
+    tags = [tag_file.load(path) for path in options.tag]
+    return calibration.load(options.calibration), subject.from_table(options.tree, tags)
 
 
 def make(options: argparse.Namespace) -> Auditor:

@@ -36,19 +36,19 @@ class Worker:
         self.asked = False
         self.why_not: Exception | None = None  # why there is no auditor
         self._make = make
-        self._questions: queue.Queue[tuple[int, Pose2, float]] = queue.Queue()
+        self._questions: queue.Queue[tuple[int, Pose2, float, str | None]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
         self._owed = 0
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
-    def ask(self, part: int, predicted: Pose2, deadline_s: float) -> Answer:
+    def ask(self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None) -> Answer:
         """Judge one part within so many seconds."""
         self.asked = True
         start = time.monotonic()
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
                 return Answer(UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit")
-        self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s))
+        self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
         return self._next_answer(start + deadline_s) or Answer(
             UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera"
@@ -156,10 +156,11 @@ def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:
     try:
         asked = strict_json.parse(line)
         part = int(asked["part"])
+        name = None if asked.get("hypothesis") is None else str(asked["hypothesis"])
         predicted = (float(asked["x_mm"]), float(asked["y_mm"]), float(asked["theta_rad"]))
-    except (ValueError, TypeError, KeyError, OverflowError):
+    except (AttributeError, ValueError, TypeError, KeyError, OverflowError):
         return Answer(UNKNOWN, "the question is not understood; it takes part, x_mm, y_mm and theta_rad")
-    return worker.ask(part, predicted, deadline_s)
+    return worker.ask(part, predicted, deadline_s, name)
 
 
 def _memory() -> tuple[int, int]:

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.camera.errors import CameraFileError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.table import GoalSpec, job_of, load, poses_of
+from runtime.table import GoalSpec, Table, hypotheses_of, job_of, load, poses_of
 
 SAME_MM = 1e-3
 SAME_RAD = 2e-6
@@ -24,12 +25,35 @@ class Subject:
     outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: not known
     # A predicted pose, and others that its leaf allows.
     poses_of: Callable[[Pose2], Sequence[Pose2]] = field(default=lambda pose: (pose,))
+    name: str | None = None  # of the part, where several may lie there
 
 
-def from_table(path: Path, tag: PartTag) -> Subject:
-    """The subject of a table's file; errors of the table's reader pass as they are."""
+def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
+    """The subjects of a table's file, one for each tag; errors of the table's reader pass as they are.
+
+    Raises:
+        CameraFileError: several tags for the table's one part, or one for a part that it does not name.
+    """
     table = load(path).table
-    known = [poses_of(table.goal, leaf) for leaf in table.leaves]
+    names = [own.name for own in table.hypotheses]
+    if not names and len(tags) > 1:
+        raise CameraFileError(f"{path} is for one part, which has one tag: one --tag, not {len(tags)}")
+    for tag in tags:
+        if names and tag.part not in names:
+            raise CameraFileError(f"the tag file of {tag.part} is for no part of {path}: {', '.join(names)}")
+    return tuple(_subject(table, tag, names.index(tag.part) if names else 0) for tag in tags)
+
+
+def _subject(table: Table, tag: PartTag, which: int) -> Subject:
+    known = [
+        [
+            pose
+            for pose, of in zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
+            if of == which
+        ]
+        for leaf in table.leaves
+        if leaf.hypothesis == which
+    ]
 
     def allowed(pose: Pose2) -> Sequence[Pose2]:
         for main, *others in known:
@@ -39,5 +63,9 @@ def from_table(path: Path, tag: PartTag) -> Subject:
         return (pose,)
 
     job = job_of(table)
-    outline = None if job is None else np.array(job["part"]["outline_mm"], np.float64)
-    return Subject(table.goal, tag, outline, allowed)
+    outline = None
+    if job is not None:
+        part = job["hypothesis"][which]["part"] if table.hypotheses else job["part"]
+        outline = np.array(part["outline_mm"], np.float64)
+    name = tag.part if table.hypotheses else None
+    return Subject(table.goal_of(which), tag, outline, allowed, name)

@@ -24,7 +24,7 @@ class Rig:
 
     optics: Optics  # the camera
     flaws: Flaws  # of its pictures
-    number: int = 7  # id of the part's tag
+    number: int = 7  # id of the part's tag; of several parts the first's, and the others' follow
     side_mm: float = 22.0  # edge of the tags' black borders
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
     references: tuple[tuple[int, Pose2], ...] = REFERENCES  # fixed tags: id and pose
@@ -53,12 +53,13 @@ class Rig:
         return lambda: jpeg(self.seen(look(), rng), quality)
 
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
-        """The picture of what there is: of another part with the next number, of a camera that was moved."""
+        """The picture of what there is: a wrong part has the number before, a camera may have moved."""
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
-        cards = self.cards(look.pose, self.number + look.strange)
+        number = self.number + look.hypothesis
+        cards = self.cards(look.pose, self.number - 1 if look.strange else number)
         if look.second is not None:
-            cards.append(self.card(self.number, compose(look.second, self.on_part)))
+            cards.append(self.card(number, compose(look.second, self.on_part)))
         optics = self.optics.moved(look.moved_mm, 0.0) if look.moved_mm else self.optics
         return render(optics, cards, self.flaws, rng)
 

@@ -19,6 +19,7 @@ class Look(NamedTuple):
     second: Pose2 | None = None  # pose of a second part; None: there is none
     covered: bool = False  # whether something lies on the lens
     moved_mm: float = 0.0  # how far the camera stands from its place
+    hypothesis: int = 0  # which of the parts that may come it is
 
 
 class TableTop:
@@ -123,6 +124,7 @@ class TableTop:
             compose(self.pose, BESIDE) if two and there else None,
             self._desk.holds("camera_covered") is not None,
             0.0 if moved is None else moved.value,
+            self.hypothesis,
         )
 
     def _bump(self, distance_mm: float) -> None:

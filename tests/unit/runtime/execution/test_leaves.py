@@ -20,7 +20,9 @@ class Judge:
     def __init__(self, word: object) -> None:
         self.word, self.asked = word, []
 
-    def judge(self, part: int, x_mm: float, y_mm: float, theta_rad: float) -> dict[str, object]:
+    def judge(
+        self, part: int, x_mm: float, y_mm: float, theta_rad: float, name: str | None = None
+    ) -> dict[str, object]:
         self.asked.append((part, x_mm, y_mm, theta_rad))
         if isinstance(self.word, Exception):
             raise self.word

@@ -60,7 +60,7 @@ def shot(part=POSE, seed=1):
 
 def audit(picture, predicted=POSE, calibration=None, pictures=None, subject=SUBJECT):
     known = calibration or true_calibration(BELOW)
-    auditor = Auditor(Shown(picture), known, subject, pictures=pictures)
+    auditor = Auditor(Shown(picture), known, [subject], pictures=pictures)
     return auditor.audit(3, predicted, time.monotonic() + 1.0)
 
 
@@ -258,3 +258,21 @@ def test_outline_of_an_answer_has_units_in_its_names():
     assert {
         f"{kind}_{name}" for kind in ("measured", "residual") for name in ("x_mm", "y_mm", "theta_rad")
     } < (told.keys())
+
+
+def test_tags_of_their_own_tell_parts_apart():
+    left, right = (Subject(GOAL, part_tag(number=NUMBER + k), name=name) for k, name in enumerate("lr"))
+
+    def told(lies: int, said: str, *subjects):
+        picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
+        auditor = Auditor(Shown(picture), true_calibration(BELOW), subjects)
+        answer = auditor.audit(3, POSE, time.monotonic() + 1.0, said)
+        return answer.verdict, answer.fields().get("hypothesis")
+
+    assert told(0, "l", left, right) == (PASS, "l")
+    assert told(1, "r", left, right) == (PASS, "r")
+    assert told(1, "l", left, right) == (FAIL, "r")
+    alike = replace(right, tag=left.tag)
+    assert told(0, "r", left, alike) == (PASS, None)  # one tag for both: the name is not known
+    assert told(1, "l", left, alike) == (UNKNOWN, None)
+    assert told(0, "l", right) == (UNKNOWN, None)

@@ -63,7 +63,7 @@ class Taken:
 
 def audited(top):
     """The audit's answer for a part that lies where its leaf says."""
-    auditor = Auditor(Taken(top), KNOWN, Subject(GOAL, part_tag()))
+    auditor = Auditor(Taken(top), KNOWN, [Subject(GOAL, part_tag())])
     return auditor.audit(1, top.pose, 0.0)
 
 
@@ -80,7 +80,7 @@ def test_camera_sees_the_part_where_it_lies_now():
         (Fault("camera_covered"), "the picture is black"),
         (Fault("camera_moved", value=2.0), "calibrate again"),
         (Fault("part_missing"), "no tag is seen"),
-        (Fault("wrong_part", value=3.0), f"tag {NUMBER + 1} is seen, but the part carries tag {NUMBER}"),
+        (Fault("wrong_part", value=3.0), f"tag {NUMBER - 1} is seen, but the part carries tag {NUMBER}"),
         (Fault("two_parts", value=9.0), "more than one tag lies in view"),
     ],
     ids=lambda value: value.kind if isinstance(value, Fault) else None,
@@ -126,7 +126,7 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     made, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in made.references] == [580, 581, 582]
-    answer = Auditor(Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, Subject(GOAL, tag)).audit(
+    answer = Auditor(Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, [Subject(GOAL, tag)]).audit(
         1, POSE, 0.0
     )
     assert answer.verdict == PASS
