@@ -43,20 +43,13 @@ class Model(Protocol):
 
 
 class Level(NamedTuple):
-    """The histories of one length.
+    """The histories of one length."""
 
-    Attributes:
-        size: (h,) parts that have each, times `times`.
-        located: (h,) at most how many of them one prediction locates, likewise.
-        option: (h,) which of the placements that end the histories one squeeze shorter led to it.
-        times: how often each part was read.
-        first: (h,) where its own placements begin among those of its level; empty at the last level.
-    """
-
-    size: IntArray
-    located: IntArray
-    option: IntArray
-    times: int = 1
+    size: IntArray  # (h,) parts that have each, times `times`
+    located: IntArray  # (h,) at most how many of them one prediction locates, likewise
+    option: IntArray  # (h,) which of the placements that end the histories one squeeze shorter led to it
+    times: int = 1  # how often each part was read
+    # (h,) where its own placements begin among those of its level; empty at the last level.
     first: IntArray = np.zeros(0, np.int64)
 
 

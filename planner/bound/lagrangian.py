@@ -27,17 +27,11 @@ EVENTS = 4
 
 
 class Term(NamedTuple):
-    """The bound for one class of plans.
+    """The bound for one class of plans."""
 
-    Attributes:
-        squeezes: any plan of the class takes as many on average, or more.
-        estimate: the same without the allowance for the sample.
-        price: of a part that is claimed and not located [squeezes].
-    """
-
-    squeezes: float
-    estimate: float
-    price: float
+    squeezes: float  # any plan of the class takes as many on average, or more
+    estimate: float  # the same without the allowance for the sample
+    price: float  # of a part that is claimed and not located [squeezes]
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""

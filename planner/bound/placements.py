@@ -33,17 +33,11 @@ Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covered:
-    """The placements of a class of plans; called as `planner.bound.histories.Placements`.
+    """The placements of a class of plans; called as `planner.bound.histories.Placements`."""
 
-    Attributes:
-        first: (k, 3) those of the first squeeze, the plan's own at the start, and none equivalent to another.
-        second: for each of these, those (m, 3) of the second squeeze by what was read.
-        common: (m, 3) those after a reading that is not among them.
-    """
-
-    first: Array
-    second: list[dict[int, Array]]
-    common: Array
+    first: Array  # (k, 3) those of the first squeeze: the plan's own at the start, none equivalent to another
+    second: list[dict[int, Array]]  # for each of these, those (m, 3) of the second squeeze by what was read
+    common: Array  # (m, 3) those after a reading that is not among them
 
     def __call__(self, squeezes: int, option: int, reading: int) -> Array:
         """The placements (k, 3) of the next squeeze."""
