@@ -22,12 +22,10 @@ from planner.job.model import Job
 from planner.kernel import kernel
 
 COUNTS = 256
-MOST_CLUSTERS = 10
-"""Of k-means; holes may cut them further."""
+MOST_CLUSTERS = 10  # of k-means; holes may cut them further
 SIGMAS = 6.0
 """Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
-HOLE = 2.0
-"""Width of a hole that cuts a cluster, over the distance that tells two apart."""
+HOLE = 2.0  # width of a hole that cuts a cluster, over the distance that tells two apart
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
 

@@ -26,10 +26,8 @@ from planner.belief.metric import Metric, inliers
 from planner.belief.observation import COUNTS, Partition, Resolution, describe
 from planner.kernel import inner_kernel, kernel
 
-CANDIDATES = 48
-"""Candidate poses of a belief, besides one of every count."""
-CLIMBS = 2
-"""Steps of each candidate to the mean of what is within the goal."""
+CANDIDATES = 48  # candidate poses of a belief, besides one of every count
+CLIMBS = 2  # steps of each candidate to the mean of what is within the goal
 
 
 class Estimate(NamedTuple):

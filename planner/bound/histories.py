@@ -15,12 +15,10 @@ from planner.belief.metric import Metric
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
-READINGS = 512
-"""A reading is an encoder count, and 256 more where the jaws feel a part."""
+READINGS = 512  # a reading is an encoder count, and 256 more where the jaws feel a part
 
 
-REPEATED = 4
-"""How often a part's last width is read: it counts as a quarter of a part with each reading."""
+REPEATED = 4  # how often a part's last width is read: it counts as a quarter of a part with each reading
 
 
 class Model(Protocol):

@@ -19,11 +19,9 @@ import numpy as np
 from planner.arrays import Array
 from planner.bound.histories import Level
 
-PRICES = np.geomspace(1.0, 2000.0, 100)
-"""Squeezes that a part is worth which is claimed and not located."""
+PRICES = np.geomspace(1.0, 2000.0, 100)  # squeezes that a part is worth which is claimed and not located
 BISECTIONS = 60
-EVENTS = 4
-"""Inequalities that must hold at once: for either class one of its constraint, one of its mean."""
+EVENTS = 4  # inequalities that must hold at once: for either class one of its constraint, one of its mean
 
 
 class Term(NamedTuple):

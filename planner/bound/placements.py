@@ -18,15 +18,11 @@ from planner.search.actions import actions_of
 from planner.search.proposals import along
 from runtime.table import REJECT, Calibration, Table, decision_map
 
-PILOTS = 10_000
-"""Parts that show what may be read after the first squeeze."""
-BELIEF = 400
-"""Parts of a history that its modes are sought among."""
+PILOTS = 10_000  # parts that show what may be read after the first squeeze
+BELIEF = 400  # parts of a history that its modes are sought among
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
-DENSE_SHIFTS = (-0.5, 0.0, 0.5)
-"""Shifts along the fingers, in lengths of the finger."""
-ALIKE = 1e-3
-"""Placements that differ by less are one [mm, mm, rad]."""
+DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
+ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
 
 Key: TypeAlias = tuple[tuple[int, ...], ...]
 
