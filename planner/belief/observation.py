@@ -72,9 +72,6 @@ class Resolution(NamedTuple):
     free: int = 228  # least count that an empty hand reads
 
 
-RESOLUTION = Resolution()
-
-
 class Partition(NamedTuple):
     """Clusters of counts, in the order of rising width: falling counts."""
 
