@@ -20,7 +20,6 @@ HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
 STARTED, DONE = 25, 24  # output integer registers: number of the move that began, and of the one that ended
 FIELDS = {
-    "timestamp": "DOUBLE",
     "actual_TCP_pose": "VECTOR6D",
     "tcp_offset": "VECTOR6D",
     "actual_TCP_speed": "VECTOR6D",
@@ -43,7 +42,6 @@ class RtdeError(OSError):
 class Reading(NamedTuple):
     """The controller at one moment; lengths in m, angles in rad, turns as rotation vectors."""
 
-    timestamp_s: float  # since the controller started
     tcp: Vector  # pose of the active tool in the base frame: x, y, z, rx, ry, rz
     tcp_offset: Vector  # the active tool in the flange frame
     tcp_speed: Vector  # m/s and rad/s

@@ -22,19 +22,12 @@ REFINEMENTS = 4
 
 
 class Mode(NamedTuple):
-    """The pose that explains most of a belief; further ones where the goal allows them.
+    """The pose that explains most of a belief; further ones where the goal allows them."""
 
-    Attributes:
-        pose: (3,) [mm, mm, rad].
-        ratio: share of the belief within the goal of it, or of one of the others.
-        others: (m, 3) further poses.
-        hypothesis: which part it is; and which each of the others.
-    """
-
-    pose: Array
-    ratio: float
-    others: Array = np.zeros((0, 3))
-    hypothesis: tuple[int, ...] = (0,)
+    pose: Array  # (3,) [mm, mm, rad]
+    ratio: float  # share of the belief within the goal of it, or of one of the others
+    others: Array = np.zeros((0, 3))  # (m, 3) further poses
+    hypothesis: tuple[int, ...] = (0,)  # which part it is; and which each of the others
 
     @property
     def state(self) -> Array:
@@ -52,26 +45,16 @@ class Metric(NamedTuple):
     Where there are several hypotheses a state has four columns, and three where it is of the first. Its
     deviation is taken under its own symmetry; from a state of another hypothesis it is infinite, unless the
     goal does not ask for that.
-
-    Attributes:
-        distance_mm: the goal of d.
-        rho_mm: what one radian weighs.
-        order: rotational order of the part.
-        kind: one of `runtime.table.KINDS`.
-        tolerance: bounds on x, y [mm] and theta [rad].
-        modes: how many poses a prediction may name.
-        further: rho [mm] and order of each hypothesis after the first.
-        identify: whether a prediction must name the right hypothesis.
     """
 
-    distance_mm: float
-    rho_mm: float
-    order: int
-    kind: str = "pose"
-    tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    modes: int = 1
-    further: tuple[tuple[float, int], ...] = ()
-    identify: bool = True
+    distance_mm: float  # the goal of d
+    rho_mm: float  # what one radian weighs
+    order: int  # rotational order of the part
+    kind: str = "pose"  # one of `runtime.table.KINDS`
+    tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)  # bounds on x, y [mm] and theta [rad]
+    modes: int = 1  # how many poses a prediction may name
+    further: tuple[tuple[float, int], ...] = ()  # rho [mm] and order of each hypothesis after the first
+    identify: bool = True  # whether a prediction must name the right hypothesis
 
     @property
     def goal(self) -> float:

@@ -22,31 +22,22 @@ from planner.job.model import Job
 from planner.kernel import kernel
 
 COUNTS = 256
-MOST_CLUSTERS = 10
-"""Of k-means; holes may cut them further."""
+MOST_CLUSTERS = 10  # of k-means; holes may cut them further
 SIGMAS = 6.0
 """Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
-HOLE = 2.0
-"""Width of a hole that cuts a cluster, over the distance that tells two apart."""
+HOLE = 2.0  # width of a hole that cuts a cluster, over the distance that tells two apart
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
 
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """A linear encoder with noise.
+    """A linear encoder with noise."""
 
-    Attributes:
-        opening_mm: width at `count_open`.
-        count_open: reading with the jaws open.
-        count_closed: reading with the jaws closed.
-        noise_mm: standard deviation of a measured width.
-    """
-
-    opening_mm: float
-    count_open: int
-    count_closed: int
-    noise_mm: float
+    opening_mm: float  # width at `count_open`
+    count_open: int  # reading with the jaws open
+    count_closed: int  # reading with the jaws closed
+    noise_mm: float  # standard deviation of a measured width
 
     @property
     def mm_per_count(self) -> float:
@@ -75,36 +66,20 @@ def encoder_of(job: Job) -> Encoder:
 
 
 class Resolution(NamedTuple):
-    """What an encoder can tell apart.
+    """What an encoder can tell apart."""
 
-    Attributes:
-        apart: least distance of two cluster means [counts].
-        free: least count that an empty hand reads.
-    """
-
-    apart: float = 3.0
-    free: int = 228
-
-
-RESOLUTION = Resolution()
+    apart: float = 3.0  # least distance of two cluster means [counts]
+    free: int = 228  # least count that an empty hand reads
 
 
 class Partition(NamedTuple):
-    """Clusters of counts, in the order of rising width: falling counts.
+    """Clusters of counts, in the order of rising width: falling counts."""
 
-    Attributes:
-        label: (256,) cluster of each count, -1 for counts never read.
-        mean: (k,) mean count of each cluster.
-        low: (k,) least count read in it.
-        high: (k,) greatest count read in it.
-        size: (k,) how many readings it holds.
-    """
-
-    label: IntArray
-    mean: Array
-    low: IntArray
-    high: IntArray
-    size: IntArray
+    label: IntArray  # (256,) cluster of each count, -1 for counts never read
+    mean: Array  # (k,) mean count of each cluster
+    low: IntArray  # (k,) least count read in it
+    high: IntArray  # (k,) greatest count read in it
+    size: IntArray  # (k,) how many readings it holds
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:

@@ -26,12 +26,8 @@ from planner.belief.metric import Metric, inliers
 from planner.belief.observation import COUNTS, Partition, Resolution, describe
 from planner.kernel import inner_kernel, kernel
 
-CANDIDATES = 48
-"""Candidate poses of a belief, besides one of every count."""
-SPREAD = 0.54
-"""Root mean square spread within clusters by width, over the distance that tells two widths apart."""
-CLIMBS = 2
-"""Steps of each candidate to the mean of what is within the goal."""
+CANDIDATES = 48  # candidate poses of a belief, besides one of every count
+CLIMBS = 2  # steps of each candidate to the mean of what is within the goal
 
 
 class Estimate(NamedTuple):
@@ -40,18 +36,12 @@ class Estimate(NamedTuple):
     A belief that misses the goal needs one squeeze more, however little is missing, and a second one the more
     likely the more is missing. One that meets it costs what its parts outside the mode are worth. The share
     of its mode in truth has a Beta distribution, given the sample.
-
-    Attributes:
-        confidence: share of its mode at which a belief needs no squeeze.
-        failure: what a part is worth that is not where the leaf says [squeezes].
-        inside: particles within the goal assumed to have been seen before the sample.
-        outside: and outside it: small samples look too pure.
     """
 
-    confidence: float
-    failure: float = 100.0
-    inside: float = 10.0
-    outside: float = 0.5
+    confidence: float  # share of its mode at which a belief needs no squeeze
+    failure: float = 100.0  # what a part is worth that is not where the leaf says [squeezes]
+    inside: float = 10.0  # particles within the goal assumed to have been seen before the sample
+    outside: float = 0.5  # and outside it: small samples look too pure
 
     def squeezes(self, hits: Array, size: IntArray) -> Array:
         """J of beliefs of which `hits` (n,) particles of `size` (n,) lie within the goal of their modes."""

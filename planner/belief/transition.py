@@ -31,18 +31,12 @@ Case: TypeAlias = tuple[Belief, Array]
 
 
 class Squeezed(NamedTuple):
-    """What one action makes of one belief.
+    """What one action makes of one belief."""
 
-    Attributes:
-        belief: n particles after it, with what the encoder reads.
-        unstable: share of the belief that is held by friction alone (jammed): stiff jaws on a light part may
-            throw it out of such an equilibrium (paper VII.B).
-        width_mm: mean width at which the jaws stop.
-    """
-
-    belief: Belief
+    belief: Belief  # n particles after it, with what the encoder reads
+    # Share held by friction alone (jammed): stiff jaws on a light part may throw it out (paper VII.B).
     unstable: float
-    width_mm: float
+    width_mm: float  # mean width at which the jaws stop
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -55,19 +49,12 @@ class Squeezed(NamedTuple):
 
 
 class Outcomes(NamedTuple):
-    """The branches of one action on one belief.
+    """The branches of one action on one belief."""
 
-    Attributes:
-        clusters: the partition of encoder counts.
-        beliefs: for each cluster the particles in it.
-        unstable: see `Squeezed`.
-        width_mm: see `Squeezed`.
-    """
-
-    clusters: Partition
-    beliefs: list[Belief]
-    unstable: float
-    width_mm: float
+    clusters: Partition  # the partition of encoder counts
+    beliefs: list[Belief]  # for each cluster the particles in it
+    unstable: float  # see `Squeezed`
+    width_mm: float  # see `Squeezed`
 
     @classmethod
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
@@ -184,23 +171,14 @@ def squeezed_by(
 
 
 class Costs(NamedTuple):
-    """The price of a squeeze, in units of itself: 1, and something for its time and for its risk.
+    """The price of a squeeze, in units of itself: 1, and something for its time and for its risk."""
 
-    Attributes:
-        squeeze: of any, as a probability of success.
-        second: of a second of cell time, likewise.
-        unstable: of an outcome that friction alone holds, likewise.
-        lift_s: time to go up and come down again [s].
-        opening_mm: stroke of the open jaws.
-        speed_mm_s: rate at which the opening closes.
-    """
-
-    squeeze: float
-    second: float
-    unstable: float
-    lift_s: float
-    opening_mm: float
-    speed_mm_s: float
+    squeeze: float  # of any, as a probability of success
+    second: float  # of a second of cell time, likewise
+    unstable: float  # of an outcome that friction alone holds, likewise
+    lift_s: float  # time to go up and come down again [s]
+    opening_mm: float  # stroke of the open jaws
+    speed_mm_s: float  # rate at which the opening closes
 
     @property
     def least(self) -> float:

@@ -29,29 +29,17 @@ SEED_PILOTS = 0x50494C4F
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What is proved about the plans that may be compared with a table's.
+    """What is proved about the plans that may be compared with a table's."""
 
-    Attributes:
-        leaves: the bound for plans whose leaves hold the job's confidence.
-        overall: the bound for plans that locate the share `success` of all parts.
-        confidence: the job's, of a leaf.
-        success: what the table's own trials showed at least, with 97.5 % confidence.
-        mean: squeezes a part of the table.
-        parts: size of the sample.
-        first: inequivalent placements of the first squeeze.
-        second: placements of the second squeeze, on average over what was read.
-        dense: whether a grid of placements is among them.
-    """
-
-    leaves: Term
-    overall: Term
-    confidence: float
-    success: float
-    mean: float
-    parts: int
-    first: int
-    second: float
-    dense: bool
+    leaves: Term  # the bound for plans whose leaves hold the job's confidence
+    overall: Term  # the bound for plans that locate the share `success` of all parts
+    confidence: float  # the job's, of a leaf
+    success: float  # what the table's own trials showed at least, with 97.5 % confidence
+    mean: float  # squeezes a part of the table
+    parts: int  # size of the sample
+    first: int  # inequivalent placements of the first squeeze
+    second: float  # placements of the second squeeze, on average over what was read
+    dense: bool  # whether a grid of placements is among them
 
     @property
     def squeezes(self) -> float:

@@ -17,10 +17,8 @@ from planner.kernel import kernel
 
 LEAST_SHARE = 0.75
 """Where no prediction locates this share of a group, only that is found out. It is above a half."""
-INFLATION = 0.01
-"""Radius of a cell that is not cut any more: by so much the goal is too wide at most."""
-MOST_CELLS = 20000
-"""Cells looked at; the bound holds wherever the search ends, and more make it tighter."""
+INFLATION = 0.01  # radius of a cell that is not cut any more: by so much the goal is too wide at most
+MOST_CELLS = 20000  # cells looked at; the bound holds wherever the search ends, and more make it tighter
 
 
 def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> IntArray:

@@ -15,12 +15,10 @@ from planner.belief.metric import Metric
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
-READINGS = 512
-"""A reading is an encoder count, and 256 more where the jaws feel a part."""
+READINGS = 512  # a reading is an encoder count, and 256 more where the jaws feel a part
 
 
-REPEATED = 4
-"""How often a part's last width is read: it counts as a quarter of a part with each reading."""
+REPEATED = 4  # how often a part's last width is read: it counts as a quarter of a part with each reading
 
 
 class Model(Protocol):
@@ -43,20 +41,13 @@ class Model(Protocol):
 
 
 class Level(NamedTuple):
-    """The histories of one length.
+    """The histories of one length."""
 
-    Attributes:
-        size: (h,) parts that have each, times `times`.
-        located: (h,) at most how many of them one prediction locates, likewise.
-        option: (h,) which of the placements that end the histories one squeeze shorter led to it.
-        times: how often each part was read.
-        first: (h,) where its own placements begin among those of its level; empty at the last level.
-    """
-
-    size: IntArray
-    located: IntArray
-    option: IntArray
-    times: int = 1
+    size: IntArray  # (h,) parts that have each, times `times`
+    located: IntArray  # (h,) at most how many of them one prediction locates, likewise
+    option: IntArray  # (h,) which of the placements that end the histories one squeeze shorter led to it
+    times: int = 1  # how often each part was read
+    # (h,) where its own placements begin among those of its level; empty at the last level.
     first: IntArray = np.zeros(0, np.int64)
 
 

@@ -19,25 +19,17 @@ import numpy as np
 from planner.arrays import Array
 from planner.bound.histories import Level
 
-PRICES = np.geomspace(1.0, 2000.0, 100)
-"""Squeezes that a part is worth which is claimed and not located."""
+PRICES = np.geomspace(1.0, 2000.0, 100)  # squeezes that a part is worth which is claimed and not located
 BISECTIONS = 60
-EVENTS = 4
-"""Inequalities that must hold at once: for either class one of its constraint, one of its mean."""
+EVENTS = 4  # inequalities that must hold at once: for either class one of its constraint, one of its mean
 
 
 class Term(NamedTuple):
-    """The bound for one class of plans.
+    """The bound for one class of plans."""
 
-    Attributes:
-        squeezes: any plan of the class takes as many on average, or more.
-        estimate: the same without the allowance for the sample.
-        price: of a part that is claimed and not located [squeezes].
-    """
-
-    squeezes: float
-    estimate: float
-    price: float
+    squeezes: float  # any plan of the class takes as many on average, or more
+    estimate: float  # the same without the allowance for the sample
+    price: float  # of a part that is claimed and not located [squeezes]
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""

@@ -18,32 +18,22 @@ from planner.search.actions import actions_of
 from planner.search.proposals import along
 from runtime.table import REJECT, Calibration, Table, decision_map
 
-PILOTS = 10_000
-"""Parts that show what may be read after the first squeeze."""
-BELIEF = 400
-"""Parts of a history that its modes are sought among."""
+PILOTS = 10_000  # parts that show what may be read after the first squeeze
+BELIEF = 400  # parts of a history that its modes are sought among
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
-DENSE_SHIFTS = (-0.5, 0.0, 0.5)
-"""Shifts along the fingers, in lengths of the finger."""
-ALIKE = 1e-3
-"""Placements that differ by less are one [mm, mm, rad]."""
+DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
+ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
 
 Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covered:
-    """The placements of a class of plans; called as `planner.bound.histories.Placements`.
+    """The placements of a class of plans; called as `planner.bound.histories.Placements`."""
 
-    Attributes:
-        first: (k, 3) those of the first squeeze, the plan's own at the start, and none equivalent to another.
-        second: for each of these, those (m, 3) of the second squeeze by what was read.
-        common: (m, 3) those after a reading that is not among them.
-    """
-
-    first: Array
-    second: list[dict[int, Array]]
-    common: Array
+    first: Array  # (k, 3) those of the first squeeze: the plan's own at the start, none equivalent to another
+    second: list[dict[int, Array]]  # for each of these, those (m, 3) of the second squeeze by what was read
+    common: Array  # (m, 3) those after a reading that is not among them
 
     def __call__(self, squeezes: int, option: int, reading: int) -> Array:
         """The placements (k, 3) of the next squeeze."""

@@ -194,7 +194,7 @@ def _print(
     if arguments.json:
         shell.print_json({
             "parts": seen.parts, "squeezes": int(seen.readings.sum()), "audited": len(seen.leaves),
-            "findings": [finding.fields() for finding in learned], "changes": changed,
+            "findings": [finding._asdict() for finding in learned], "changes": changed,
             "wrong_rate_as_learned": wrong, "reject_rate_as_learned": rejected,
             "written": str(arguments.output),
         })  # fmt: skip

@@ -20,21 +20,14 @@ OFF = 0.02  # a share of the fingers that is off by more than that is a fault of
 
 
 class Finding(NamedTuple):
-    """What was learned of one quantity; `told` is whether the data say more than was believed before."""
+    """What was learned of one quantity, as JSON tells it."""
 
-    key: str
+    quantity: str
     mean: float
-    low: float
-    high: float
-    told: bool
+    low_5: float
+    high_95: float
+    told: bool  # whether the data say more than was believed before
     sentence: str
-
-    def fields(self) -> dict[str, Any]:
-        """As JSON holds it."""
-        return {
-            "quantity": self.key, "mean": self.mean, "low_5": self.low, "high_95": self.high,
-            "told": self.told, "sentence": self.sentence,
-        }  # fmt: skip
 
 
 def findings(found: Posterior, cells: Cells) -> list[Finding]:
@@ -120,14 +113,14 @@ def surface_shares(found: Posterior) -> Any:
 
 def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     """What the job has to say instead, by section and key; what the data do not tell stays as it is."""
-    told = {finding.key: finding for finding in findings(found, cells) if finding.told}
+    told = {finding.quantity: finding for finding in findings(found, cells) if finding.told}
     doubt: dict[str, Any] = {
-        key: [round(told[key].low, digits), round(told[key].high, digits)]
+        key: [round(told[key].low_5, digits), round(told[key].high_95, digits)]
         for key, digits in (("finger_share", 4), ("middle_mm", 3), ("encoder_mm", 3), ("encoder_gain", 5))
         if key in told
     }
     if "least_dof" in told:
-        doubt["least_dof"] = max(3, int(np.exp(told["least_dof"].low)))
+        doubt["least_dof"] = max(3, int(np.exp(told["least_dof"].low_5)))
     made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(told, cells.job)}
     if "pressure" in told:
         made["pressure"], doubt["pressure"] = _pressure(found, cells)
@@ -142,8 +135,8 @@ def _friction(told: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     if not any(key in told for key in keys):
         return {}
     low, high = (getattr(job.friction, key) for key in keys)
-    low = round(told[keys[0]].low, 3) if keys[0] in told else low
-    high = round(told[keys[1]].high, 3) if keys[1] in told else high
+    low = round(told[keys[0]].low_5, 3) if keys[0] in told else low
+    high = round(told[keys[1]].high_95, 3) if keys[1] in told else high
     doubt = min(job.friction.doubt, KEPT_DOUBT) if all(key in told for key in keys) else job.friction.doubt
     return {keys[0]: min(low, high), keys[1]: max(low, high), "doubt": doubt}
 

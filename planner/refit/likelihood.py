@@ -49,12 +49,6 @@ def pooled(counts: IntArray, table: Table) -> IntArray:
     return empty
 
 
-def seen_of(found: Evaluation, nodes: int) -> Seen:
-    """What the journals of trials would hold."""
-    none = np.zeros(0, np.int64), np.zeros((0, 3))
-    return Seen(readings(found, nodes), len(found.leaf), *none)
-
-
 def log_likelihood(seen: Seen, found: Evaluation, table: Table) -> float:
     """Logarithm of the probability of what was seen, in the cell that these trials were run in."""
     simulated = pooled(readings(found, len(table.nodes)), table).astype(np.float64)

@@ -49,9 +49,6 @@ class Journal:
 
     A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it. A
     file that holds anything else is left as it is.
-
-    Attributes:
-        cut_bytes: length of the unfinished line that was cut off, 0 for none.
     """
 
     def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
@@ -61,7 +58,7 @@ class Journal:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
-        self.cut_bytes = 0
+        self.cut_bytes = 0  # length of the unfinished line that was cut off
         self._stamp = stamp
         self._end = Verified()
         self._failed = False

@@ -18,21 +18,15 @@ from typing import Self
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 AGAIN_S = 0.01  # until a request that met the handling of an exception is tried again
-LOST_S = (
-    0.1  # until one that was raised where Python drops exceptions (a finalizer, a callback) is raised again
-)
+LOST_S = 0.1  # until one that was raised where Python drops exceptions (finalizer, callback) is raised again
 
 
 class _Request:
-    """State of the stop request; one a process, as signals are.
+    """State of the stop request; one a process, as signals are."""
 
-    Attributes:
-        asked: whether a signal came.
-        open: whether it may raise now.
-        over: whether it was heard, or can change nothing any more.
-    """
-
-    asked = open = over = False
+    asked = False  # whether a signal came
+    open = False  # whether it may raise now
+    over = False  # whether it was heard, or can change nothing any more
 
     def deliver(self) -> None:
         """Raise it if it may."""

@@ -23,14 +23,11 @@ class Cusum:
 
     Each deviation counts by its likelihood under a shift against none, so that what scatters widely, or is
     shifted by little of its scatter, weighs little.
-
-    Attributes:
-        up, down: sums for a shift either way.
     """
 
     shift: float  # to be found, in the unit of the deviations
     limit: float = 12.0  # log-likelihood ratio at which it alarms
-    up: float = 0.0
+    up: float = 0.0  # sum for a shift upwards
     down: float = 0.0
 
     def add(self, deviation: float, sigma: float) -> bool:

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import chisquare
 
 from planner.cli.shell import loaded
+from planner.evaluation.expectation import readings
 from planner.refit.cells import Cells
-from planner.refit.likelihood import seen_of
+from planner.refit.likelihood import Seen
 from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
 
@@ -45,7 +46,8 @@ def main() -> int:
     for number in range(options.first, options.first + options.hidden):
         begun = time.process_time()
         truth = cells.space.draw(1, np.random.default_rng([number, 1]))[0]
-        seen = seen_of(cells.run(truth, options.parts, number), len(found.table.nodes))
+        counts = readings(cells.run(truth, options.parts, number), len(found.table.nodes))
+        seen = Seen(counts, options.parts, np.zeros(0, np.int64), np.zeros((0, 3)))
         drawn = posterior(cells, seen, number, Threads(1), effort).cells[:, :-1]
         ranks.append((drawn < truth[:-1]).mean(axis=0))
         errors.append(drawn.mean(axis=0) - truth[:-1])

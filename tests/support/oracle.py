@@ -6,7 +6,7 @@ import numpy as np
 import problems
 
 from planner.belief.metric import Metric
-from planner.belief.observation import RESOLUTION
+from planner.belief.observation import Resolution
 from planner.belief.particles import Belief
 from planner.belief.partition import Estimate
 from planner.belief.transition import Costs, Squeezed
@@ -37,7 +37,7 @@ class Oracle:
 def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99, params=PARAMS):
     placements = np.array([[0.0, 0.0, angle] for angle in angles])
     costs = Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0)
-    rule = params.rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), RESOLUTION)
+    rule = params.rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), Resolution())
     objective = Objective(rule, costs, params)
     simulator = Mixture((problems.simulator(problems.rectangle()),))
     ranking = Ranking(ActionSet(placements, (), AREA), simulator, model or Oracle(), objective)

@@ -18,8 +18,7 @@ from drivers.planar import Pose2
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
-COVERAGE = 3.0
-"""How many standard deviations a measurement has to be clear of the threshold."""
+COVERAGE = 3.0  # how many standard deviations a measurement has to be clear of the threshold
 
 
 @dataclass(frozen=True, slots=True)

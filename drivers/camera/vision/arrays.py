@@ -5,5 +5,4 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Picture = NDArray[np.uint8]
-"""A picture in grey levels, (height, width)."""
+Picture = NDArray[np.uint8]  # a picture in grey levels, (height, width)

@@ -19,8 +19,7 @@ SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
-LEAST_SHARE = 0.01
-"""Of the parts that lie on a face; rarer ones are left out."""
+LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
 
 
 class Imported(NamedTuple):

@@ -9,7 +9,6 @@ from planner.belief.observation import (
     HOLE,
     LEAST_CUT,
     MOST_CLUSTERS,
-    RESOLUTION,
     Encoder,
     Partition,
     Resolution,
@@ -17,6 +16,7 @@ from planner.belief.observation import (
     resolution_of,
 )
 
+RESOLUTION = Resolution()
 SPREAD = 0.54
 """Spread that is little enough, over the distance that tells two clusters apart."""
 

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.evaluation.expectation import readings
 from planner.job import model
 from planner.refit.cells import Cells
-from planner.refit.likelihood import log_likelihood, pooled, seen_of
+from planner.refit.likelihood import Seen, log_likelihood, pooled
 from runtime.table import load, predicted_pose
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
@@ -21,6 +22,11 @@ def at(cells, **told):
     usual = dict.fromkeys(("finger_share", "middle_mm", "encoder_mm"), 0.0)
     values = usual | {"finger_part_min": 0.4, "finger_part_max": 0.6} | told
     return np.array([*(values[quantity.key] for quantity in cells.space.quantities), 0.0])
+
+
+def seen_of(run, nodes):
+    """What the journals of a cell would hold, without audits."""
+    return Seen(readings(run, nodes), len(run.leaf), np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
 def test_what_happened_is_likelier_where_it_happened(cells):
