@@ -43,7 +43,6 @@ class Arm(UprightArm):
         super().__init__(stream.endpoint, setup)
         self._stream = stream
         self._pace = pace
-        self._unknown = ""  # why the state is unknown
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
         self._late_s = 0.0  # by how much the last reply was read too late
@@ -107,11 +106,7 @@ class Arm(UprightArm):
                 raise self._lose("the connection broke", _CutOffError) from error
 
     def _ask(self, code: int, numbers: tuple[str, ...] = (), budget_s: float = ANSWER_S) -> Reply:
-        if self._unknown:
-            raise ArmError(
-                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
-                "look at the arm, then connect again"
-            )
+        self._check_known()
         line = codec.command(code, *numbers)
         told = repr(line.decode())
         if self._setup.read_only and code not in codec.HARMLESS:
@@ -154,12 +149,11 @@ class Arm(UprightArm):
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
 
-    def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
-        self._unknown = reason
+    def _lose(
+        self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the arm and its program"
+    ) -> ArmError:
         self._stream.close()
-        return kind(
-            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the arm and its program"
-        )
+        return super()._lose(reason, kind, look_at)
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:

@@ -45,7 +45,6 @@ class Arm(UprightArm):
         super().__init__(endpoint, setup, within_sphere(setup))
         self._rws = rws
         self._pace = pace
-        self._unknown = ""  # why the state is unknown
         self._speed_mm_s = math.nan
         self._table = compose(invert(setup.base or IDENTITY), setup.work_object)  # in the base frame
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
@@ -177,19 +176,11 @@ class Arm(UprightArm):
         return self._states(path, **query)[0]
 
     def _states(self, path: str, **query: str) -> list[State]:
-        if self._unknown:
-            raise ArmError(
-                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
-                "look at the arm, then connect again"
-            )
+        self._check_known()
         try:
             return self._rws.state(path, **query)
         except RwsError as error:
             raise self._lose(str(error)) from error
-
-    def _lose(self, reason: str) -> ArmError:
-        self._unknown = reason
-        return ArmError(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the pendant")
 
 
 def _numbers(seen: State, *names: str) -> tuple[float, ...]:

@@ -47,6 +47,7 @@ class UprightArm(ABC):
         self.endpoint = endpoint
         self._setup = setup
         self._reaches = reaches
+        self._unknown = ""  # why the state is unknown
         self._at: ArmPose | None = None  # None: not known since the last motion
         self._angle_rad: float | None = None  # the last angle known, the next is counted on from it
         self._wrist: Wrist | None = None
@@ -156,6 +157,18 @@ class UprightArm(ABC):
             return ""
         least, most = self._setup.wrist
         return f"farther round than the wrist turns ({least:g} to {most:g} deg)"
+
+    def _check_known(self) -> None:
+        if self._unknown:
+            raise ArmError(
+                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
+                "look at the arm, then connect again"
+            )
+
+    def _lose(self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant") -> ArmError:
+        """The state is unknown from now on: the error that says so."""
+        self._unknown = reason
+        return kind(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}")
 
     def _understood(self, read: Callable[[], Read]) -> Read:
         try:

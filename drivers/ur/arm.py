@@ -52,7 +52,6 @@ class Arm(UprightArm):
         super().__init__(stream.endpoint, setup, within_sphere(setup))
         self._open_script = open_script
         self._pace = pace
-        self._unknown = ""  # why the state is unknown
         self._displaced = False  # whether somebody's program took the place of ours
         self._speed_mm_s = math.nan
         self._start: ArmPose | None = None
@@ -155,19 +154,11 @@ class Arm(UprightArm):
             self._pace.idle(until)
 
     def _read(self) -> Reading:
-        if self._unknown:
-            raise ArmError(
-                f"arm at {self.endpoint}: state unknown since {self._unknown}; "
-                "look at the arm, then connect again"
-            )
+        self._check_known()
         try:
             return self._rtde.read()
         except OSError as error:
             raise self._lose(str(error)) from error
-
-    def _lose(self, reason: str) -> ArmError:
-        self._unknown = reason
-        return ArmError(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at the pendant")
 
 
 def _objection(seen: Reading) -> str:

@@ -64,6 +64,14 @@ def blank(width_in: float, height_in: float) -> Figure:
     return Figure(figsize=(width_in, height_in), facecolor="white", layout="constrained")
 
 
+def panels(figure: Figure, rows: int, columns: int, count: int) -> list[Axes]:
+    """The first so many panels of a grid with common axes, row by row; the rest of the grid stays empty."""
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[count:]:
+        axes.remove()
+    return list(grid.flat[:count])
+
+
 def faint_grid(axes: Axes, axis: Literal["both", "x", "y"] = "both") -> None:
     """Draws pale lines under everything else."""
     axes.grid(axis=axis, color="#ececec", linewidth=0.5)

@@ -184,10 +184,8 @@ def subspaces(
     half = max(0.5 * opening + thickness, 0.5 * length + 2.0 * float(np.max(np.hypot(*outline.T))))
     width_in = WIDTH_IN * columns / COLUMNS
     result = canvas.blank(width_in, rows * ((width_in - 0.9) / columns + 0.35) + 0.4)
-    grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.flat[len(found) :]:
-        axes.remove()
-    for k, (axes, title) in enumerate(zip(grid.flat, titles, strict=False)):
+    panels = canvas.panels(result, rows, columns, len(found))
+    for k, (axes, title) in enumerate(zip(panels, titles, strict=True)):
         axes.set_gid(f"subspace-{k}")
         _frame(axes, half)
         _density(axes, outline, final[label == k])

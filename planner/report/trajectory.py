@@ -73,10 +73,8 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
     rows = ceil(len(traces) / columns)
     panel_in = WIDTH_IN * half[1] / half[0] + 0.22
     result = canvas.blank(columns * WIDTH_IN + 0.35, rows * panel_in + 0.3)
-    grid = result.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.flat[len(traces) :]:
-        axes.remove()
-    for k, (axes, trace) in enumerate(zip(grid.flat, traces, strict=False)):
+    panels = canvas.panels(result, rows, columns, len(traces))
+    for k, (axes, trace) in enumerate(zip(panels, traces, strict=True)):
         axes.set_gid(f"squeeze-{k + 1}")
         frame(axes, half)
         _draw(axes, outline, jaws, trace.states)

@@ -6,11 +6,14 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from drivers.sim.wire.serving import Server
 
-class CameraServer:
+
+class CameraServer(Server):
     """Serves the bytes of JPEGs that `take` returns; it is called by several threads, one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
+        super().__init__("camera", threading.Event())
         lock = threading.Lock()
 
         def locked() -> bytes:
@@ -19,18 +22,12 @@ class CameraServer:
 
         self._server = ThreadingHTTPServer(("127.0.0.1", 0), lambda *call: _Handler(locked, *call))
         self._server.daemon_threads = True
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
+        self._server.timeout = 0.05
         self.url = f"http://127.0.0.1:{self._server.server_port}/picture.jpg"
-
-    def start(self) -> None:
-        """Serve until closed."""
-        self._thread.start()
 
     def close(self) -> None:
         """Stop serving."""
-        if self._thread.is_alive():
-            self._server.shutdown()
-            self._thread.join()
+        super().close()
         self._server.server_close()
 
     def __enter__(self) -> "CameraServer":
@@ -39,6 +36,10 @@ class CameraServer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            self._server.handle_request()
 
 
 class _Handler(BaseHTTPRequestHandler):
