@@ -119,10 +119,9 @@ class AskedParts:
         self._maps = [decision_map(node, self._calibration) for node in table.nodes]
         self._part: _Part | None = None
         self.over = False  # whether no further part follows
-        self._requests: dict[str, Callable[[list[str]], str]] = {
+        self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
+        self._requests: dict[str, Callable[[], str]] = {  # those of a single word
             "NEXT": self._next,
-            "WIDTH": self._width,
-            "COUNTS": self._counts,
             "STATUS": self._status,
             "RESET": self._reset,
             "TABLE": self._tell_table,
@@ -140,10 +139,12 @@ class AskedParts:
         Raises:
             JournalError: it cannot be written; nothing follows from the line then.
         """
-        words = line.split(" ")
+        name, *words = line.split(" ")
         try:
-            _check(words[0] in self._requests, 10)
-            return self._requests[words[0]](words[1:])
+            if name in self._readings:
+                return self._readings[name](words)
+            _check(name in self._requests and not words, 10)
+            return self._requests[name]()
         except RefusedError as refusal:
             return str(refusal)
 
@@ -156,8 +157,7 @@ class AskedParts:
 
     # -- requests -------------------------------------------------------------------------------------
 
-    def _next(self, words: list[str]) -> str:
-        _check(not words, 10)
+    def _next(self) -> str:
         part = self._part
         if part is None:
             part = _Part(self._tally.parts + 1, TraversalState(), [], 0.0)
@@ -187,26 +187,22 @@ class AskedParts:
         _check(int(words[0]) < COUNTS, 20)
         return self._read(part, _Reading(int(words[0]), flag), " ".join(["COUNTS", *words]))
 
-    def _status(self, words: list[str]) -> str:
-        _check(not words, 10)
+    def _status(self) -> str:
         if self._part is None:
             return f"STATUS IDLE {self._tally.parts} 0 -1"
         state = "DRAG" if self._part.dragging else "SQUEEZE"
         return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.traversal.node}"
 
-    def _reset(self, words: list[str]) -> str:
-        _check(not words, 10)
+    def _reset(self) -> str:
         self.give_up(Outcome.ABORTED, "the robot gave the part up")
         return "OK"
 
-    def _tell_table(self, words: list[str]) -> str:
-        _check(not words, 10)
+    def _tell_table(self) -> str:
         limits = self._table.limits
         heights = f"{limits.squeeze_height_um / 1000:.3f} {limits.retreat_height_um / 1000:.3f}"
         return f"TABLE {len(self._table.nodes)} {len(self._table.leaves)} {heights} {self._name[:16]}"
 
-    def _version(self, words: list[str]) -> str:
-        _check(not words, 10)
+    def _version(self) -> str:
         return f"VERSION {VERSION} squeezetree"
 
     # -- readings -------------------------------------------------------------------------------------
