@@ -128,7 +128,7 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
 ) -> None:
     table = small_table()
     for console in (Lines(table), Objects(table, JOURNAL)):
-        auditor = SimpleNamespace(judge=lambda part, x_mm, y_mm, theta_rad: {"verdict": "pass"})
+        auditor = SimpleNamespace(judge=lambda *asked: {"verdict": "pass"})
         made = fake_cell([AT_21, AT_21])
         made = made._replace(cell=replace(made.cell, auditor=auditor))
         run(made, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
