@@ -6,17 +6,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
+from planner.part.outline import Outline, width
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.table import Table
 
 OFTEN = 0.05  # of a stranger answered: what a reader should know the reason of
 MOST = 3
+DIRECTIONS = 360  # of widths, over half a turn
 
 
 class Answer(NamedTuple):
@@ -27,6 +30,7 @@ class Answer(NamedTuple):
     share: float  # of the strangers that it answers
     widths_mm: tuple[float, ...]  # at each squeeze: median of theirs
     ours_mm: tuple[float, ...]  # and of the own parts that end there; empty where none did
+    differ_mm: float  # by how much some width of the two parts differs, turned so that they differ least
 
     @property
     def apart_mm(self) -> float | None:
@@ -42,9 +46,9 @@ class Answer(NamedTuple):
         """For people."""
         named = "" if self.part is None else f" as {self.part}"
         told = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
-        if self.apart_mm is None:
-            return told
-        return f"{told}: within {self.apart_mm:.1f} mm of ours at every squeeze ({_listed(self.ours_mm)})"
+        if self.apart_mm is not None:
+            told += f": within {self.apart_mm:.1f} mm of ours at every squeeze ({_listed(self.ours_mm)})"
+        return f"{told}; some width differs by {self.differ_mm:.1f} mm"
 
 
 class Strange(NamedTuple):
@@ -92,14 +96,30 @@ def strangers(
     """Runs a table on each stranger of its job; `own`: trials of its own parts; the rest as of `evaluate`."""
     for stranger in job.strangers:
         found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
-        yield Strange(stranger.part.name, found, tuple(_answers(table, found, own, job)))
+        outlines = [each.part.outline_mm for each in job.alone]
+        differ = [round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines]
+        yield Strange(stranger.part.name, found, tuple(_answers(table, found, own, job, differ)))
 
 
-def _answers(table: Table, found: Evaluation, own: Evaluation, job: Job) -> Iterator[Answer]:
+def widths_differ_mm(one: Outline, other: Outline) -> float:
+    """The most that two outlines' widths differ in one direction, turned so that it is least."""
+    first, second = _all_widths(one), _all_widths(other)
+    turned = np.array([np.roll(first, turn) for turn in range(DIRECTIONS)])
+    return float(np.abs(turned - second).max(axis=1).min())
+
+
+def _all_widths(outline: Outline) -> Array:
+    return np.array([width(outline, angle) for angle in np.pi / DIRECTIONS * np.arange(DIRECTIONS)])
+
+
+def _answers(
+    table: Table, found: Evaluation, own: Evaluation, job: Job, differ: list[float]
+) -> Iterator[Answer]:
     reached = Counter(found.leaf[found.resolved].tolist())
-    for leaf, number in reached.most_common(MOST):
-        widths = (_widths(trials, leaf, job) for trials in (found, own))
-        yield Answer(leaf, table.name_of(table.leaves[leaf]), number / len(found.leaf), *widths)
+    for index, number in reached.most_common(MOST):
+        leaf, share = table.leaves[index], number / len(found.leaf)
+        widths = (_widths(trials, index, job) for trials in (found, own))
+        yield Answer(index, table.name_of(leaf), share, *widths, differ[leaf.hypothesis])
 
 
 def _widths(found: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
 from planner.evaluation.narrowing import LOSS, _kept, _worth, narrowed
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.strangers import strangers
+from planner.evaluation.strangers import strangers, widths_differ_mm
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.report import dossier
@@ -133,6 +133,37 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert others[0].evaluation.rejected.all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
+
+
+def rectangle(key, name, length, width):
+    corners = f"[0, 0], [{length}, 0], [{length}, {width}], [0, {width}]"
+    return f'[[{key}]]\nname = "{name}"\n[{key}.part]\noutline_mm = [{corners}]\n'
+
+
+def test_a_stranger_that_differs_where_no_squeeze_measures_is_explained_by_that():
+    """Plates squeezed across alone: a shorter one reads like ours."""
+    common = COMMON.replace('orientation = "unknown"', "orientation_halfwidth_deg = 10")
+    common = common.replace("[0, 45, 90, 135]", "[0]\nproposals = 'none'")
+    ours = rectangle("hypothesis", "plate", 40, 20) + rectangle("hypothesis", "broad plate", 40, 30)
+    job = job_file.parse(common + ours + rectangle("stranger", "short plate", 34, 20))
+    table = compile_job(job, workers=1, trials=1000).table
+    own = evaluate(table, job, ContactWorlds.of_job(job, 5), 400, 5)
+    (short,) = strangers(table, job, own, lambda real: ContactWorlds.of_job(real, 5), 400, 5, Threads(1))
+    first = short.answers[0]
+    assert (first.part, short.often) == ("plate", True)
+    assert first.apart_mm < 0.5
+    assert first.differ_mm == pytest.approx(6.0, abs=0.1)  # along the plate
+    assert "some width differs by 6.0 mm" in short.lines()[1]
+
+
+def test_widths_differ_the_same_however_parts_are_turned():
+    rng = np.random.default_rng(7)
+    plate, longer = (0.5 * np.array(s) * [[1, 1], [-1, 1], [-1, -1], [1, -1]] for s in ((40, 20), (46, 20)))
+    assert widths_differ_mm(plate, plate) == 0.0
+    for angle in rng.uniform(0.0, np.pi, 5):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        assert widths_differ_mm(plate @ turn, plate) < 0.2
+        assert widths_differ_mm(plate @ turn, longer) == pytest.approx(6.0, abs=0.2)
 
 
 @pytest.fixture(scope="module")
