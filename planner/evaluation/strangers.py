@@ -118,8 +118,8 @@ def _answers(
     reached = Counter(found.leaf[found.resolved].tolist())
     for index, number in reached.most_common(MOST):
         leaf, share = table.leaves[index], number / len(found.leaf)
-        widths = (_widths(trials, index, job) for trials in (found, own))
-        yield Answer(index, table.name_of(leaf), share, *widths, differ[leaf.hypothesis])
+        theirs, ours = (_widths(trials, index, job) for trials in (found, own))
+        yield Answer(index, table.name_of(leaf), share, theirs, ours, differ[leaf.hypothesis])
 
 
 def _widths(found: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
