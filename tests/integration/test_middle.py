@@ -29,7 +29,7 @@ OFF_MM, PARTS, SEED = 1.5, 12, 4
 DRY = SimpleNamespace(note=lambda said: None, step=lambda part, step: None)
 CERTAIN = {
     "goal": {"distance_mm": 1.4}, "friction": {"doubt": 0.0}, "doubt": {"chance": 0.0},
-    "part": {"tolerance_mm": 0.0}, "search": {"particles": 1000, "search_particles": 100},
+    "part": {"tolerance_mm": 0.0}, "search": {"particles": 4000, "search_particles": 100},
 }  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def tree(tmp_path_factory):
     """A table of the rectangle that doubts nothing, for a goal of less than the fingers are off."""
     job = job_file.load(ROOT / "trees" / "rectangle" / "job.toml", CERTAIN)
     path = tmp_path_factory.mktemp("middle") / "tree.msgpack"
-    dump(compile_job(job, workers=1, trials=500).table, path)
+    dump(compile_job(job, workers=1, trials=2000).table, path)
     return path
 
 
