@@ -31,12 +31,13 @@ class ActionSet:
     def __len__(self) -> int:
         return len(self.placements)
 
-    def options(self, states: Array, metric: Metric) -> Array:
+    def options(self, states: Array, metric: Metric, *, wide: bool = False) -> Array:
         """The fixed placements, those beside them and those about a belief's main modes, within the area.
 
         Args:
             states: (n, 3 or 4) of the belief [mm, mm, rad, hypothesis].
             metric: of the goal.
+            wide: those all about the main modes instead.
 
         Returns:
             (k, 3); the fixed ones alone where nothing is proposed.
@@ -45,7 +46,9 @@ class ActionSet:
             return self.placements
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE)
         modes = [mode for mode in modes if mode.ratio >= LEAST_MODE]
-        near = [self.proposals[mode.hypothesis[0]].about(mode.pose) for mode in modes]
+        near = [self.proposals[mode.hypothesis[0]].about(mode.pose, wide=wide) for mode in modes]
+        if wide:
+            return self.within(np.concatenate([self.placements[:0], *near]))
         beside = max(self.proposals, key=lambda own: len(own.shifts_mm)).beside(self.placements)
         return self.within(np.concatenate([self.placements, beside, *near]))
 

@@ -71,8 +71,8 @@ class LookAhead:
             An empty list where no action is free of collision or gains anything.
         """
         params = self.objective.params
-        for depth, particles in self._efforts(belief, share):
-            options = self._options(belief, subsample(belief, particles), depth, rng)
+        for depth, particles, wide in self._efforts(belief, share):
+            options = self._options(belief, subsample(belief, particles), depth, rng, wide=wide)
             gaining = sorted((k for k in options if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
@@ -80,17 +80,19 @@ class LookAhead:
                 return distinct(gaining, most, params)
         return []
 
-    def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int]]:
-        """Squeezes to look ahead and particles to do it with, one after the other until something gains."""
+    def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, bool]]:
+        """Squeezes to look ahead, particles to do it with, and whether placements all about the part are
+        tried: one after the other until something gains."""
         params = self.objective.params
         few = round(
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
         )
-        yield self.depth, few
+        yield self.depth, few, False
         if share * (1.0 - self.objective.metric.mode(belief.states).ratio) > params.least_at_stake:
-            yield self.depth + 1, few
+            yield self.depth + 1, few, False
         if self._particles_needed(belief) > few:
-            yield self.depth, self._particles_needed(belief)
+            yield self.depth, self._particles_needed(belief), False
+        yield self.depth, max(few, self._particles_needed(belief)), True
 
     def _particles_needed(self, belief: Belief) -> int:
         """How many particles it takes to see those outside the mode."""
@@ -111,9 +113,11 @@ class LookAhead:
         found = self._choices(thin, squeezed, _Followed(squeezed.cost_to_go, squeezed.ratio))
         return sorted((k for k in found if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
 
-    def _options(self, belief: Belief, thin: Belief, depth: int, rng: np.random.Generator) -> list[Choice]:
+    def _options(
+        self, belief: Belief, thin: Belief, depth: int, rng: np.random.Generator, *, wide: bool
+    ) -> list[Choice]:
         """All candidates, and variants of the best where placements may be proposed, looked ahead."""
-        options = self.ranking.candidates(belief, thin)
+        options = self.ranking.candidates(belief, thin, wide=wide)
         if not len(options):
             return []
         (squeezed,) = self.ranking.squeeze([thin], [options], rng)

@@ -6,13 +6,14 @@ opposite end. Placements are therefore computed from a node's own belief, too: t
 part's stable sides, shifted along the fingers so that they cover all of it or only one end.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.frames import wrap
 from planner.job.model import Job
+from planner.part.outline import reach
 
 ANGLES_DEG = np.arange(0.0, 180.0, 1.0)
 MOST_ANGLES = 4
@@ -22,6 +23,10 @@ COVERED = (0.15, 0.35)
 ASIDE = (-0.5, 0.5)
 """Shifts of the fixed placements, in lengths of the finger: one half of a part at their middle sticks out.
 Parts whose halves are alike have none: they gain little, and take three times as long to plan."""
+TURNS = 12
+"""Directions of the hands all about the part, half a turn together."""
+ENDS = (-0.6, 0.0, 0.6)
+"""Where on the part their fingers end, in its reaches."""
 TURNS_DEG = (-10.0, 10.0)
 SHIFTS_MM = (-3.0, 3.0)
 
@@ -33,15 +38,17 @@ class Proposals:
     Attributes:
         relative: (m, 3) the hand in the part's frame [mm, mm, rad].
         shifts_mm: of the fixed placements along their fingers.
+        wide: (n, 3) more of the former, all about the part: where nothing else tells two poses apart.
     """
 
     relative: Array
     shifts_mm: tuple[float, ...] = ()
+    wide: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
-    def about(self, pose: Array) -> Array:
+    def about(self, pose: Array, *, wide: bool = False) -> Array:
         """The placements (m, 3) in the world for a part believed at a pose (3,)."""
         c, s = np.cos(pose[2]), np.sin(pose[2])
-        x, y, angle = self.relative.T
+        x, y, angle = (self.wide if wide else self.relative).T
         return np.stack(
             [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
             axis=-1,
@@ -71,7 +78,17 @@ def _of_part(job: Job) -> Proposals:
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
     shares = ASIDE if job.part.symmetry % 2 else ()
-    return Proposals(np.array(rows), tuple(share * job.gripper.finger_length_mm for share in shares))
+    shifts = tuple(share * job.gripper.finger_length_mm for share in shares)
+    return Proposals(np.array(rows), shifts, around(reach(outline), half))
+
+
+def around(reach_mm: float, half_mm: float) -> Array:
+    """Hands (84, 3) in the frame of a part that reaches so far: in every direction, the middle of fingers of
+    such a half length over the part's, and either end over its near half, its middle and its far half."""
+    ends = [half_mm + share * reach_mm for share in ENDS]
+    shifts = np.array([*(-end for end in ends), 0.0, *ends])
+    angles, shifts = (grid.ravel() for grid in np.meshgrid(np.arange(TURNS) * np.pi / TURNS, shifts))
+    return np.stack([shifts * np.cos(angles), shifts * np.sin(angles), angles], axis=-1)
 
 
 def along(placements: Array, shift_mm: float) -> Array:

@@ -128,9 +128,9 @@ class Ranking:
     objective: Objective
     crash_share: float = 0.0
 
-    def candidates(self, belief: Belief, about: Belief) -> Array:
+    def candidates(self, belief: Belief, about: Belief, *, wide: bool = False) -> Array:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
-        return self._free(belief, self.actions.options(about.states, self.objective.metric))
+        return self._free(belief, self.actions.options(about.states, self.objective.metric, wide=wide))
 
     def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's options (k, 3), each squeezed by all its particles.
