@@ -1,7 +1,6 @@
 """Poses that a plan leaves open in the end or for long, and squeezes that would tell them apart."""
 
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,12 +14,13 @@ from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
+from planner.part.outline import reach
+from planner.search.actions import actions_of
 from planner.search.expand import TreeNode, breadth_first
+from planner.search.proposals import around, placed
 from runtime.table import HELD_UM, Table
 
 SAMPLES = 40  # squeezes of each pose at each placement that is tried
-TURNS = 12
-OFFSETS_MM = (-16.0, -10.0, -5.0, 0.0, 5.0, 10.0, 16.0)
 HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
 TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
 LEAST_TRIALS = 20
@@ -188,15 +188,12 @@ def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Gener
     return best
 
 
-def _placements(pair: Array, job: Job) -> Iterator[Array]:
-    """Hands at every 15 degrees about the middle of two poses, shifted along their fingers, in the area."""
-    (x_min, y_min), (x_max, y_max) = job.cell.work_area_mm
-    middle = pair[:, :2].mean(axis=0)
-    for angle in pair[0, 2] + np.arange(TURNS) * math.pi / TURNS:
-        for offset in OFFSETS_MM:
-            x, y = middle + offset * np.array([math.cos(angle), math.sin(angle)])
-            if x_min <= x <= x_max and y_min <= y <= y_max:
-                yield np.array([x, y, wrap(angle, HALF_TURN_ALIKE)])
+def _placements(pair: Array, job: Job) -> Array:
+    """Hands (k, 3) all about the middle of two poses, in the area."""
+    hands = around(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm)
+    about = placed(hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]]))
+    about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
+    return actions_of(job).within(about)
 
 
 def pose_text(pose: Array) -> str:

@@ -43,7 +43,7 @@ class ActionSet:
             (k, 3); the fixed ones alone where nothing is proposed.
         """
         if not self.proposals:
-            return self.placements
+            return self.placements[: 0 if wide else None]
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE)
         modes = [mode for mode in modes if mode.ratio >= LEAST_MODE]
         near = [self.proposals[mode.hypothesis[0]].about(mode.pose, wide=wide) for mode in modes]

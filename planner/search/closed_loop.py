@@ -59,7 +59,8 @@ class LookAhead:
 
         Where nothing gains at the stated depth, one squeeze more is looked ahead if enough mass is at stake:
         a belief of several modes may need two before any progress shows. Then more particles are tried: the
-        mass outside the mode may be too small for few of them to show.
+        mass outside the mode may be too small for few of them to show; and at last hands all about the part:
+        two poses may differ at a corner that no hand along a stable side ends at.
 
         Args:
             belief: the node's.
@@ -81,8 +82,7 @@ class LookAhead:
         return []
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, bool]]:
-        """Squeezes to look ahead, particles to do it with, and whether placements all about the part are
-        tried: one after the other until something gains."""
+        """Squeezes to look ahead, particles to do it with, and whether hands all about the part are tried."""
         params = self.objective.params
         few = round(
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)

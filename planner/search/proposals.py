@@ -47,12 +47,7 @@ class Proposals:
 
     def about(self, pose: Array, *, wide: bool = False) -> Array:
         """The placements (m, 3) in the world for a part believed at a pose (3,)."""
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        x, y, angle = (self.wide if wide else self.relative).T
-        return np.stack(
-            [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
-            axis=-1,
-        )
+        return placed(self.wide if wide else self.relative, pose)
 
     def beside(self, placements: Array) -> Array:
         """Placements (k, 3) in the world, each shifted along its fingers: (s k, 3)."""
@@ -78,17 +73,33 @@ def _of_part(job: Job) -> Proposals:
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
     shares = ASIDE if job.part.symmetry % 2 else ()
-    shifts = tuple(share * job.gripper.finger_length_mm for share in shares)
-    return Proposals(np.array(rows), shifts, around(reach(outline), half))
+    beside = tuple(share * job.gripper.finger_length_mm for share in shares)
+    return Proposals(np.array(rows), beside, around(reach(outline), half))
 
 
 def around(reach_mm: float, half_mm: float) -> Array:
-    """Hands (84, 3) in the frame of a part that reaches so far: in every direction, the middle of fingers of
-    such a half length over the part's, and either end over its near half, its middle and its far half."""
-    ends = [half_mm + share * reach_mm for share in ENDS]
-    shifts = np.array([*(-end for end in ends), 0.0, *ends])
-    angles, shifts = (grid.ravel() for grid in np.meshgrid(np.arange(TURNS) * np.pi / TURNS, shifts))
-    return np.stack([shifts * np.cos(angles), shifts * np.sin(angles), angles], axis=-1)
+    """Hands all about a part: in every direction, with their middle or one end of the fingers over the part.
+
+    Args:
+        reach_mm: of the part about its origin.
+        half_mm: half the length of the fingers.
+
+    Returns:
+        (84, 3) the hand in the part's frame [mm, mm, rad].
+    """
+    ends = half_mm + reach_mm * np.array(ENDS)
+    shift, angle = np.meshgrid([*-ends, 0.0, *ends], np.arange(TURNS) * np.pi / TURNS)
+    return np.stack([shift * np.cos(angle), shift * np.sin(angle), angle], axis=-1).reshape(-1, 3)
+
+
+def placed(relative: Array, pose: Array) -> Array:
+    """Hands (m, 3) in a part's frame, in the world for the part at a pose (3,)."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    x, y, angle = relative.T
+    return np.stack(
+        [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
+        axis=-1,
+    )
 
 
 def along(placements: Array, shift_mm: float) -> Array:
