@@ -88,11 +88,13 @@ class LookAhead:
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
         )
         yield self.depth, few, False
-        if share * (1.0 - self.objective.metric.mode(belief.states).ratio) > params.least_at_stake:
+        at_stake = share * (1.0 - self.objective.metric.mode(belief.states).ratio)
+        if at_stake > params.least_at_stake:
             yield self.depth + 1, few, False
         if self._particles_needed(belief) > few:
             yield self.depth, self._particles_needed(belief), False
-        yield self.depth, max(few, self._particles_needed(belief)), True
+        if at_stake > params.least_at_stake_wide:
+            yield self.depth, max(few, self._particles_needed(belief)), True
 
     def _particles_needed(self, belief: Belief) -> int:
         """How many particles it takes to see those outside the mode."""

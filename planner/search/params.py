@@ -34,6 +34,8 @@ class SearchParams:
     """Fraction of those particles that the smallest share keeps."""
     least_at_stake: float = 0.0003
     """Share outside the mode, from which one squeeze more is looked ahead where nothing gains."""
+    least_at_stake_wide: float = 0.0001
+    """The same for hands all about the part: 84 more to try."""
     outside_particles: int = 20
     """Particles outside the mode needed to see whether a squeeze separates them from the rest."""
     rescored: int = 6
