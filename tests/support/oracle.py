@@ -34,11 +34,11 @@ class Oracle:
         return squeezed
 
 
-def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99, params=PARAMS):
+def look_ahead(angles, depth=2, unstable=0.0, model=None, confidence=0.99, params=PARAMS, proposals=()):
     placements = np.array([[0.0, 0.0, angle] for angle in angles])
     costs = Costs(0.01, 0.0, unstable, 0.4, 85.0, 60.0)
     rule = params.rule(Metric(3.0, 10.0, 2), Estimate(confidence, 1.0 / costs.least), Resolution())
     objective = Objective(rule, costs, params)
     simulator = Mixture((problems.simulator(problems.rectangle()),))
-    ranking = Ranking(ActionSet(placements, (), AREA), simulator, model or Oracle(), objective)
+    ranking = Ranking(ActionSet(placements, proposals, AREA), simulator, model or Oracle(), objective)
     return LookAhead(ranking, depth, particles=200)

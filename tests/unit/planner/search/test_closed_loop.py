@@ -1,9 +1,11 @@
 """The look-ahead, on squeezes whose outcome is known."""
 
 import numpy as np
+import pytest
 from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 
 from planner.belief.particles import Belief
+from planner.search.proposals import Proposals
 
 LOPSIDED = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], [4950, 50], axis=0)
 LOPSIDED = Belief.of(LOPSIDED)[np.random.default_rng(0).permutation(len(LOPSIDED))]
@@ -30,6 +32,16 @@ def test_the_squeeze_that_tells_two_poses_apart_is_chosen():
 
 def test_nothing_is_chosen_where_nothing_tells():
     assert look_ahead([SILENT]).choose(BELIEF, np.random.default_rng(0)) == []
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0001])
+def test_where_nothing_gains_hands_all_about_the_part_are_tried_if_enough_parts_are_at_stake(share):
+    silent, telling = np.array([[0.0, 0.0, SILENT]]), np.array([[0.0, 0.0, TELLING]])
+    narrow = look_ahead([SILENT], proposals=(Proposals(silent),))
+    wide = look_ahead([SILENT], proposals=(Proposals(silent, wide=telling),))
+    assert narrow.choose(BELIEF, np.random.default_rng(0), share=share) == []
+    found = wide.choose(BELIEF, np.random.default_rng(0), share=share)
+    assert [choice.placement[2] for choice in found] == ([TELLING] if share == 1.0 else [])
 
 
 def test_a_price_on_risk_decides_between_equals():

@@ -9,7 +9,7 @@ import pytest
 
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.search.proposals import proposals_of, refined, stable_angles
+from planner.search.proposals import around, proposals_of, refined, stable_angles
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -56,6 +56,23 @@ def test_every_proposed_finger_reaches_the_part(job):
         along = (outline - [x, y]) @ np.array([np.cos(angle), np.sin(angle)])
         assert along.min() < half
         assert along.max() > -half
+
+
+@pytest.mark.parametrize("reach", [4.0, 30.0])
+def test_hands_all_about_a_part_have_their_middle_or_one_end_over_it_in_every_direction(reach):
+    half = 13.75
+    hands = around(reach, half)
+    along = hands[:, 0] * np.cos(hands[:, 2]) + hands[:, 1] * np.sin(hands[:, 2])
+    across = hands[:, 1] * np.cos(hands[:, 2]) - hands[:, 0] * np.sin(hands[:, 2])
+    np.testing.assert_allclose(across, 0.0, atol=1e-9)
+    ends = np.abs(along[:, None] + [-half, 0.0, half]).min(axis=1)
+    assert np.all(ends <= 0.6 * reach + 1e-9)
+    turns = np.unique(np.round(np.degrees(hands[:, 2]), 6))
+    np.testing.assert_allclose(turns, np.arange(0.0, 180.0, 15.0), atol=1e-6)
+    for turn in turns:
+        here = np.sort(along[np.isclose(np.degrees(hands[:, 2]), turn)])
+        np.testing.assert_allclose(here, -here[::-1], atol=1e-9)
+        assert len(np.unique(np.round(here, 6))) == 7
 
 
 def test_a_job_may_want_none(job):
