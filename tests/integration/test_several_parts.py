@@ -19,9 +19,9 @@ from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.narrowing import LOSS, _kept, _worth, narrowed
+from planner.evaluation.narrowing import LOSS, narrowed
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.strangers import strangers, widths_differ_mm
+from planner.evaluation.strangers import strangers
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.report import dossier
@@ -156,16 +156,6 @@ def test_a_stranger_that_differs_where_no_squeeze_measures_is_explained_by_that(
     assert "some width differs by 6.0 mm" in short.lines()[1]
 
 
-def test_widths_differ_the_same_however_parts_are_turned():
-    rng = np.random.default_rng(7)
-    plate, longer = (0.5 * np.array(s) * [[1, 1], [-1, 1], [-1, -1], [1, -1]] for s in ((40, 20), (46, 20)))
-    assert widths_differ_mm(plate, plate) == 0.0
-    for angle in rng.uniform(0.0, np.pi, 5):
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        assert widths_differ_mm(plate @ turn, plate) < 0.2
-        assert widths_differ_mm(plate @ turn, longer) == pytest.approx(6.0, abs=0.2)
-
-
 @pytest.fixture(scope="module")
 def smaller(plan):
     """Trials of a stranger: a square so little smaller that nothing but narrower intervals tells it apart."""
@@ -202,32 +192,6 @@ def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan, sm
     ]
     strange = [smaller(plan.table)]
     assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), strange, job) is None
-
-
-def test_counts_are_kept_where_they_pay_most():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        gain = rng.random(256) * (rng.random(256) < 0.2) - 0.2  # no two intervals pay the same
-        sums = {(a, b): gain[a : b + 1].sum() for a in range(256) for b in range(a, 256)}
-        assert _worth(gain) == max(sums, key=sums.__getitem__)
-
-
-def test_a_branch_goes_where_strangers_cost_more_than_its_parts_are_worth():
-    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
-    meant[0, 50:60], meant[0, 80:90], seen[0, 53:55], seen[0, 84:87] = 0, 1, 10, 10
-    price = np.full((1, 256), 0.1)
-    price[0, 54], price[0, 84:87] = 11.0, 11.0
-    assert np.flatnonzero(_kept(meant, seen, price, 0) != REJECT).tolist() == [53]
-
-
-@pytest.mark.parametrize(("readings", "beyond"), [(1, 3), (29, 3), (31, 2), (299, 2), (301, 1), (3001, 0)])
-def test_branches_of_few_readings_reach_further_beyond_them(readings, beyond):
-    meant, seen = np.full((1, 256), REJECT), np.zeros((1, 256), np.int64)
-    meant[0, 50:100], meant[0, 120:] = 1, 0  # of which the latter was never read
-    seen[0, 60], seen[0, 99] = readings, 0
-    (kept,) = _kept(meant, seen, np.full((1, 256), 1e-6), 3)
-    assert np.flatnonzero(kept == 1).tolist() == list(range(60 - beyond, 61 + beyond))
-    assert not (kept == 0).any()
 
 
 class Lonely:
