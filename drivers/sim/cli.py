@@ -79,7 +79,8 @@ def serve(options: argparse.Namespace) -> int:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
         rig = _audit_extra("rig").standard_rig()
-        for words in _audit_extra("album").write(rig, options.camera_views, options.seed):
+        names = [job.part.name for _, job in setting.parts]
+        for words in _audit_extra("album").write(rig, options.camera_views, options.seed, names):
             print(f"grasp-calibrate {words}", flush=True)
         return 0
     rig = camera(setting) if options.camera else None

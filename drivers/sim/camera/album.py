@@ -1,5 +1,6 @@
 """The pictures that calibrate the simulated camera, as drivers/camera/README.md asks for them."""
 
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -56,16 +57,17 @@ def _held(
     return Card(cells, field / 8, field / 3, centre, axes[:, 0], axes[:, 1])
 
 
-def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
+def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Iterator[str]:
     """Take all pictures.
 
     Args:
         rig: the camera, its fixed tags and the part's.
         folder: to write them into; made if need be.
         seed: of noise, boards and the arm.
+        names: of the parts, where there are several.
 
     Yields:
-        The arguments of the two commands that make a calibration and a tag file of them.
+        The arguments of the commands that make a calibration and each part's tag file of them.
 
     Raises:
         OutputError: a file cannot be written.
@@ -90,7 +92,8 @@ def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
     take("references.png", rig.cards(None))
     far = 0.6 * abs(float(rig.optics.eye_mm[2]))
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    for name, shown in (("touched", replace(rig, on_part=(0.0, 0.0, 0.0))), ("part", rig)):
+    parts = {_stem(k, names): replace(rig, number=rig.number + k) for k in range(max(1, len(names)))}
+    for name, shown in {"touched": replace(rig, on_part=(0.0, 0.0, 0.0)), **parts}.items():
         # An arm knows poses well, but not exactly.
         rows = [("picture", "x_mm", "y_mm", "theta_rad")]
         for number, (x, y, turn) in enumerate(places):
@@ -99,20 +102,29 @@ def write(rig: Rig, folder: Path, seed: int) -> Iterator[str]:
             rows.append((f"{name}-{number}.png", f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}"))
         with files.writing(folder / f"{name}.csv") as draft:
             draft.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
-    yield from _commands(rig, folder)
+    yield from _commands(rig, folder, names)
 
 
-def _commands(rig: Rig, folder: Path) -> Iterator[str]:
-    tables = " ".join(str(folder / f"table-{number}.png") for number in range(len(SPREAD)))
-    made = folder / "camera.json"
+def _stem(part: int, names: Sequence[str]) -> str:
+    return f"part-{part}" if names else "part"
+
+
+def _commands(rig: Rig, folder: Path, names: Sequence[str]) -> Iterator[str]:
+    def at(name: str) -> str:
+        return shlex.quote(str(folder / name))
+
+    tables = " ".join(at(f"table-{number}.png") for number in range(len(SPREAD)))
     field_mm = _field_mm(rig.optics)
     board = f"charuco:{COLUMNS}x{ROWS}:{field_mm:g}:{MARKER_SHARE * field_mm:g}"
     yield (
-        f"camera --name simulated --board {board} --views {folder / 'views'} --table {tables} "
-        f"--touched {folder / 'touched.csv'} --number {rig.number} --references {folder / 'references.png'} "
-        f"{'' if rig.below else '--above '}-o {made}"
+        f"camera --name simulated --board {board} --views {at('views')} --table {tables} "
+        f"--touched {at('touched.csv')} --number {rig.number} --references {at('references.png')} "
+        f"{'' if rig.below else '--above '}-o {at('camera.json')}"
     )
-    yield (
-        f"tag --part part --number {rig.number} --side {rig.side_mm:g} --calibration {made} "
-        f"--poses {folder / 'part.csv'} -o {folder / 'tag.json'}"
-    )
+    for k, name in enumerate(names or ("part",)):
+        stem = _stem(k, names)
+        yield (
+            f"tag --part {shlex.quote(name)} --number {rig.number + k} --side {rig.side_mm:g} "
+            f"--calibration {at('camera.json')} --poses {at(f'{stem}.csv')} "
+            f"-o {at(stem.replace('part', 'tag') + '.json')}"
+        )

@@ -133,6 +133,17 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     assert answer.distance < 0.3
 
 
+def test_each_of_several_parts_has_a_tag_file_of_its_own(tmp_path):
+    names = ["hex nut", "spacer; rm"]
+    for words in album.write(RIG, tmp_path / "a folder", 3, names):
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert calibrate_command.main(shlex.split(words)) == 0
+    tags = [tag_file.load(tmp_path / "a folder" / f"tag-{k}.json") for k in range(2)]
+    assert [(tag.part, tag.number) for tag in tags] == [(names[0], RIG.number), (names[1], RIG.number + 1)]
+    for tag in tags:
+        assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
+
+
 class Once:
     """A source of one picture."""
 
