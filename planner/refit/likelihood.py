@@ -18,8 +18,9 @@ from planner.frames import wrap
 from runtime.table import COUNTS, Table, predicted_pose
 
 NEAR = (0.08, 0.84, 0.08)  # a count's share of the two beside it
-BROAD = 3.0  # standard deviation, in counts, of what stands in where few were simulated
-BROAD_WEIGHT = 2.0  # and how many readings it counts for
+BROAD = 1.0  # standard deviation, in counts, by which readings of all cells are smoothed
+USUAL_WEIGHT = 10.0  # readings that those of all cells count for, beside a cell's own
+EVERYWHERE = 3.0  # and those of all nodes, beside all cells' at one node
 STRANGE = 1e-3  # share of readings that nothing explains
 EMPTY_UM = 2000  # widths up to that may be an empty hand's
 BLUR_MM = 0.4  # by which simulated poses are blurred, to compare with measured ones
@@ -49,14 +50,26 @@ def pooled(counts: IntArray, table: Table) -> IntArray:
     return empty
 
 
-def log_likelihood(seen: Seen, found: Evaluation, table: Table) -> float:
-    """Logarithm of the probability of what was seen, in the cell that these trials were run in."""
+def usual(counts: IntArray, table: Table) -> Array:
+    """What each node reads in any cell: shares (nodes, 256), of readings (nodes, 256) in many cells."""
+    simulated = pooled(counts, table).astype(np.float64)
+    everywhere = gaussian_filter1d(simulated.sum(axis=0) + 1.0, BROAD, mode="nearest")
+    shares = gaussian_filter1d(simulated, BROAD, axis=1, mode="nearest")
+    shares += EVERYWHERE * everywhere / everywhere.sum()
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
+
+def log_likelihood(seen: Seen, found: Evaluation, table: Table, expected: Array) -> float:
+    """Logarithm of the probability of what was seen, in the cell that these trials were run in.
+
+    Where few trials came, `expected` stands in: what is `usual` at each node. The logarithm of a simulated
+    count k is too low by 1 / (2 k) in the mean, which would favour cells whose parts read few counts.
+    """
     simulated = pooled(readings(found, len(table.nodes)), table).astype(np.float64)
-    broad = gaussian_filter1d(simulated, BROAD, axis=1, mode="nearest") + 1e-3
-    broad /= broad.sum(axis=1, keepdims=True)
-    near = convolve1d(simulated, NEAR, axis=1, mode="nearest") + BROAD_WEIGHT * broad
+    near = convolve1d(simulated, NEAR, axis=1, mode="nearest") + USUAL_WEIGHT * expected
     shares = (1.0 - STRANGE) * near / near.sum(axis=1, keepdims=True) + STRANGE / COUNTS
-    total = float((pooled(seen.readings, table) * np.log(shares)).sum())
+    logarithms = np.log(shares) + 0.5 / (near + 1.0)
+    total = float((pooled(seen.readings, table) * logarithms).sum())
     return total + sum(_of_residuals(seen, found, table, leaf) for leaf in np.unique(seen.leaves))
 
 

@@ -18,9 +18,10 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
+from planner.evaluation.expectation import readings
 from planner.refit.cells import Cells, Space
-from planner.refit.likelihood import Seen, log_likelihood
+from planner.refit.likelihood import Seen, log_likelihood, usual
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 
@@ -34,8 +35,11 @@ HURRY = 3.0  # and how much higher the next round's power is
 COARSE = 3  # so many times fewer parts are simulated in the first half of the rounds
 MOST_NEAR = 400
 LEAST_NEAR = 100  # cells that it looks at in any case
+USUAL_CELLS, USUAL_PARTS = 120, 200  # of the prior, simulated to know what is usual
 DRAWN = 2_000  # cells of the posterior
 STEPS = 60  # of each one's chain
+
+Job = tuple[Array, int, int]  # a cell to simulate: its point (d + 1,), how many parts, and the seed
 
 
 class Effort(NamedTuple):
@@ -72,13 +76,14 @@ def posterior(
 ) -> Posterior:  # fmt: skip
     """Draws cells from the posterior, given what was seen."""
     rng = np.random.default_rng([seed, 0x504F53])
+    expected = _expected(cells, rng, scheduler)
     points = cells.space.draw(2 * effort.cells, rng)
     tried, found = np.empty((0, points.shape[1])), np.empty(0)
     for turn in range(effort.rounds):
         parts = effort.parts_for(seen) // (1 if turn >= effort.rounds // 2 else COARSE)
         jobs = [(point, parts, int(rng.integers(2**31))) for point in points]
         likelihoods = []
-        for value in scheduler.map(partial(_likelihood, cells, seen), jobs):
+        for value in scheduler.map(partial(_likelihood, cells, seen, expected), jobs):
             likelihoods.append(value)
             done, total = len(found) + len(likelihoods), (effort.rounds + 1) * effort.cells
             report("simulating cells", done, total, f"round {turn + 1}")
@@ -92,9 +97,19 @@ def posterior(
     return Posterior(_emulated(cells, tried, found, TEMPER, DRAWN, rng), cells.space)
 
 
-def _likelihood(cells: Cells, seen: Seen, job: tuple[Array, int, int]) -> float:
-    point, parts, seed = job
-    return log_likelihood(seen, cells.run(point, parts, seed), cells.program.table)
+def _expected(cells: Cells, rng: np.random.Generator, scheduler: Scheduler) -> Array:
+    """What each node reads in cells of the prior, shares (nodes, 256)."""
+    points = cells.space.draw(USUAL_CELLS, rng)
+    jobs = [(point, USUAL_PARTS, int(rng.integers(2**31))) for point in points]
+    return usual(np.sum(list(scheduler.map(partial(_readings, cells), jobs)), axis=0), cells.program.table)
+
+
+def _readings(cells: Cells, job: Job) -> IntArray:
+    return readings(cells.run(*job), len(cells.program.table.nodes))
+
+
+def _likelihood(cells: Cells, seen: Seen, expected: Array, job: Job) -> float:
+    return log_likelihood(seen, cells.run(*job), cells.program.table, expected)
 
 
 def _next(cells: Cells, tried: Array, found: Array, n: int, rng: np.random.Generator) -> Array:

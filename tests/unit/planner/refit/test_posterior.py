@@ -33,13 +33,14 @@ class Plain:
 def drawn(monkeypatch, measured, seed, surface_gain=0.0):
     """Cells of the posterior where measurements are normal about the truth."""
 
-    def likelihood(cells, seen, job):
+    def likelihood(cells, seen, expected, job):
         point, _, number = job
         off = (point[:3] - measured) / SIGMA
         noise = NOISE * np.random.default_rng(number).standard_normal()
         return float(-0.5 * off @ off + surface_gain * point[3] + noise)
 
     monkeypatch.setattr(refit, "_likelihood", likelihood)
+    monkeypatch.setattr(refit, "_expected", lambda *_: None)
     monkeypatch.setattr(refit, "DRAWN", 300)
     return posterior(Plain(), NOTHING, seed, Threads(1), Effort(cells=50)).cells
 
