@@ -39,7 +39,7 @@ USUAL_CELLS, USUAL_PARTS = 120, 200  # of the prior, simulated to know what is u
 DRAWN = 2_000  # cells of the posterior
 STEPS = 60  # of each one's chain
 
-Job = tuple[Array, int, int]  # a cell to simulate: its point (d + 1,), how many parts, and the seed
+Task = tuple[Array, int, int]  # a cell to simulate: its point (d + 1,), how many parts, and the seed
 
 
 class Effort(NamedTuple):
@@ -104,12 +104,12 @@ def _expected(cells: Cells, rng: np.random.Generator, scheduler: Scheduler) -> A
     return usual(np.sum(list(scheduler.map(partial(_readings, cells), jobs)), axis=0), cells.program.table)
 
 
-def _readings(cells: Cells, job: Job) -> IntArray:
-    return readings(cells.run(*job), len(cells.program.table.nodes))
+def _readings(cells: Cells, task: Task) -> IntArray:
+    return readings(cells.run(*task), len(cells.program.table.nodes))
 
 
-def _likelihood(cells: Cells, seen: Seen, expected: Array, job: Job) -> float:
-    return log_likelihood(seen, cells.run(*job), cells.program.table, expected)
+def _likelihood(cells: Cells, seen: Seen, expected: Array, task: Task) -> float:
+    return log_likelihood(seen, cells.run(*task), cells.program.table, expected)
 
 
 def _next(cells: Cells, tried: Array, found: Array, n: int, rng: np.random.Generator) -> Array:
