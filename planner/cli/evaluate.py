@@ -14,7 +14,7 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.leaves import confusions, identities, reliability, worst
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
-from planner.evaluation.strangers import strangers
+from planner.evaluation.strangers import family, strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
@@ -67,6 +67,10 @@ def parser() -> Parser:
     built.add_argument(
         "--worst", type=natural, default=3, metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
+    )  # fmt: skip
+    built.add_argument(
+        "--strangers", action="store_true",
+        help="also parts that do not belong there: each part a tenth smaller and larger, a disc, a rectangle",
     )  # fmt: skip
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
@@ -128,7 +132,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         believed = worst_of(_believed(table, job, scheduler, arguments))
         strange = list(
             strangers(
-                table, real, evaluation,
+                table, real, (*real.strangers, *(family(real) if arguments.strangers else ())), evaluation,
                 lambda other: supply(arguments.world, other, seed, arguments.world_copies),
                 trials, seed, scheduler, _disturbance(arguments),
             )
@@ -195,6 +199,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
 def _check_usage(arguments: argparse.Namespace) -> None:
     if arguments.ppm and arguments.sweep:
         raise UsageError("--ppm and --sweep are two studies; run one after the other")
+    if arguments.strangers and (arguments.ppm or arguments.sweep):
+        raise UsageError("--strangers come into one world; leave out --ppm and --sweep")
     for name in ("until", "resume"):
         if getattr(arguments, name) is not None and not arguments.ppm:
             raise UsageError(f"--{name} is of --ppm; add it")

@@ -1,13 +1,15 @@
 """Parts that do not belong on the table: how often one of them is taken for one that does."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.observation import encoder_of
+from planner.errors import FitError
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
@@ -20,6 +22,7 @@ from runtime.table import Table
 OFTEN = 0.05  # of a stranger answered: what a reader should know the reason of
 MOST = 3
 DIRECTIONS = 360  # of widths, over half a turn
+SCALES, DISC_SIDES = (0.9, 1.1), 60  # of generated strangers
 
 
 class Answer(NamedTuple):
@@ -89,12 +92,35 @@ class Strange(NamedTuple):
         return [f"{told}, more than {OFTEN:.0%}:", *(answer.line() for answer in self.answers)]
 
 
+def family(job: Job) -> tuple[Job, ...]:
+    """Strangers where nobody knows any: each part a tenth smaller and larger, and others about as wide.
+
+    Those are a disc as wide as the part in the mean, and a rectangle of its least width and its greatest. All
+    press evenly on the table. What does not fit between the open fingers is left out.
+    """
+    turns = 2.0 * np.pi / DISC_SIDES * np.arange(DISC_SIDES)
+    disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    found = []
+    for own in job.alone:
+        outline, wide = own.part.outline_mm, _all_widths(own.part.outline_mm)
+        shapes = {f"x {scale}": scale * outline for scale in SCALES}
+        shapes["its disc"] = 0.5 * wide.mean() * disc
+        shapes["its rectangle"] = 0.5 * np.array([wide.max(), wide.min()]) * square
+        for told, shape in shapes.items():
+            part = {"name": f"{own.part.name} {told}", "outline_mm": shape.tolist(), "symmetry": 1}
+            with suppress(FitError):
+                found.append(own.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"}))
+    return tuple(found)
+
+
 def strangers(
-    table: Table, job: Job, own: Evaluation, worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
+    table: Table, job: Job, parts: Sequence[Job], own: Evaluation,
+    worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
     scheduler: Scheduler | None = None, disturbance: Disturbance = NONE,
 ) -> Iterator[Strange]:  # fmt: skip
-    """Runs a table on each stranger of its job; `own`: trials of its own parts; the rest as of `evaluate`."""
-    for stranger in job.strangers:
+    """Runs a table on each of some parts; `own`: trials of those that belong; the rest as of `evaluate`."""
+    for stranger in parts:
         found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
         outlines = [each.part.outline_mm for each in job.alone]
         differ = [round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines]

@@ -104,7 +104,7 @@ def page(
         worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
         colors=vars(canvas), outlines=[alone.part.outline_mm for alone in job.alone],
         named=tree.names_parts(table), posed=table.goal.kind != "identity",
-        strange=list(strangers(table, job, judged, worlds_of, few, seed)), often=OFTEN,
+        strange=list(strangers(table, job, job.strangers, judged, worlds_of, few, seed)), often=OFTEN,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from html_pages import Page
 from drivers.camera.audit.subject import from_table
 from drivers.camera.errors import CameraFileError
 from drivers.camera.vision.tag_file import PartTag
+from planner.cli import evaluate as evaluate_command
 from planner.cli import report
 from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
@@ -115,7 +116,7 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
         return ContactWorlds.of_job(real, 5)
 
     own = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
-    alike, *others = strangers(plan.table, job, own, worlds, 400, 5, Threads(2), NONE)
+    alike, *others = strangers(plan.table, job, job.strangers, own, worlds, 400, 5, Threads(2), NONE)
     assert alike.answered > 0.9
     (answer,) = alike.answers
     assert (answer.part, answer.share) == ("small", alike.answered)
@@ -135,6 +136,21 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
+def test_strangers_may_be_generated(plan, tmp_path, capsys):
+    """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
+    tree = tmp_path / "squares.msgpack"
+    dump(plan.table, tree)
+    assert evaluate_command.main([str(tree), "--strangers", "--trials", "300", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["strangers"]
+    assert [each["name"] for each in told][:4] == [
+        "small x 0.9", "small x 1.1", "small its disc", "small its rectangle"
+    ]  # fmt: skip
+    assert len(told) == 8
+    assert told[1]["answers"][0]["differ_mm"] == pytest.approx(2.0 * 2**0.5, abs=0.01)  # its diagonal's
+    assert evaluate_command.main([str(tree), "--strangers", "--sweep"]) == 2
+    assert "leave out --ppm and --sweep" in capsys.readouterr().err
+
+
 def rectangle(key, name, length, width):
     corners = f"[0, 0], [{length}, 0], [{length}, {width}], [0, {width}]"
     return f'[[{key}]]\nname = "{name}"\n[{key}.part]\noutline_mm = [{corners}]\n'
@@ -148,7 +164,11 @@ def test_a_stranger_that_differs_where_no_squeeze_measures_is_explained_by_that(
     job = job_file.parse(common + ours + rectangle("stranger", "short plate", 34, 20))
     table = compile_job(job, workers=1, trials=1000).table
     own = evaluate(table, job, ContactWorlds.of_job(job, 5), 400, 5)
-    (short,) = strangers(table, job, own, lambda real: ContactWorlds.of_job(real, 5), 400, 5, Threads(1))
+
+    def worlds(real):
+        return ContactWorlds.of_job(real, 5)
+
+    (short,) = strangers(table, job, job.strangers, own, worlds, 400, 5, Threads(1))
     first = short.answers[0]
     assert (first.part, short.often) == ("plate", True)
     assert first.apart_mm < 0.5
