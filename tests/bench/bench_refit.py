@@ -3,7 +3,7 @@
 Cells are drawn from the prior, parts are squeezed in each, and the rank of what is true among the draws of
 the posterior is noted: uniform if the posterior is right. A hidden cell takes about 10 s on a core:
 
-    python tests/bench/bench_refit.py [TABLE] --hidden 78 --parts 60 --keep
+    python tests/bench/bench_refit.py [TABLE] --keep
 """
 
 import argparse
