@@ -3,7 +3,8 @@
 Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can tell
 apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
 opposite end. Placements are therefore computed from a node's own belief, too: the hand parallel to the
-part's stable sides, shifted along the fingers so that they cover all of it or only one end.
+part's stable sides, shifted along the fingers so that they cover all of it or only one end. Where none of
+these gains anything, hands in all directions about the part are tried.
 """
 
 from dataclasses import dataclass, field

@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     _check_fit(table, options)
     carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
     if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
-        raise ArgumentsError("--audit judges a pose; the table leaves open it, or which part it is")
+        raise ArgumentsError("--audit judges a pose; this goal leaves open the pose, or which part it is")
     with ExitStack() as stack:
         asked = _Asked(arguments, loaded, options, console, drivers, stack)
         if arguments.check:
