@@ -133,7 +133,7 @@ def _paper_plan(job: Job, workers: int | None, trials: int, say: Report) -> Plan
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table = lower(root, job)
-    evaluation = judged(job, trials, workers, table, 0, say)
+    evaluation = judged(job, trials, workers, table, 0, report=say)
     table, untried = pruned(job, root, marked(job, table, evaluation), evaluation)
     table, against = guarded(job, root, table, trials, workers, say)
     work = Threads() if workers is None else Threads(workers)

@@ -16,7 +16,7 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.disturbance import NONE, as_doubted
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.evaluate import carried_on, evaluate
 from planner.evaluation.judge import claimed, rejudged
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.narrowing import Narrowed, narrowed
@@ -25,7 +25,7 @@ from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
 from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
-from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn
+from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn
 from planner.search.improve import improve
 from planner.search.params import SearchParams
 from planner.work.progress import Report, silent
@@ -45,7 +45,8 @@ TIGHT = 0.3
 TIGHT_TRIALS = 4  # they are the trials of the last evaluation, divided by this
 USUAL_SQUEEZES = 3.5  # of a part, before the tree is whole
 
-Judge = Callable[[Table, int], Evaluation]  # trials of a table, in an attempt
+# Trials of a table, in an attempt: those before it carried on, or new ones.
+Judge = Callable[[Table, int, Evaluation | None], Evaluation]
 
 
 class Planned(NamedTuple):
@@ -66,8 +67,8 @@ class Planned(NamedTuple):
 def within(hasty: Planning, careful: Planning, judge: Judge) -> Planned:
     """The better of a hasty plan and, if there is time for it, a careful one."""
 
-    def decide(table: Table, attempt: int) -> Evaluation:
-        return judged(hasty.job, hasty.deciding, hasty.workers, table, attempt, hasty.say)
+    def decide(table: Table, attempt: int, before: Evaluation | None) -> Evaluation:
+        return judged(hasty.job, hasty.deciding, hasty.workers, table, attempt, before, hasty.say)
 
     found, limit = hasty.run(decide), hasty.anytime.limit
     needed_s = CAREFUL * hasty.anytime.growth_s
@@ -129,7 +130,7 @@ class Planning:
                 self._grow(attempt)
                 rare.settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
-                run = judge(table, attempt)
+                run = judge(table, attempt, None)
                 table = marked(self.job, table, run)
             for leaf in blamed:
                 share = case.found.sums.visits[leaf] / case.found.sums.parts
@@ -140,16 +141,21 @@ class Planning:
         return table, run
 
     def run(self, judge: Judge) -> Planned:
-        """Plans the whole tree, unless it was grown before."""
-        for attempt in range(PARAMS.refinements + 1):
-            if attempt or not self.root.children:
+        """Plans the whole tree, unless it was grown before.
+
+        New parts judge it a few times. In between, its leaves are grown until those parts speak against none.
+        """
+        if not self.root.children:
+            self._grow(0)
+        attempt = 0
+        for _ in range(PARAMS.looks):
+            first = attempt
+            evaluation, short = self._judged(judge, attempt)
+            while short >= PARAMS.least_short and attempt < PARAMS.refinements and not self._late():
+                attempt += 1
                 self._grow(attempt)
-            table = lower(self.root, self.job)
-            began_s = self.anytime.limit.spent_s
-            evaluation = judge(table, attempt)
-            self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
-            short = self._learn(table, evaluation)
-            if attempt == PARAMS.refinements or self._late() or short < PARAMS.least_short:
+                evaluation, short = self._judged(judge, attempt, evaluation)
+            if attempt in (first, PARAMS.refinements) or self._late():
                 break
         # The last trials, too, have told the leaves where parts lie.
         table = lower(self.root, self.job)
@@ -178,12 +184,20 @@ class Planning:
         """Tries other squeezes for the nodes that matter most, until it is late."""
         improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
 
-    def _learn(self, table: Table, evaluation: Evaluation) -> float:
-        """Teaches the leaves where parts came to lie; the share of those that do not hold any longer."""
+    def _judged(
+        self, judge: Judge, attempt: int, before: Evaluation | None = None
+    ) -> tuple[Evaluation, float]:
+        """Trials, which teach the leaves where parts came to lie; the share of those that hold no longer."""
+        table, began_s = lower(self.root, self.job), self.anytime.limit.spent_s
+        evaluation = judge(table, attempt, before)
+        if before is None:
+            self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
+        new = np.asarray(before is None or evaluation.squeezes != before.squeezes)
+        new = np.broadcast_to(new, evaluation.leaf.shape)
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
-        ended = Belief(evaluation.poses, evaluation.traits, last)
-        beliefs = {k: ended[evaluation.leaf == k] for k in range(len(table.leaves))}
-        return learn(self.root, beliefs, self.growth, self._reopen, self._refuted)
+        ended, leaf = Belief(evaluation.poses, evaluation.traits, last), evaluation.leaf
+        found = {k: Found(ended[leaf == k], new[leaf == k]) for k in range(len(table.leaves))}
+        return evaluation, learn(self.root, found, self.growth, self._reopen, self._refuted)
 
     def _refuted(self, within: BoolArray) -> bool:
         """Whether trials that came to a leaf speak against it, or are likely to once the plan is done."""
@@ -229,15 +243,18 @@ class Planning:
 
 
 def judged(
-    job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
-) -> Evaluation:
-    """Squeezes fresh parts as a table says, in a cell in which what the job doubts may be off.
+    job: Job, trials: int, workers: int | None, table: Table, attempt: int, before: Evaluation | None = None,
+    report: Report = silent,
+) -> Evaluation:  # fmt: skip
+    """Squeezes fresh parts as a table says, or carries those on that were squeezed before its tree grew.
 
-    The paper's methods doubt nothing.
+    What the job doubts may be off in their cell. The paper's methods doubt nothing.
     """
     world = world_of(job, job.seed + SEED_WORLD + attempt, partial(ContactWorld, workers=workers))
     seed = job.seed + SEED_EVALUATION + attempt
     cell = NONE if job.search.method in METHODS else as_doubted(job)
+    if before is not None:
+        return carried_on(before, table, job, world, seed, cell)
     return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
 
 
@@ -272,7 +289,7 @@ def guarded(
     """The table narrowed against strangers, where the job names some."""
     if not job.stranger:
         return table, None
-    found = judged(job, narrowing_trials(trials), workers, table, SEED_NARROWING, say)
+    found = judged(job, narrowing_trials(trials), workers, table, SEED_NARROWING, report=say)
     if not found.success.any():
         return table, None
     strange = [judged(other, STRANGERS, workers, table, SEED_NARROWING) for other in job.strangers]

@@ -11,8 +11,9 @@ import numpy as np
 
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
+from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import Program, run
+from planner.evaluation.trials import Program, carry_on, replayed, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -78,6 +79,27 @@ def evaluate(
         done.append(part)
         report("evaluate", len(done), len(chunks))
     return Evaluation.joined(done)
+
+
+def carried_on(
+    before: Evaluation, table: Table, job: Job, world: World, seed: int, disturbance: Disturbance
+) -> Evaluation:
+    """The trials of a table when its tree has grown: parts go on where the leaf they had come to was grown.
+
+    Args:
+        before: the trials.
+        table: of the tree as it is now; where parts have been squeezed, it is as it was.
+        job: of those trials, like the disturbance.
+        world: squeezes what goes on.
+        seed: of what happens to it.
+        disturbance: errors of the cell.
+    """
+    program, rng = Program.of(table), np.random.default_rng([seed, SEED_TRIALS])
+    found, node = replayed(program, before, disturbance.bias)
+    rows = np.flatnonzero(node >= 0)
+    if len(rows):
+        found.put(rows, carry_on(program, found[rows], node[rows], job, world, rng, disturbance))
+    return rejudged(table, found)
 
 
 class Line(NamedTuple):

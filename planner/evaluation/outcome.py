@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.mechanics.traits import Traits, with_hypothesis
-from runtime.table import wilson_interval
+from runtime.table import COUNTS, wilson_interval
 
 REJECTED = -1
 CRASHED = -3  # an open finger came down on the part, and the arm stopped
@@ -31,8 +31,14 @@ class Evaluation:
     initial: Array  # (n, 3) true poses before the first squeeze
     traits: Traits  # (n,) what each part and its cell are like
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
-    counts: IntArray  # (n, d) the encoder's reading at each of them, then `NOWHERE`
+    # (n, d) what the gripper told at each of them, then `NOWHERE`: a count, `COUNTS` more if it felt a part
+    reading: IntArray
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
+
+    @property
+    def counts(self) -> IntArray:
+        """(n, d) the encoder's count at each of the nodes passed, then `NOWHERE`."""
+        return np.asarray(np.where(self.reading < 0, NOWHERE, self.reading % COUNTS))
 
     @property
     def states(self) -> Array:
@@ -89,6 +95,15 @@ class Evaluation:
         if not len(known):
             return None
         return dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
+
+    def __getitem__(self, rows: IntArray) -> Self:
+        """A copy of some of the trials."""
+        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
+    def put(self, rows: IntArray, other: Self) -> None:
+        """Puts other trials in the place of some."""
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(other, field.name)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

@@ -3,7 +3,7 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -70,6 +70,10 @@ class Program:
             carries=carries,
         )
 
+    def carried(self, node: IntArray, reading: IntArray) -> Array:
+        """How far (n, 2) the hand goes with its jaws closed after readings at nodes (n,) [mm]."""
+        return np.where(self.carries[node, reading][:, None], self.drag[node], 0.0)
+
 
 class Step(NamedTuple):
     """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
@@ -79,9 +83,14 @@ class Step(NamedTuple):
     released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
     drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
     width_mm: Array  # (n,) true openings
-    counts: IntArray  # (n,) what the encoder reads
+    reading: IntArray  # (n,) what the gripper tells: a count, and `COUNTS` more if it feels a part
     branch: IntArray  # (n,) which branch that means, or `REJECT`
     target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
+
+    @property
+    def counts(self) -> IntArray:
+        """(n,) the encoder's counts alone."""
+        return self.reading % COUNTS
 
     def through(self, branch: int) -> Array:
         """Poses (m, 3) of the released parts that leave through one branch, or through `REJECT`."""
@@ -106,14 +115,14 @@ def step(
     """
     own = as_planned(len(node)) if traits is None else traits
     final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), own)
-    counts = encoder.read(read_as(width_mm, own), rng)
-    reading = counts + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
-    drag = np.where(program.carries[node, reading][:, None], program.drag[node], 0.0)
+    reading = encoder.read(read_as(width_mm, own), rng)
+    reading = reading + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
+    drag = program.carried(node, reading)
     after = to_world(final, placement.T)
     released = after.copy()
     released[:, :2] += np.where(held[:, None], drag, 0.0)
     branch, target = program.branch[node, reading], program.target[node, reading]
-    return Step(poses, after, released, drag, width_mm, counts, branch, target)
+    return Step(poses, after, released, drag, width_mm, reading, branch, target)
 
 
 def run(
@@ -124,50 +133,112 @@ def run(
     The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
     the arm's errors, the world has its own.
     """
-    depth, encoder = program.table.limits.max_depth, encoder_of(job)
-    poses = initial(job, trials, rng)
+    poses, nowhere = initial(job, trials, rng), _nowhere(program, trials)
     foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
     traits = disturbance.traits(job, trials, rng, foreign=foreign)
     poses += traits["arm"]
-    hand = np.zeros((trials, 2))
-    node = np.zeros(trials, np.int64)  # that each part is at, negative once its trial has ended
-    found = Evaluation(
+    begun = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),
         seconds=np.zeros(trials),
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
-        poses=poses.copy(),
+        poses=poses - disturbance.bias,
         initial=poses,
         traits=traits,
-        path=np.full((trials, depth), NOWHERE, np.int64),
-        counts=np.full((trials, depth), NOWHERE, np.int64),
-        branch=np.full((trials, depth), NOWHERE, np.int64),
+        path=nowhere,
+        reading=nowhere.copy(),
+        branch=nowhere.copy(),
     )
-    for _ in range(depth):
-        members = np.flatnonzero(node >= 0)
-        placement = disturbance.placed(program.placement[node[members]], traits[members], rng)
-        at, lying, own = node[members], found.poses[members], traits[members]
-        stopped = crashing(program, at, lying, placement, world, job, own)
+    return carry_on(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
+
+
+def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluation, IntArray]:
+    """The trials of a table whose tree has grown since, as far as their readings go.
+
+    Args:
+        program: the table of the tree as it is now.
+        before: the trials; not modified.
+        bias: (3,) constant error of the hand in them [mm, mm, rad].
+
+    Returns:
+        The trials, and the node (n,) that each is at, negative where it has ended. A part whose readings end
+        at a leaf before all of them are read is back before its first squeeze.
+    """
+    trials = len(before.leaf)
+    nowhere, node = _nowhere(program, trials), np.zeros(trials, np.int64)
+    found = replace(
+        before[np.arange(trials)], squeezes=np.zeros(trials, np.int64), path=nowhere, reading=nowhere.copy(),
+        branch=nowhere.copy(),
+    )  # fmt: skip
+    for k in range(program.table.limits.max_depth):
+        members = np.flatnonzero((before.squeezes > k) & (node >= 0))
+        _note(program, found, node, members, before.reading[members, k])
+    again = found.squeezes < before.squeezes
+    node[again], found.squeezes[again], found.seconds[again] = 0, 0, 0.0
+    found.poses[again] = found.initial[again] - bias
+    for column in (found.path, found.reading, found.branch):
+        column[again] = NOWHERE
+    return found, node
+
+
+def carry_on(
+    program: Program, found: Evaluation, node: IntArray, job: Job, world: World, rng: np.random.Generator,
+    disturbance: Disturbance,
+) -> Evaluation:  # fmt: skip
+    """Runs trials to their ends.
+
+    Args:
+        program: the table.
+        found: the trials so far, modified in place.
+        node: (n,) the node that each part is at, negative where its trial has ended; likewise.
+        job: as for `run`, like the rest.
+        world: squeezes the parts.
+        rng: of the encoder's noise and the arm's errors.
+        disturbance: errors of the cell.
+
+    Returns:
+        The trials, judged by what the leaves say.
+    """
+    encoder, own = encoder_of(job), found.traits
+    found.poses[:] += disturbance.bias
+    hand = np.zeros((len(node), 2))
+    moved = np.flatnonzero(found.squeezes)
+    at, told = (column[moved, found.squeezes[moved] - 1] for column in (found.path, found.reading))
+    hand[moved] = program.placement[at, :2] + program.carried(at, told)
+    while len(members := np.flatnonzero(node >= 0)):
+        placement = disturbance.placed(program.placement[node[members]], own[members], rng)
+        at, lying = node[members], found.poses[members]
+        stopped = crashing(program, at, lying, placement, world, job, own[members])
         found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
         members, placement = members[~stopped], placement[~stopped]
         if not len(members):
             break
         at, lying = node[members], found.poses[members]
-        made = step(program, at, lying, placement, world, encoder, rng, traits[members])
+        made = step(program, at, lying, placement, world, encoder, rng, own[members])
         found.poses[members] = made.released
         found.seconds[members] += _seconds(program, at, hand[members], made)
         hand[members] = program.placement[at, :2] + made.drag
-        row = members, found.squeezes[members]
-        found.path[row], found.counts[row], found.branch[row] = at, made.counts, made.branch
-        found.squeezes[members] += 1
-        ended = made.target < 0
-        leaf = np.where(made.target == DISMISSED, REJECTED, ~made.target)
-        found.leaf[members[ended]] = leaf[ended]
-        node[members] = np.maximum(made.target, NOWHERE)
+        _note(program, found, node, members, made.reading)
     found.poses[:] -= disturbance.bias
     return rejudged(program.table, found)
+
+
+def _nowhere(program: Program, trials: int) -> IntArray:
+    """(n, d) of trials that have squeezed nowhere yet."""
+    return np.full((trials, program.table.limits.max_depth), NOWHERE, np.int64)
+
+
+def _note(program: Program, found: Evaluation, node: IntArray, members: IntArray, reading: IntArray) -> None:
+    """Notes what was read at the nodes of some trials, and sends these on."""
+    at = node[members]
+    row, target = (members, found.squeezes[members]), program.target[at, reading]
+    found.path[row], found.reading[row], found.branch[row] = at, reading, program.branch[at, reading]
+    found.squeezes[members] += 1
+    leaf = np.where(target == DISMISSED, REJECTED, ~target)
+    found.leaf[members] = np.where(target < 0, leaf, RUNNING)
+    node[members] = np.maximum(target, NOWHERE)
 
 
 def crashing(

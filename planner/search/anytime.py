@@ -68,7 +68,7 @@ class Anytime:
             little = replace(self.growth, look_ahead=replace(look_ahead, depth=1, particles=few))
             grow(root, little, [*seed, SEED_HASTY], progress, lambda: self.late(root))
             for node in breadth_first(root):
-                node.exhausted = math.inf
+                node.exhausted, node.searched = math.inf, 0
         grow(root, self.growth, seed, progress, lambda: self.late(root))
         self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)
 

@@ -53,11 +53,11 @@ class LookAhead:
         return self.ranking.objective
 
     def choose(
-        self, belief: Belief, rng: np.random.Generator, most: int = 1, share: float = 1.0
+        self, belief: Belief, rng: np.random.Generator, most: int = 1, share: float = 1.0, vain: int = 0
     ) -> list[Choice]:
         """The placements to squeeze at, the most promising first.
 
-        Where nothing gains at the stated depth, one squeeze more is looked ahead if enough mass is at stake:
+        Where nothing gains at the stated depth, one squeeze more is looked ahead if enough parts come here:
         a belief of several modes may need two before any progress shows. Then more particles are tried: the
         mass outside the mode may be too small for few of them to show; and at last hands all about the part:
         two poses may differ at a corner that no hand along a stable side ends at.
@@ -67,12 +67,14 @@ class LookAhead:
             rng: source of randomness.
             most: how many at most, each unlike those before it.
             share: of all parts that come to this belief: the fewer do, the less is spent on it.
+            vain: squeezes just before that gained nothing: as many of the lesser efforts are left out.
 
         Returns:
             An empty list where no action is free of collision or gains anything.
         """
         params = self.objective.params
-        for depth, particles, wide in self._efforts(belief, share):
+        efforts = list(self._efforts(belief, share))
+        for depth, particles, wide in efforts[min(vain, len(efforts) - 1) :]:
             options = self._options(belief, subsample(belief, particles), depth, rng, wide=wide)
             gaining = sorted((k for k in options if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
@@ -88,12 +90,11 @@ class LookAhead:
             self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
         )
         yield self.depth, few, False
-        at_stake = share * (1.0 - self.objective.metric.mode(belief.states).ratio)
-        if at_stake > params.least_at_stake:
+        if share > params.deeper_share:
             yield self.depth + 1, few, False
         if self._particles_needed(belief) > few:
             yield self.depth, self._particles_needed(belief), False
-        if at_stake > params.least_at_stake_wide:
+        if share > params.wide_share:
             yield self.depth, max(few, self._particles_needed(belief)), True
 
     def _particles_needed(self, belief: Belief) -> int:

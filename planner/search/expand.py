@@ -51,6 +51,13 @@ class PlannedSqueeze(NamedTuple):
     crashes: float = 0.0
 
 
+class Found(NamedTuple):
+    """The parts of an evaluation that came to a leaf."""
+
+    belief: Belief
+    new: BoolArray  # (n,) those of which the leaf has not learned before
+
+
 @dataclass(slots=True, eq=False)
 class TreeNode:
     """A node of the plan: a belief, and either a squeeze with its outcomes or a predicted pose.
@@ -69,6 +76,7 @@ class TreeNode:
         doubted: how many of the last particles come from worlds that are off: they are nobody's share.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
             looked for.
+        searched: size of the belief then.
     """
 
     belief: Belief
@@ -83,6 +91,7 @@ class TreeNode:
     refuted: bool = False
     doubted: int = 0
     exhausted: float = math.inf
+    searched: int = 0
 
     @property
     def depth(self) -> int:
@@ -122,9 +131,16 @@ class Growth:
         return self.look_ahead.objective
 
     def worth_growing(self, leaf: TreeNode, reopen: float) -> bool:
-        """Whether a leaf holds less than `reopen`, or is refuted, and less than when it was searched last."""
-        ratio = leaf.mode.ratio
-        return (ratio < reopen or leaf.refuted) and ratio < leaf.exhausted - self.objective.params.least_loss
+        """Whether a leaf holds less than `reopen`, or is refuted, and one more squeeze may help.
+
+        None may where the path is as long as allowed or the last squeezes were in vain, nor where none was
+        found and the belief is about the same since.
+        """
+        ratio, params = leaf.mode.ratio, self.objective.params
+        may = leaf.depth < self.max_depth and leaf.squeezes_without_gain < params.most_without_gain
+        changed = ratio < leaf.exhausted - params.least_loss
+        changed |= len(leaf.belief) >= params.searched_again * leaf.searched
+        return (ratio < reopen or leaf.refuted) and may and changed
 
 
 def breadth_first(root: TreeNode) -> list[TreeNode]:
@@ -156,16 +172,17 @@ def grow(
         seed: every node draws from a stream of its own, named after its path.
         progress: called with the number of nodes done and the number waiting.
         out_of_time: asked before each node; the tree stays as it is once it says so.
-        reopen: mode ratio with which a leaf that the tree already has stays one, whatever new ones need.
+        reopen: mode ratio with which a leaf that the tree already has stays one, if new ones need more.
     """
     inner = [node for node in breadth_first(root) if node.children]
     pairs: list[tuple[TreeNode, TreeNode | None]] = [(root, None)]
     if inner:
         pairs = [(child, node) for node in inner for child in node.children]
+    confidence = growth.objective.confidence
     waiting = [
         (-leaf.unlocated_mass, leaf.path, leaf, parent)
         for leaf, parent in pairs
-        if not leaf.children and growth.worth_growing(leaf, reopen)
+        if not leaf.children and growth.worth_growing(leaf, min(reopen, confidence))
     ]
     heapq.heapify(waiting)
     done, ahead = 0, dict[tuple[int, ...], Future[Chosen]]()
@@ -178,7 +195,8 @@ def grow(
             _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
             done += 1
             for leaf, above in _expand(node, parent, growth, ahead.pop(path).result()):
-                heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
+                if growth.worth_growing(leaf, confidence):
+                    heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
             if progress is not None:
                 progress(done, len(waiting))
         pool.shutdown(cancel_futures=True)
@@ -186,7 +204,7 @@ def grow(
 
 def learn(
     root: TreeNode,
-    beliefs: dict[int, Belief],
+    found: dict[int, Found],
     growth: Growth,
     confidence: float,
     refutes: Callable[[BoolArray], bool],
@@ -195,7 +213,7 @@ def learn(
 
     Args:
         root: the tree, modified in place.
-        beliefs: what lay there by the leaf's number, breadth first.
+        found: what lay there by the leaf's number, breadth first.
         growth: how it was grown.
         confidence: mode ratio that leaves must have.
         refutes: whether parts speak against a leaf, by which of them (n,) it predicts.
@@ -206,13 +224,14 @@ def learn(
     short = 0.0
     leaves = [node for node in breadth_first(root) if not node.children]
     for number, node in enumerate(leaves):
-        found = beliefs.get(number)
-        if found is None or not len(found):
+        here = found.get(number)
+        if here is None or not len(here.belief):
             continue
         met = node.mode.ratio >= confidence
-        node.belief = Belief.joined([found, node.belief])  # what is doubted stays at the end
-        node.mode = growth.objective.metric.mode(node.belief.states)
-        node.refuted = refutes(growth.objective.metric.explained(found.states, node.mode))
+        if here.new.any():
+            node.belief = Belief.joined([here.belief[here.new], node.belief])  # what is doubted stays last
+            node.mode = growth.objective.metric.mode(node.belief.states)
+        node.refuted = refutes(growth.objective.metric.explained(here.belief.states, node.mode))
         fails = (met and node.mode.ratio < confidence) or node.refuted
         if fails and growth.worth_growing(node, confidence):
             short += node.share
@@ -220,12 +239,10 @@ def learn(
 
 
 def _chosen(node: TreeNode, growth: Growth, seed: list[int]) -> Chosen:
-    """Where to squeeze a node's belief: nowhere if it meets the goal, or where nothing gains anything."""
-    rng, params = np.random.default_rng([*seed, node.depth, *node.path]), growth.objective.params
-    may = node.depth < growth.max_depth and node.squeezes_without_gain < params.most_without_gain
-    if not may or node.mode.ratio >= growth.objective.confidence:
-        return [], rng
-    return growth.look_ahead.choose(node.belief, rng, 1 + params.alternatives, node.share), rng
+    """Where to squeeze a node's belief: nowhere if nothing gains anything."""
+    rng = np.random.default_rng([*seed, node.depth, *node.path])
+    most, vain = 1 + growth.objective.params.alternatives, node.squeezes_without_gain
+    return growth.look_ahead.choose(node.belief, rng, most, node.share, vain), rng
 
 
 def _expand(
@@ -234,8 +251,7 @@ def _expand(
     """Squeezes where the node's best choice says; the new leaves, each with its parent."""
     choices, rng = chosen
     if not choices:
-        if node.mode.ratio < growth.objective.confidence:
-            node.exhausted = node.mode.ratio
+        node.exhausted, node.searched = node.mode.ratio, len(node.belief)
         return []
     node.alternatives = [choice.placement for choice in choices[1:]]
     return squeeze_at(node, parent, choices[0].placement, growth, rng)

@@ -30,7 +30,7 @@ def improve(
         out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
     """
     params = growth.objective.params
-    for depth in params.improved_depths:
+    for depth, saving in params.improved_savings:
         inner = [node for node in breadth_first(root) if node.children]
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
         pairs = [(child, node) for child, node in pairs if child.share >= params.improved_share]
@@ -44,7 +44,7 @@ def improve(
             pieces = current[id(node)]
             before = sum(price(piece, growth) for piece in pieces)
             share = sum(piece.share for piece in pieces)
-            if before < (1.0 + params.improved_saving) * growth.objective.costs.least * share:
+            if before < (1.0 + saving) * growth.objective.costs.least * share:
                 continue
             other = _other(pieces, parent, node.alternatives[k], before, growth, [*seed, k + 1], out_of_time)
             if not out_of_time() and price(other, growth) < before:

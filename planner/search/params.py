@@ -32,9 +32,9 @@ class SearchParams:
     """Share from which a belief is searched with all the particles allowed; below, with fewer."""
     least_effort: float = 0.25
     """Fraction of those particles that the smallest share keeps."""
-    least_at_stake: float = 0.0003
-    """Share outside the mode, from which one squeeze more is looked ahead where nothing gains."""
-    least_at_stake_wide: float = 0.0001
+    deeper_share: float = 0.002
+    """Share of a belief from which one squeeze more is looked ahead where nothing gains."""
+    wide_share: float = 0.0005
     """The same for hands all about the part: 84 more to try."""
     outside_particles: int = 20
     """Particles outside the mode needed to see whether a squeeze separates them from the rest."""
@@ -73,23 +73,26 @@ class SearchParams:
     """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
     least_loss: float = 0.002
     """Mode ratio that an exhausted leaf must have lost before squeezes are searched again."""
+    searched_again: float = 1.5
+    """The same of its belief's size, in units of that which was searched: more particles show rarer poses."""
     least_particles: int = 100
     """A smaller belief is repeated before its next squeeze."""
 
-    improved_depths: tuple[int, ...] = (2, 1)
-    """Depths of the nodes whose alternatives are tried, the later first: an earlier node is then judged with
-    its subtrees improved. The root is left out: its belief prefers no placement."""
+    improved_savings: tuple[tuple[int, float], ...] = ((2, 1.0), (1, 0.15))
+    """Depths of the nodes whose alternatives are tried, the later first, and the least squeezes a part beyond
+    the one needed that are left there: an earlier node is then judged with its subtrees improved. The root is
+    left out: its belief prefers no placement."""
     improved_share: float = 0.03
     """Least share of a node whose alternatives are tried."""
-    improved_saving: float = 0.15
-    """Least squeezes a part beyond the one needed, likewise."""
 
     reopen_margin: float = 0.75
     """Fraction of the goal's allowed errors above which a leaf is grown further: the rest is reserve."""
     ahead_step_mm: float = 0.8
     """Closing step of squeezes only looked ahead: twice the tree's own; nine in ten end within 0.03 mm."""
     refinements: int = 6
-    """How often leaves are grown further that miss the goal, nominally or in a perturbed world."""
+    """How often leaves are grown further that miss the goal."""
+    looks: int = 3
+    """How often new parts are drawn to judge a tree: those that came to leaves grown since are carried on."""
     leaf_trials: int = 100
     """Trials of a leaf from which its success rate itself is compared with the goal: by the exact test alone,
     leaves just below it stay, and fresh trials refute them once nothing is grown any more (clevis: 2 %)."""

@@ -90,7 +90,7 @@ def evaluation_of(table, leaf, poses):
     return Evaluation(
         leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
         resolved=np.where(leaf >= 0, known[leaf], False), poses=poses,
-        initial=poses + 1.0, traits=as_planned(n), path=path, counts=path + 100 * (path >= 0), branch=path,
+        initial=poses + 1.0, traits=as_planned(n), path=path, reading=path + 100 * (path >= 0), branch=path,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner.job import model as job_file
 from planner.search.anytime import Anytime, hasty_root
-from planner.search.expand import Growth, TreeNode, breadth_first
+from planner.search.expand import Growth, TreeNode, breadth_first, squeeze_at
 from planner.search.handling import handling_of
 from planner.work.limit import Limit
 
@@ -112,6 +112,7 @@ def test_what_finishing_takes_follows_from_the_rate_until_now(growth, root):
 def test_figures_name_the_cause(growth, root):
     limit = Limit(clock=Clock())
     anytime = Anytime(growth, limit)
+    squeeze_at(root, None, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
     limit.standing = True
     limit.ask()
     anytime.grow(root, [1], nothing)

@@ -44,6 +44,20 @@ def test_where_nothing_gains_hands_all_about_the_part_are_tried_if_enough_parts_
     assert [choice.placement[2] for choice in found] == ([TELLING] if share == 1.0 else [])
 
 
+def test_after_squeezes_in_vain_the_lesser_efforts_are_left_out():
+    sizes = []
+    for vain in range(3):
+        model = Promising()
+        ahead = look_ahead([SILENT], depth=1, model=model, confidence=0.995)
+        assert ahead.choose(LOPSIDED, np.random.default_rng(0), vain=vain) == []
+        sizes.append(model.sizes)
+    few, deeper, many = sizes
+    assert few[-len(deeper) :] == deeper
+    assert deeper[-len(many) :] == many
+    assert len(few) > len(deeper) > len(many) > 0
+    assert min(deeper) == 200 < min(many)
+
+
 def test_a_price_on_risk_decides_between_equals():
     rng = np.random.default_rng(0)
     assert look_ahead([RISKY, TELLING], unstable=0.1).choose(BELIEF, rng)[0].placement[2] == TELLING

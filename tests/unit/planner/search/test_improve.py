@@ -10,7 +10,7 @@ from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
 from planner.job import model as job_file
-from planner.search.expand import Growth, TreeNode, breadth_first, grow, learn, squeeze_at
+from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn, squeeze_at
 from planner.search.handling import handling_of
 from planner.search.improve import bound, improve, price
 from planner.search.params import SearchParams
@@ -18,6 +18,7 @@ from planner.search.params import SearchParams
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 PATIENT = 4
 MOST_WITHOUT_GAIN = SearchParams().most_without_gain
+EVERY = np.ones(len(BELIEF), np.bool_)
 DEAR = SearchParams(branch=20.0)
 """Branches that are dear: no cut for a few parts."""
 
@@ -150,24 +151,37 @@ def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth)
     assert left.children == []
     grow(reopened, growth, [1], reopen=0.6)
     assert len(reopened.children) == 2
-    assert learn(refuted, {0: BELIEF}, growth, 0.4, refutes=np.any) == 1.0
+    assert learn(refuted, {0: Found(BELIEF, EVERY)}, growth, 0.4, refutes=np.any) == 1.0
     grow(refuted, growth, [1], reopen=0.4)
     assert len(refuted.children) == 2
 
 
-def test_a_refuted_leaf_that_no_squeeze_improves_calls_for_no_further_attempt(growth):
-    leaf = TreeNode(
-        BELIEF,
-        0.3,
-        growth.objective.metric.mode(BELIEF.poses),
-        squeezes_without_gain=MOST_WITHOUT_GAIN,
-    )
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, refutes=np.any) == 0.3
-    grow(leaf, growth, [1], reopen=0.4)
+def test_a_refuted_leaf_that_no_squeeze_improves_is_searched_again_once_its_belief_has_grown(growth):
+    silent = replace(growth, look_ahead=look_ahead([SILENT]))
+    leaf = TreeNode(BELIEF, 0.3, growth.objective.metric.mode(BELIEF.poses))
+    assert learn(leaf, {0: Found(BELIEF, EVERY)}, silent, 0.4, refutes=np.any) == 0.3
+    grow(leaf, silent, [1], reopen=0.4)
     assert leaf.children == []
-    assert learn(leaf, {0: BELIEF}, growth, 0.4, refutes=np.any) == 0.0
-    worse = np.tile(BELIEF.poses[:100], (4, 1)) + np.array([0.0, 30.0, 0.0])
-    assert learn(leaf, {0: Belief.of(np.concatenate([worse, -worse]))}, growth, 0.4, refutes=np.any) == 0.3
+    assert learn(leaf, {0: Found(BELIEF, ~EVERY)}, silent, 0.4, refutes=np.any) == 0.0
+    assert learn(leaf, {0: Found(BELIEF, EVERY)}, silent, 0.4, refutes=np.any) == 0.3
+
+
+def test_parts_that_a_leaf_knows_judge_it_and_are_not_learned_twice(growth):
+    leaf = TreeNode(BELIEF, 0.3, growth.objective.metric.mode(BELIEF.poses))
+    assert learn(leaf, {0: Found(BELIEF, ~EVERY)}, growth, 0.4, refutes=np.any) == 0.3
+    assert leaf.belief is BELIEF
+
+
+def test_a_refuted_leaf_grows_whatever_its_belief_says_but_not_beyond_what_is_allowed(growth):
+    metric = growth.objective.metric
+    belief = Belief.of(np.concatenate([BELIEF.poses[:100], BELIEF.poses[:99], BELIEF.poses[-1:]]))
+    held, last, vain = (TreeNode(belief, 1.0, metric.mode(belief.states), refuted=True) for _ in range(3))
+    assert held.mode.ratio >= growth.objective.confidence
+    last.path, vain.squeezes_without_gain = (0,) * PATIENT, MOST_WITHOUT_GAIN
+    for leaf in (held, last, vain):
+        grow(leaf, growth, [1])
+    assert len(held.children) == 2
+    assert last.children == vain.children == []
 
 
 def test_nodes_that_two_squeezes_lead_to_are_improved_too(growth):
