@@ -172,7 +172,7 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
         before[np.arange(trials)], squeezes=np.zeros(trials, np.int64), path=nowhere, reading=nowhere.copy(),
         branch=nowhere.copy(),
     )  # fmt: skip
-    for k in range(program.table.limits.max_depth):
+    for k in range(before.reading.shape[1]):
         members = np.flatnonzero((before.squeezes > k) & (node >= 0))
         _note(program, found, node, members, before.reading[members, k])
     again = found.squeezes < before.squeezes

@@ -126,7 +126,13 @@ def beginning(table, nodes):
                 branch = branch._replace(target=-len(leaves))
             branches.append(branch)
         kept.append(node._replace(branches=tuple(branches)))
-    return replace(table, nodes=tuple(kept), leaves=tuple(leaves))
+    depth = [1] * nodes
+    for number, node in enumerate(kept):
+        for branch in node.branches:
+            if branch.target >= 0:
+                depth[branch.target] = depth[number] + 1
+    limits = replace(table.limits, max_depth=max(depth))
+    return replace(table, nodes=tuple(kept), leaves=tuple(leaves), limits=limits)
 
 
 @pytest.mark.parametrize("cell", [Disturbance(), Disturbance(2.0, bias_mm=(2.0, -1.0), bias_deg=3.0)])
