@@ -96,7 +96,7 @@ class SearchParams:
     leaf_trials: int = 100
     """Trials of a leaf from which its success rate itself is compared with the goal: by the exact test alone,
     leaves just below it stay, and fresh trials refute them once nothing is grown any more (clevis: 2 %)."""
-    least_short: float = 0.001
+    least_short: float = 0.0005
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
     def rule(
