@@ -149,12 +149,12 @@ def _stated(
     A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
     failures in these very figures. Other trials would be chosen for not refuting it.
     """
-    beyond, other = None, job.seed + SEED_BEYOND
-    if not certain(job) and job.search.method not in METHODS:
-        worlds = ContactWorlds.of_job(job, other)
-        beyond = evaluate(table, job, worlds, trials, other, work, as_doubted(job))
     seed = job.seed + SEED_FIGURES
     evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
+    beyond, other, reached = None, job.seed + SEED_BEYOND, np.unique(evaluation.leaf[evaluation.leaf >= 0])
+    if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
+        worlds = ContactWorlds.of_job(job, other)
+        beyond = evaluate(table, job, worlds, trials, other, work, as_doubted(job))
     table, evaluation = with_figures(table, evaluation, beyond, job)
     wrong, limit = None, job.goal.wrong_ppm
     if limit is not None:

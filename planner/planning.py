@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +28,8 @@ from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, 
 from planner.search.improve import improve
 from planner.search.params import SearchParams
 from planner.work.progress import Report, silent
-from planner.work.scheduler import Scheduler
-from planner.world import ContactWorld, world_of
+from planner.work.scheduler import Scheduler, Threads
+from planner.world import ContactWorlds
 from runtime.table import Table, refuted
 
 PARAMS = SearchParams()
@@ -250,12 +249,12 @@ def judged(
 
     What the job doubts may be off in their cell. The paper's methods doubt nothing.
     """
-    world = world_of(job, job.seed + SEED_WORLD + attempt, partial(ContactWorld, workers=workers))
-    seed = job.seed + SEED_EVALUATION + attempt
+    worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt)
+    seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
     cell = NONE if job.search.method in METHODS else as_doubted(job)
     if before is not None:
-        return carried_on(before, table, job, world, seed, cell)
-    return evaluate(table, job, world, trials, seed, disturbance=cell, report=report)
+        return carried_on(before, table, job, worlds.world(len(before.leaf)), seed, cell)
+    return evaluate(table, job, worlds, trials, seed, work, cell, report)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
