@@ -55,8 +55,8 @@ def seeds(monkeypatch):
 def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed):
     job = replace(quick(), seed=seed)
     plan = planning.compile_job(job, workers=2, trials=TRIALS)
-    assert seeds[-1] == plan.seed
-    assert plan.seed not in seeds[:-1]
+    assert seeds.count(plan.seed) == 1
+    assert plan.seed in seeds[-2:]  # doubted cells may follow, for leaves that no part came to
     table = plan.table
     again = evaluate(table, job, ContactWorlds.of_job(job, plan.seed), TRIALS, plan.seed)
     assert again.summary() == plan.evaluation.summary()
