@@ -26,7 +26,7 @@ def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None
 
 
 def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
-    """A solid on each facet of its convex hull that it can rest on, the commonest first.
+    """A solid on each facet of its convex hull that it can rest on, the commonest first, else by direction.
 
     The share of a facet is that of the directions in which a ray from the centre of mass passes through it,
     with those of the facets that tip over onto it. That is quasi-static: bouncing and rolling on are ignored.
@@ -42,7 +42,7 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
     for turn, share in zip(turns, shares, strict=True):
         down = tuple((np.round(-turn[2, :3], 3) + 0.0).tolist())
         found.append(Lying(float(share), down, solid.copy().apply_transform(turn)))
-    return found
+    return sorted(found, key=lambda face: (-round(face.share, 6), -face.down[2], face.down))
 
 
 def cut(solid: Any, where: str, height_mm: float | None) -> Pieces:
