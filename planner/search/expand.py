@@ -164,7 +164,8 @@ def grow(
     """Expands the leaves until each meets the goal or nothing gets it nearer, those that hold most first.
 
     The tree is a whole plan at any time, so it may be stopped at any node. A node's placements depend on
-    nothing but itself, so they are chosen for as many nodes at once as there are workers.
+    nothing but itself, so they are chosen for as many nodes at once as there are workers; by one, in the
+    caller's thread.
 
     Args:
         root: the tree, modified in place.
@@ -189,12 +190,13 @@ def grow(
     workers = growth.look_ahead.ranking.mixture.workers
     with ThreadPoolExecutor(workers) as pool:
         while waiting and not out_of_time():
-            for _, path, node, _ in heapq.nsmallest(workers, waiting):
-                if path not in ahead:
-                    ahead[path] = pool.submit(_chosen, node, growth, seed)
             _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
+            for _, other, next_, _ in heapq.nsmallest(workers - 1, waiting):
+                if other not in ahead:
+                    ahead[other] = pool.submit(_chosen, next_, growth, seed)
+            chosen = ahead.pop(path).result() if path in ahead else _chosen(node, growth, seed)
             done += 1
-            for leaf, above in _expand(node, parent, growth, ahead.pop(path).result()):
+            for leaf, above in _expand(node, parent, growth, chosen):
                 if growth.worth_growing(leaf, confidence):
                     heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
             if progress is not None:

@@ -1,5 +1,6 @@
 """Other squeezes for a node: the cheaper plan stays."""
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,6 +130,22 @@ def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
         assert leaf.squeezes_without_gain == squeezes_without_gain
     grow(root, silent, [1])
     assert leaf.children == []
+
+
+def test_one_worker_grows_a_tree_in_the_thread_of_its_caller_whose_time_may_be_limited(growth):
+    class Located(Oracle):
+        threads = set()
+
+        def squeeze(self, cases, rng):
+            self.threads.add(threading.get_ident())
+            return super().squeeze(cases, rng)
+
+    alone = Growth(look_ahead([SILENT, TELLING], model=Located()), Located(), growth.handling, PATIENT)
+    assert alone.look_ahead.ranking.mixture.workers == 1
+    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
+    grow(root, alone, [1])
+    assert root.children
+    assert Located.threads == {threading.get_ident()}
 
 
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
