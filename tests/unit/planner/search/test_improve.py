@@ -133,11 +133,11 @@ def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
 
 
 def test_one_worker_grows_a_tree_in_the_thread_of_its_caller_whose_time_may_be_limited(growth):
-    class Located(Oracle):
-        threads = set()
+    threads = set()
 
+    class Located(Oracle):
         def squeeze(self, cases, rng):
-            self.threads.add(threading.get_ident())
+            threads.add(threading.get_ident())
             return super().squeeze(cases, rng)
 
     alone = Growth(look_ahead([SILENT, TELLING], model=Located()), Located(), growth.handling, PATIENT)
@@ -145,7 +145,7 @@ def test_one_worker_grows_a_tree_in_the_thread_of_its_caller_whose_time_may_be_l
     root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     grow(root, alone, [1])
     assert root.children
-    assert Located.threads == {threading.get_ident()}
+    assert threads == {threading.get_ident()}
 
 
 def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
