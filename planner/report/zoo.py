@@ -24,6 +24,7 @@ FITTING = 0.8  # share of the room between the open fingers that parts lie in
 MOST_MM = 10.0  # radius of the disc that they lie in at most
 LEAST_MM = 1.0  # and at least
 DRAWN_MM = 0.05  # what outlines may be off by: no symmetry ends there
+LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 Figures = dict[str, Any]
 
@@ -63,7 +64,7 @@ def _judged(item: Item) -> Figures:
     order = symmetry.order(canonical(item.outline_mm).outline_mm, DRAWN_MM)
     job = base.replaced(
         item.name,
-        part={"name": item.name, "outline_mm": item.outline_mm, "symmetry": order},
+        part={"name": item.name[-LONGEST_NAME:], "outline_mm": item.outline_mm, "symmetry": order},
         uncertainty={"radius_mm": min(MOST_MM, FITTING * room)},
     )
     told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}

@@ -13,8 +13,8 @@ from planner.report import zoo
 BASE = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
 
 
-def item(outline, **changes):
-    return zoo.Item("a <part>", outline, BASE.replaced(**changes).canonical(), math.inf)
+def item(outline, name="a <part>", **changes):
+    return zoo.Item(name, outline, BASE.replaced(**changes).canonical(), math.inf)
 
 
 def test_a_part_that_no_open_hand_clears_is_too_large():
@@ -29,6 +29,14 @@ def test_a_symmetry_survives_a_drawing_that_is_off_by_little(monkeypatch):
     for off in (0.04, 0.4):
         zoo.judge(item([[-15, -8], [15, -8], [15 + off, 8], [-15, 8]]))
     assert orders == [2, 1]
+
+
+def test_a_long_name_is_no_error(monkeypatch):
+    names = []
+    monkeypatch.setattr(zoo, "compile_job", lambda job, **_: names.append(job.part.name) or 1 / 0)
+    zoo.judge(item([[0, 0], [30, 0], [0, 20]], name="Connector/" * 20 + "last"))
+    assert len(names[0]) == zoo.LONGEST_NAME
+    assert names[0].endswith("/last")
 
 
 def test_an_error_of_the_program_is_told_and_ends_nothing(monkeypatch):
