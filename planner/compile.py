@@ -151,8 +151,9 @@ def _stated(
     """
     seed = job.seed + SEED_FIGURES
     evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
-    beyond, other, reached = None, job.seed + SEED_BEYOND, np.unique(evaluation.leaf[evaluation.leaf >= 0])
+    beyond, reached = None, np.unique(evaluation.leaf[evaluation.leaf >= 0])
     if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
+        other = job.seed + SEED_BEYOND
         worlds = ContactWorlds.of_job(job, other)
         beyond = evaluate(table, job, worlds, trials, other, work, as_doubted(job))
     table, evaluation = with_figures(table, evaluation, beyond, job)

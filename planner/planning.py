@@ -191,8 +191,8 @@ class Planning:
         evaluation = judge(table, attempt, before)
         if before is None:
             self._reserve(self.anytime.limit.spent_s - began_s, evaluation)
-        new = np.asarray(before is None or evaluation.squeezes != before.squeezes)
-        new = np.broadcast_to(new, evaluation.leaf.shape)
+        squeezed = before.squeezes if before else np.zeros_like(evaluation.squeezes)
+        new = evaluation.squeezes != squeezed
         last = evaluation.counts[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
         ended, leaf = Belief(evaluation.poses, evaluation.traits, last), evaluation.leaf
         found = {k: Found(ended[leaf == k], new[leaf == k]) for k in range(len(table.leaves))}

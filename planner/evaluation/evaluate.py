@@ -13,7 +13,7 @@ from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import Program, carry_on, replayed, run
+from planner.evaluation.trials import Program, finish, replayed, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -97,8 +97,9 @@ def carried_on(
     program, rng = Program.of(table), np.random.default_rng([seed, SEED_TRIALS])
     found, node = replayed(program, before, disturbance.bias)
     rows = np.flatnonzero(node >= 0)
-    if len(rows):
-        found.put(rows, carry_on(program, found[rows], node[rows], job, world, rng, disturbance))
+    going_on = found[rows]
+    finish(program, going_on, node[rows], job, world, rng, disturbance)
+    found.put(rows, going_on)
     return rejudged(table, found)
 
 

@@ -151,7 +151,8 @@ def run(
         reading=nowhere.copy(),
         branch=nowhere.copy(),
     )
-    return carry_on(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
+    finish(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
+    return rejudged(program.table, begun)
 
 
 def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluation, IntArray]:
@@ -183,11 +184,11 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     return found, node
 
 
-def carry_on(
+def finish(
     program: Program, found: Evaluation, node: IntArray, job: Job, world: World, rng: np.random.Generator,
     disturbance: Disturbance,
-) -> Evaluation:  # fmt: skip
-    """Runs trials to their ends.
+) -> None:  # fmt: skip
+    """Runs trials to their ends, without judging them.
 
     Args:
         program: the table.
@@ -197,9 +198,6 @@ def carry_on(
         world: squeezes the parts.
         rng: of the encoder's noise and the arm's errors.
         disturbance: errors of the cell.
-
-    Returns:
-        The trials, judged by what the leaves say.
     """
     encoder, own = encoder_of(job), found.traits
     found.poses[:] += disturbance.bias
@@ -222,7 +220,6 @@ def carry_on(
         hand[members] = program.placement[at, :2] + made.drag
         _note(program, found, node, members, made.reading)
     found.poses[:] -= disturbance.bias
-    return rejudged(program.table, found)
 
 
 def _nowhere(program: Program, trials: int) -> IntArray:
