@@ -1,17 +1,22 @@
-"""One and two contacts in closed form: every mode of sliding and sticking, tried in turn.
+"""One, two and three contacts in closed form: every mode of sliding and sticking, tried in turn.
 
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
 slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode is
 a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right signs.
-Two contacts that both stick have one condition too many and are covered by their neighbours.
+Two contacts that both stick have one condition too many and are covered by their neighbours. Three that are
+pressed slide, their normals alone determine the motion, and that the senses.
 """
+
+import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
-from planner.mechanics.contacts import FN, FT, GAP, N2, NX, NY, T2, UN, UT
+from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
+LARGEST_FORCE = 1e3
+"""Three contacts that press harder, where 1 moves the part by about 1 mm, nearly hold it: Lemke decides."""
 
 
 @inner_kernel
@@ -128,6 +133,58 @@ def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G
         if _one_sticks(C, i, j, 0, mu_i, mu_j, s, G) or _one_sticks(C, j, i, 2, mu_j, mu_i, s, G):
             return SOLVED
     return RAY
+
+
+@inner_kernel
+def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, float]:
+    """Solves G x = b for the leading (3, 3) of G by cofactors; infinite where it is singular."""
+    c0 = G[1, 1] * G[2, 2] - G[1, 2] * G[2, 1]
+    c1 = G[1, 2] * G[2, 0] - G[1, 0] * G[2, 2]
+    c2 = G[1, 0] * G[2, 1] - G[1, 1] * G[2, 0]
+    scale = abs(G[0, 0] * c0) + abs(G[0, 1] * c1) + abs(G[0, 2] * c2)
+    determinant = G[0, 0] * c0 + G[0, 1] * c1 + G[0, 2] * c2
+    if abs(determinant) <= 1e-10 * scale:
+        return np.inf, np.inf, np.inf
+    p, q, r = b1 * G[2, 0] - b2 * G[1, 0], b1 * G[2, 1] - b2 * G[1, 1], b1 * G[2, 2] - b2 * G[1, 2]
+    return (
+        (b0 * c0 - G[0, 1] * r + G[0, 2] * q) / determinant,
+        (b0 * c1 + G[0, 0] * r - G[0, 2] * p) / determinant,
+        (b0 * c2 - G[0, 0] * q + G[0, 1] * p) / determinant,
+    )
+
+
+@inner_kernel
+def three_contacts(
+    A: Array, C: Array, I: IntArray, active: IntArray, mu_top: float, mu_bottom: float, G: Array
+) -> int:
+    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; as `two_contacts`."""
+    for a in range(3):
+        k = active[a]
+        G[a, 0], G[a, 1], G[a, 2], G[a, 3] = C[k, NX], C[k, NY], C[k, N2], C[k, UN] - C[k, GAP]
+    v0, v1, v2 = _linear(G, G[0, 3], G[1, 3], G[2, 3])
+    if v0 == np.inf:
+        return RAY
+    for a in range(3):
+        k = active[a]
+        slip = C[k, NX] * v1 - C[k, NY] * v0 + C[k, T2] * v2 - C[k, UT]
+        if abs(slip) <= SLIP_TOLERANCE_MM:
+            return RAY
+        mu = mu_top if I[k, FINGER] == 1 else mu_bottom
+        G[3, a] = -mu if slip > 0.0 else mu
+        d0, d1, d2 = (
+            C[k, NX] - G[3, a] * C[k, NY],
+            C[k, NY] + G[3, a] * C[k, NX],
+            C[k, N2] + G[3, a] * C[k, T2],
+        )
+        for p in range(3):
+            G[p, a] = A[p, 0] * d0 + A[p, 1] * d1 + A[p, 2] * d2
+    f0, f1, f2 = _linear(G, v0, v1, v2)
+    if min(f0, f1, f2) < 0.0 or max(f0, f1, f2) > LARGEST_FORCE:
+        return RAY
+    i, j, k = active[0], active[1], active[2]
+    C[i, FN], C[j, FN], C[k, FN] = f0, f1, f2
+    C[i, FT], C[j, FT], C[k, FT] = G[3, 0] * f0, G[3, 1] * f1, G[3, 2] * f2
+    return SOLVED
 
 
 @inner_kernel

@@ -177,28 +177,29 @@ def find(
     """
     n = points.shape[0]
     count = 0
+    beyond, within = h + margin, h - margin
     for m in range(listed_count):
         i = listed[m]
         j = i + 1 if i + 1 < n else 0
-        b = i - 1 if i > 0 else n - 1
-        xi, xj, yi, yj, yb = points[i, 0], points[j, 0], points[i, 1], points[j, 1], points[b, 1]
-        low, high = min(xi, xj) - margin, max(xi, xj) + margin
-        between = max(yi, yj) < top - margin and min(yi, yj) > bottom + margin
-        if between or low > h or high < -h:
+        xi, xj, yi, yj = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
+        if (xi > beyond and xj > beyond) or (xi < -beyond and xj < -beyond):
             continue
+        beside = abs(xi) >= within or abs(xj) >= within
         for finger in (1, -1):
             face = top if finger == 1 else bottom
             reach = finger * face - margin
-            y, before, after = finger * yi, finger * yb, finger * yj
+            y, after = finger * yi, finger * yj
             if y < reach and after < reach:
                 continue
+            b = i - 1 if i > 0 else n - 1
+            before = finger * points[b, 1]
             if y >= reach and y >= before and y >= after and abs(xi) <= h:
                 count = _add_face(C, I, count, points, i, finger, face, h, margin)
                 if before >= after:
                     count = _add_face(C, I, count, points, b, finger, face, h, margin)
                 if after >= before:
                     count = _add_face(C, I, count, points, j, finger, face, h, margin)
-            if (low <= h <= high) or (low <= -h <= high):
+            if beside:
                 count = _add_corners(C, I, count, points, i, j, finger, CORNER, face, h, margin)
                 if max(y, after) >= finger * face + thickness - margin:
                     outer = face + finger * thickness

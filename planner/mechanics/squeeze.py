@@ -19,6 +19,7 @@ from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
     FOUND,
+    FURTHEST,
     HELD,
     NEAR_MM,
     ROLLED,
@@ -26,6 +27,7 @@ from planner.mechanics.stepping import (
     Grip,
     Scratch,
     SqueezeWork,
+    approach,
     find_contacts,
     list_near,
     try_step,
@@ -63,19 +65,19 @@ def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
 
 
 @inner_kernel
-def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> bool:
-    """Closes the fingers up to the first touch of the whole outline; False where there is none."""
+def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> float:
+    """Closes the fingers up to the first touch of the whole outline; returns how far, infinity for none."""
     _place_all(body.outline, q, scratch)
     work = scratch.work
     top_share, bottom_share = grip.top_share, grip.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
     free = free_closing(scratch.points, top, bottom, grip.h, top_share, bottom_share)
     if free > 0.5 * (top - bottom):
-        return False
+        return np.inf
     if free > 0.0:
         work.fingers[0] = top - top_share * free
         work.fingers[1] = bottom + bottom_share * free
-    return True
+    return float(free)
 
 
 @inner_kernel
@@ -137,22 +139,20 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
     if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
         return grip.opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
-        if verdict == ACCEPTED and budget < margin:
-            if not _close_freely(body, grip, q, scratch):
+        if verdict == ACCEPTED and budget < FURTHEST * margin:
+            free = _close_freely(body, grip, q, scratch)
+            if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
-            touched = True
             rows = _record(trace, rows, q, work.fingers)
-            list_near(scratch)
+            list_near(grip, scratch)
             find_contacts(q, grip, margin, scratch)
-            budget = NEAR_MM
-        elif verdict != ACCEPTED:
-            find_contacts(q, grip, margin, scratch)
+            touched, budget = True, NEAR_MM
         if work.listed[FOUND] == 0 and budget < NEAR_MM:
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        top, tried = work.fingers[0], size
+        tried = size
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
@@ -160,8 +160,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             resumed = max(resumed, tried)
         elif verdict == ACCEPTED:
             size, resumed = max(size, resumed), 0.0  # the next edge of a curve asks for no shorter steps
-            dx, dy, turned = work.trial[0] - q[0], work.trial[1] - q[1], abs(work.trial[2] - q[2])
-            budget -= np.sqrt(dx * dx + dy * dy) + turned * body.reach + 2.0 * (top - work.fingers[0])
+            budget -= approach(body, q, work.trial, (grip.top_share + grip.bottom_share) * tried)
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:

@@ -19,7 +19,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
-from planner.mechanics.closed_form import form, motion, one_contact, two_contacts
+from planner.mechanics.closed_form import form, motion, one_contact, three_contacts, two_contacts
 from planner.mechanics.contacts import (
     CORNER,
     FINGER,
@@ -126,64 +126,78 @@ def turn(
 @inner_kernel
 def _assemble(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int
-) -> None:
-    """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m)."""
+) -> int:
+    """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m); returns its order.
+
+    Without friction the unknowns are f_n alone.
+    """
     M, q, active = work.M, work.q, work.active
-    for i in range(4 * m):
-        for j in range(4 * m):
+    order = 4 * m if mu_top > 0.0 or mu_bottom > 0.0 else m
+    for i in range(order):
+        for j in range(order):
             M[i, j] = 0.0
     for a in range(m):
         k = active[a]
         nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
+        q[a] = C[k, GAP] - C[k, UN]
         for b in range(m):
             j = active[b]
             px, py, p2, s2 = C[j, NX], C[j, NY], C[j, N2], C[j, T2]
+            if order == m:
+                M[a, b] = form(A, nx, ny, n2, px, py, p2)
+                continue
             nn, nt = form(A, nx, ny, n2, px, py, p2), form(A, nx, ny, n2, -py, px, s2)
             tn, tt = form(A, -ny, nx, t2, px, py, p2), form(A, -ny, nx, t2, -py, px, s2)
             M[a, b], M[a, m + b], M[a, 2 * m + b] = nn, nt, -nt
             M[m + a, b], M[m + a, m + b], M[m + a, 2 * m + b] = tn, tt, -tt
             M[2 * m + a, b], M[2 * m + a, m + b], M[2 * m + a, 2 * m + b] = -tn, -tt, tt
+        if order == m:
+            continue
         M[m + a, 3 * m + a] = M[2 * m + a, 3 * m + a] = 1.0
         M[3 * m + a, a] = mu_top if I[k, FINGER] == 1 else mu_bottom
         M[3 * m + a, m + a] = M[3 * m + a, 2 * m + a] = -1.0
-        q[a] = C[k, GAP] - C[k, UN]
         q[m + a], q[2 * m + a], q[3 * m + a] = -C[k, UT], C[k, UT], 0.0
+    return order
 
 
 @inner_kernel
-def _judge(work: StepWork, m: int) -> int:
+def _judge(work: StepWork, m: int, order: int) -> int:
     """What Lemke's answer is worth: SOLVED, a ray in disguise, or nothing (PIVOT_LIMIT)."""
     for a in range(m):
         if work.z[a] > UNBOUNDED:
             return RAY
-    return SOLVED if residual(work.M, work.q, work.z, 4 * m) <= RESIDUAL else PIVOT_LIMIT
+    return SOLVED if residual(work.M, work.q, work.z, order) <= RESIDUAL else PIVOT_LIMIT
 
 
 @inner_kernel
 def _all_touching(
     A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
 ) -> int:
-    """Lemke's method on all touching contacts, with the residual checked."""
+    """All touching contacts: three in closed form if they all slide, else Lemke's method, with a check."""
     m = 0
     for k in range(count):
         if C[k, GAP] <= TOUCHING_MM:
             work.active[m] = k
             m += 1
-    _assemble(A, mu_top, mu_bottom, C, I, work, m)
+    if m == 3 and three_contacts(A, C, I, work.active, mu_top, mu_bottom, work.G) == SOLVED:
+        motion(A, C, work.active, 3, V)
+        return SOLVED
+    order = _assemble(A, mu_top, mu_bottom, C, I, work, m)
     status = PIVOT_LIMIT
     for attempt in range(ATTEMPTS):
-        status = lemke(work.M, work.q, 4 * m, work.tableau, work.basis, work.z)
+        status = lemke(work.M, work.q, order, work.tableau, work.basis, work.z)
         if status == SOLVED:
-            status = _judge(work, m)
+            status = _judge(work, m, order)
         if status != PIVOT_LIMIT:
             break
-        for i in range(4 * m):
-            work.q[i] += PERTURBATION_MM * (attempt + 1) * ((7 * i + 3) % (4 * m) + 1)
+        for i in range(order):
+            work.q[i] += PERTURBATION_MM * (attempt + 1) * ((7 * i + 3) % order + 1)
     if status != SOLVED:
         return status
     for a in range(m):
         k = work.active[a]
-        C[k, FN], C[k, FT] = work.z[a], work.z[m + a] - work.z[2 * m + a]
+        C[k, FN] = work.z[a]
+        C[k, FT] = work.z[m + a] - work.z[2 * m + a] if order > m else 0.0
     motion(A, C, work.active, m, V)
     return SOLVED
 
@@ -213,9 +227,9 @@ def solve(
     """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
 
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms. Three and more, and whatever those cannot solve, go to Lemke's method. A
-    (3, 3) is in the hand frame; C and I are `count` contacts, completed by `directions`, whose forces are
-    modified in place; V (3,) receives the displacement (dx, dy, rho dtheta) [mm].
+    or two, which have closed forms. A (3, 3) is in the hand frame; C and I are `count` contacts, completed by
+    `directions`, whose forces are modified in place; V (3,) receives the displacement (dx, dy, rho dtheta)
+    [mm].
     """
     V[0] = V[1] = V[2] = 0.0
     active = work.active

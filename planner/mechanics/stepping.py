@@ -13,7 +13,17 @@ from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
-from planner.mechanics.contacts import C_COLUMNS, CORNER, GAP, I_COLUMNS, KIND, MAX_CONTACTS, OUTER, VERTEX
+from planner.mechanics.contacts import (
+    C_COLUMNS,
+    CORNER,
+    GAP,
+    I_COLUMNS,
+    KIND,
+    MAX_CONTACTS,
+    NY,
+    OUTER,
+    VERTEX,
+)
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
@@ -23,15 +33,17 @@ LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-WIDEN = 2  # Vertices kept placed on either side of one near a finger
 CURVED = 0.36  # Tangent of the largest turn between two edges of one curve
-NEAR_MM = 3.0  # How far around the fingers vertices are followed between two looks at the whole outline
+NEAR_MM = 6.0  # How far around the fingers vertices are followed between two looks at the whole outline
+FURTHEST = 2.0
+"""How much nearer they come in one step, in margins; the whole outline is looked at before less is left."""
 
 
 SQUEEZE_WORK = np.dtype(
     [
         ("C", np.float64, (MAX_CONTACTS, C_COLUMNS)),
         ("I", np.int64, (MAX_CONTACTS, I_COLUMNS)),
+        ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
         ("listed", np.int64, 3),
         ("A", np.float64, (3, 3)),
@@ -46,9 +58,10 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-C, I: contacts. listed: how many vertices are placed and near, how many contacts were found. A: the
-ellipsoid, or the quartic's local one, in the hand frame; local: in the part's. F: unit wrench of the last
-step, in the part's frame. trial, half: pose after the step and in its middle. fingers: y of the inner faces.
+C, I: contacts; before: their places and normals before the midpoint's turn. listed: how many vertices are
+placed and near, how many contacts were found. A: the ellipsoid, or the quartic's local one, in the hand
+frame; local: in the part's. F: unit wrench of the last step, in the part's frame. trial, half: pose after the
+step and in its middle. fingers: y of the inner faces.
 """
 SqueezeWork: TypeAlias = Any
 
@@ -95,6 +108,14 @@ class Scratch(NamedTuple):
 
 
 @inner_kernel
+def _turn_back(work: SqueezeWork) -> None:
+    """Undoes what `_midpoint` did to the contacts."""
+    for k in range(work.listed[FOUND]):
+        for column in range(NY + 1):
+            work.C[k, column] = work.before[k, column]
+
+
+@inner_kernel
 def _midpoint(
     body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
 ) -> tuple[int, float]:
@@ -104,6 +125,9 @@ def _midpoint(
     """
     C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
     surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
+    for k in range(count):
+        for column in range(NY + 1):
+            work.before[k, column] = C[k, column]
     directions(C, I, count, rho, step_top, step_bottom)
     status = solve_surface(
         surface, q[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
@@ -129,26 +153,33 @@ def _midpoint(
 
 
 @inner_kernel
-def list_near(scratch: Scratch) -> None:
-    """Lists the vertices near the fingers' faces, and those with their neighbours."""
+def _near(points: Array, i: int, side: float, high: float, low: float) -> bool:
+    """Whether the edge from vertex i comes beyond y = high or low, and not only beside x = side or -side."""
+    j = i + 1 if i + 1 < points.shape[0] else 0
+    x0, x1, y0, y1 = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
+    beside = (x0 > side and x1 > side) or (x0 < -side and x1 < -side)
+    return (y0 > high or y1 > high or y0 < low or y1 < low) and not beside
+
+
+@inner_kernel
+def list_near(grip: Grip, scratch: Scratch) -> None:
+    """Lists the vertices whose edges are near the fingers, and those with their neighbours."""
     points, placed, near, work = scratch
     n = points.shape[0]
     near_count, placed_count = 0, 0
-    high, low = work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
-    last = -1 - WIDEN  # the latest vertex near a finger, of those up to WIDEN ahead
-    for ahead in range(-WIDEN, WIDEN):
-        y = points[ahead % n, 1]
-        if y > high or y < low:
-            last = ahead
+    side, high, low = grip.h + NEAR_MM, work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
+    last = -3  # the latest edge near a finger, of those up to the next one
+    for edge in range(-2, 1):
+        if _near(points, edge % n, side, high, low):
+            last = edge
     for i in range(n):
-        y = points[(i + WIDEN) % n, 1]
-        if y > high or y < low:
-            last = i + WIDEN
-        if last >= i - WIDEN:
+        is_near = last == i
+        if _near(points, i + 1 if i + 1 < n else 0, side, high, low):
+            last = i + 1
+        if last >= i - 2:
             placed[placed_count] = i
             placed_count += 1
-        j = i + 1 if i + 1 < n else 0
-        if points[i, 1] > high or points[i, 1] < low or points[j, 1] > high or points[j, 1] < low:
+        if is_near:
             near[near_count] = i
             near_count += 1
     work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
@@ -174,17 +205,18 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
             return True
     n = points.shape[0]
     half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
+    above, below = work.fingers[0] + PENETRATION_MM, work.fingers[1] - PENETRATION_MM
     for m in range(work.listed[NEAR]):
         i = near[m]
         j = i + 1 if i + 1 < n else 0
         x0, x1, y0, y1 = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
-        if min(x0, x1) > half_x or max(x0, x1) < -half_x:
+        if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
             continue
-        if max(y0, y1) > work.fingers[0] + PENETRATION_MM:
+        if y0 > above or y1 > above:
             middle = work.fingers[0] + 0.5 * thickness
             if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
                 return True
-        if min(y0, y1) < work.fingers[1] - PENETRATION_MM:
+        if y0 < below or y1 < below:
             middle = work.fingers[1] - 0.5 * thickness
             if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
                 return True
@@ -207,13 +239,21 @@ def _on_curve(outline: Array, kind: int, i: int) -> bool:
 
 
 @inner_kernel
+def approach(body: Body, q: Array, trial: Array, advance: float) -> float:
+    """How much nearer part and fingers may have come [mm]: from q to `trial`, fingers by `advance`."""
+    dx, dy = trial[0] - q[0], trial[1] - q[1]
+    return float(np.sqrt(dx * dx + dy * dy) + abs(trial[2] - q[2]) * body.reach + advance)
+
+
+@inner_kernel
 def try_step(
     body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
     """Tries a closing step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
-    An accepted step leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there,
-    with gaps of at most `margin` [mm]. The scratch holds the contacts at q.
+    The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step
+    leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there, with gaps of at
+    most `margin` [mm].
     """
     step, work = grip.step, scratch.work
     step_top, step_bottom = grip.top_share * size, grip.bottom_share * size
@@ -222,15 +262,21 @@ def try_step(
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
+        _turn_back(work)
         return RETRY, 0.25 * size
     turned = abs(work.trial[2] - q[2])
     allowed = EULER_ERROR * step
     if (error > allowed or turned > LARGEST_TURN) and not smallest:
+        _turn_back(work)
         return RETRY, size * max(
             0.2, min(0.8 * np.sqrt(allowed / (error + 1e-12)), 0.8 * LARGEST_TURN / (turned + 1e-12))
         )
+    if approach(body, q, work.trial, step_top + step_bottom) > FURTHEST * margin and not smallest:
+        _turn_back(work)
+        return RETRY, 0.5 * size
     fraction, ended = event_fraction(work.C, work.listed[FOUND], work.V)
     if fraction < 0.95 and not smallest:
+        _turn_back(work)
         rolled = ended >= 0 and _on_curve(body.outline, work.I[ended, KIND], work.I[ended, VERTEX])
         return ROLLED if rolled else RETRY, size * max(fraction, SMALLEST_STEP)
     contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
@@ -241,5 +287,6 @@ def try_step(
         contact.place(body.outline, q, scratch.points, scratch.placed, work.listed[PLACED])
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
+        find_contacts(q, grip, margin, scratch)
         return (GIVEN_UP if smallest else RETRY), 0.25 * size
     return ACCEPTED, min(step, size * min(2.0, 0.8 * np.sqrt(allowed / (error + 1e-12))))

@@ -1,4 +1,4 @@
-"""One and two contacts in closed form, against Lemke's method and all modes on the same problem."""
+"""One, two and three contacts in closed form, against Lemke's method and all modes on the same problem."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from contact_problems import (
 from contact_solutions import workspace
 from lcp_twin import motions, solve
 
-from planner.mechanics.closed_form import motion, one_contact, two_contacts
+from planner.mechanics.closed_form import LARGEST_FORCE, motion, one_contact, three_contacts, two_contacts
 from planner.mechanics.contacts import FN, FT
 from planner.mechanics.lcp import RAY, SOLVED, residual
 from planner.mechanics.step import solve as solve_step
@@ -26,13 +26,16 @@ pytestmark = pytest.mark.slow
 
 
 def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
-    """Status, motion (3,) and forces (m, 2) of the one or two contacts, all of them pressed."""
-    C, _ = rows(problem)
+    """Status, motion (3,) and forces (m, 2) of one to three contacts, all of them pressed."""
+    C, I = rows(problem)
     m = len(problem.gap)
     if m == 1:
         status = one_contact(problem.A, C, 0, problem.mu[0])
-    else:
+    elif m == 2:
         status = two_contacts(problem.A, C, 0, 1, problem.mu[0], problem.mu[1], np.zeros((4, 4)))
+    else:
+        mu_top, mu_bottom = problem.mu[:2]
+        status = three_contacts(problem.A, C, I, np.arange(3), mu_top, mu_bottom, np.zeros((4, 4)))
     V = np.zeros(3)
     motion(problem.A, C, np.arange(m), m, V)
     return status, V, C[:m, [FN, FT]]
@@ -102,6 +105,30 @@ def test_two_contacts_are_solved_where_both_press_and_only_there():
             assert status == RAY
             assert not both.any()
     assert 0.1 < np.mean(np.array(outcomes) == SOLVED) < 0.9
+
+
+def test_three_contacts_are_solved_where_all_press_and_slide_and_only_there():
+    rng = np.random.default_rng(4)
+    outcomes = []
+    for k in range(1500):
+        problem = random_contacts(rng, 3)
+        problem = problem._replace(mu=problem.mu * (k % 3 > 0))
+        N, T = wrenches(problem)
+        normal, tangential = goals(problem)
+        all_motions = motions(problem)
+        pressed = np.abs(all_motions @ N.T - normal).max(axis=1, initial=0.0) < 1e-9
+        status, V, forces = closed_form(problem)
+        outcomes.append(status)
+        if status == SOLVED:
+            assert_coulomb(problem, V, forces)
+            assert np.abs(all_motions[pressed] - V).max(axis=1).min() < 1e-7
+        else:
+            assert status == RAY
+            for V in all_motions[pressed]:
+                sense = np.sign(T @ V - tangential)[:, None]
+                pressing = problem.A @ (N - sense * problem.mu[:, None] * T).T
+                assert np.linalg.solve(pressing, V).max() > LARGEST_FORCE
+    assert 20 < np.sum(np.array(outcomes) == SOLVED) < 1400
 
 
 def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
