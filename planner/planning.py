@@ -14,6 +14,7 @@ from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
+from planner.evaluation.confirming import confirmed
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import carried_on, evaluate
 from planner.evaluation.judge import claimed, rejudged
@@ -38,6 +39,7 @@ SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
 SEED_NARROWING = 0x4E4152
 STRANGERS = 2000  # parts of each stranger that say how far a table is narrowed
+CONFIRMATIONS = 3  # how often leaves are confirmed against strangers
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
 # Share of a budget that evaluations may take, before fewer parts decide how a hasty tree grows on.
 TIGHT = 0.3
@@ -235,7 +237,8 @@ class Planning:
     def _reserve(self, took_s: float, evaluation: Evaluation) -> None:
         """Keeps time for the evaluations after the growth, given one and how long it took."""
         limit, parts = self.anytime.limit, self.deciding + 2 * self.trials
-        parts += narrowing_trials(self.trials) * bool(self.job.stranger)
+        rounds = 1 + (CONFIRMATIONS if self.job.goal.stranger_rate else 0)
+        parts += narrowing_trials(self.trials) * rounds * bool(self.job.stranger)
         mean = float(evaluation.squeezes.mean())
         each_s = took_s / len(evaluation.squeezes)
         limit.reserve_s = each_s * parts * max(1.0, USUAL_SQUEEZES / mean)
@@ -283,17 +286,30 @@ def narrowing_trials(trials: int) -> int:
 
 
 def guarded(
-    job: Job, root: TreeNode, table: Table, trials: int, workers: int | None, say: Report
-) -> tuple[Table, Narrowed | None]:
-    """The table narrowed against strangers, where the job names some."""
-    if not job.stranger:
-        return table, None
-    found = judged(job, narrowing_trials(trials), workers, table, SEED_NARROWING, report=say)
-    if not found.success.any():
-        return table, None
-    strange = [judged(other, STRANGERS, workers, table, SEED_NARROWING) for other in job.strangers]
-    done = narrowed(table, root, found, strange, job)
-    return done.table if done else table, done
+    job: Job, root: TreeNode, table: Table, trials: int, workers: int | None, say: Report,
+    growth: Growth | None = None,
+) -> tuple[Table, Narrowed | None]:  # fmt: skip
+    """The table narrowed against strangers, where the job names some.
+
+    Leaves are confirmed where the goal says how many may be answered, and it is told how the tree was grown.
+    """
+    done = None
+    rounds = 1 + (CONFIRMATIONS if job.goal.stranger_rate else 0)
+    for attempt in range(rounds if job.stranger else 0):
+        seed = SEED_NARROWING + attempt
+        if attempt:
+            left = [judged(other, STRANGERS, workers, table, seed) for other in job.strangers]
+            if growth is None or not confirmed(root, left, job, growth, [job.seed, seed]):
+                break
+            table = lower(root, job)
+        found = judged(job, narrowing_trials(trials), workers, table, seed, report=say)
+        table = marked(job, table, found) if attempt else table
+        if not found.success.any():
+            return table, None
+        strange = [judged(other, STRANGERS, workers, table, seed) for other in job.strangers]
+        done = narrowed(table, root, found, strange, job)
+        table = done.table if done else table
+    return table, done
 
 
 def _ends(root: TreeNode) -> list[TreeNode]:

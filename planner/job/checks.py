@@ -87,6 +87,7 @@ def check_conflicts(values: Values) -> None:
     _check_actions(values["actions"], values["cell"])
     _check_choices(values["actions"], values["gripper"], values["cell"])
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
+    _check_stranger_rate(values["goal"], values["search"])
     if values["delivery"] is not None:
         _check_delivery(values)
 
@@ -100,6 +101,16 @@ def check_identity(goal: Goal) -> None:
     if goal.kind == "identity":
         problem = 'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
         raise _conflict("goal", "kind", problem)
+
+
+def check_strangers(goal: Goal, named: bool) -> None:
+    """Refuses to count strangers where the job, as somebody wrote it, names none.
+
+    Raises:
+        ValueRangeError: so it is.
+    """
+    if goal.stranger_rate is not None and not named:
+        raise _conflict("goal", "stranger_rate", "is of parts that the job must name; add [[stranger]]")
 
 
 def check_hypotheses(job: Any, names: list[str]) -> None:
@@ -263,6 +274,13 @@ def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:
             f"{opening_mm:.4g} mm; take a wider gripper"
         )
         raise FitError(problem, section="gripper", key="opening_mm")
+
+
+def _check_stranger_rate(goal: dict[str, Any], search: dict[str, Any]) -> None:
+    if goal["stranger_rate"] is not None and goal["wrong_ppm"] is not None:
+        raise _conflict("goal", "stranger_rate", "is not planned for together with wrong_ppm; leave one out")
+    if goal["stranger_rate"] is not None and search["method"] != "closed-loop":
+        raise _conflict("goal", "stranger_rate", 'needs method = "closed-loop"; leave one of the two out')
 
 
 def _check_supports(points: Array, part_outline: outline.Outline) -> None:

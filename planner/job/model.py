@@ -198,6 +198,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         found += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
     strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
+    job_checks.check_strangers(found[0][1].goal, bool(strange) or not drawn)
     if len(found) == 1:
         job_checks.check_identity(found[0][1].goal)
         return replace(found[0][1], stranger=strange)

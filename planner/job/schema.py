@@ -167,6 +167,8 @@ class Goal:
     identify: Annotated[bool | None, Flag(default=None)] = None
     # Share of the own parts that a table may lose by being narrowed against strangers; 0.001 if None.
     stranger_loss: Annotated[float | None, Number(0, 0.1, default=None)] = None
+    # Most strangers of a kind that may be answered, for one more squeeze at a leaf; None: no such goal.
+    stranger_rate: Annotated[float | None, Number(0, 1, above=True, default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)
