@@ -118,7 +118,8 @@ def compile_job(
         within(planning(hasty_root(root), True), careful, judge) if limit.bounded else careful.run(judge)
     )
     table, untried = planned.by.finished(planned, judge)
-    table, against = guarded(job, planned.by.root, table, trials, mixture.workers, say, growth)
+    whole = None if planned.cut else growth
+    table, against = guarded(job, planned.by.root, table, trials, mixture.workers, say, whole)
     plan = _stated(job, planned.by.root, table, untried, trials, work, say, planned.cut, against)
     if not plan.evaluation.success.any():
         raise no_plan(plan.table, plan.evaluation, job, plan.cut)

@@ -14,7 +14,7 @@ from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.errors import NoPlanError
 from planner.evaluation import rare
-from planner.evaluation.confirming import confirmed
+from planner.evaluation.confirming import confirm
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import carried_on, evaluate
 from planner.evaluation.judge import claimed, rejudged
@@ -38,6 +38,7 @@ SEED_EVALUATION = 0x4556
 SEED_RARE = 0x52415245
 SEED_WORLD = 0x574F
 SEED_NARROWING = 0x4E4152
+SEED_STRANGERS = 0x53545247
 STRANGERS = 2000  # parts of each stranger that say how far a table is narrowed
 CONFIRMATIONS = 3  # how often leaves are confirmed against strangers
 TIMED_TRIALS = 500  # parts squeezed to tell how long an evaluation takes
@@ -294,14 +295,10 @@ def guarded(
     Leaves are confirmed where the goal says how many may be answered, and it is told how the tree was grown.
     """
     done = None
-    rounds = 1 + (CONFIRMATIONS if job.goal.stranger_rate else 0)
-    for attempt in range(rounds if job.stranger else 0):
+    rounds = CONFIRMATIONS if growth is not None and job.goal.stranger_rate else 0
+    for attempt in range(1 + rounds if job.stranger else 0):
         seed = SEED_NARROWING + attempt
-        if attempt:
-            left = [judged(other, STRANGERS, workers, table, seed) for other in job.strangers]
-            if growth is None or not confirmed(root, left, job, growth, [job.seed, seed]):
-                break
-            table = lower(root, job)
+        table = lower(root, job) if attempt else table
         found = judged(job, narrowing_trials(trials), workers, table, seed, report=say)
         table = marked(job, table, found) if attempt else table
         if not found.success.any():
@@ -309,6 +306,12 @@ def guarded(
         strange = [judged(other, STRANGERS, workers, table, seed) for other in job.strangers]
         done = narrowed(table, root, found, strange, job)
         table = done.table if done else table
+        if growth is None or not rounds:
+            break
+        left = [judged(other, STRANGERS, workers, table, SEED_STRANGERS + attempt) for other in job.strangers]
+        done = done and done._replace(answered=max(float(each.resolved.mean()) for each in left))
+        if attempt == rounds or not confirm(root, left, job, growth, [job.seed, seed]):
+            break
     return table, done
 
 

@@ -22,10 +22,8 @@ BESIDE = 2  # counts beside theirs that are accepted, too
 Strays = list[tuple[Belief, MotionModel]]  # strangers that came to a leaf, of each kind, and how they move
 
 
-def confirmed(
-    root: TreeNode, strange: Sequence[Evaluation], job: Job, growth: Growth, seed: list[int]
-) -> int:
-    """Squeezes once more at as few parts' leaves as leave no stranger answered too often.
+def confirm(root: TreeNode, strange: Sequence[Evaluation], job: Job, growth: Growth, seed: list[int]) -> int:
+    """Squeezes once more at leaves that answer strangers, until the other leaves answer few enough of each.
 
     Args:
         root: of the tree, modified in place.
@@ -35,7 +33,7 @@ def confirmed(
         seed: every leaf draws from a stream of its own, named after its path.
 
     Returns:
-        How many leaves.
+        How many leaves were squeezed again; there may be no placement clear of all parts.
     """
     models = [
         Simulation(Mixture.of_job(other), encoder_of(other), placing_of(other)) for other in job.strangers
@@ -44,6 +42,7 @@ def confirmed(
     parents = {id(child): node for node in inner for child in node.children}
     leaves = [node for node in inner if not node.children]
     chosen = _chosen(leaves, strange, job.goal.stranger_rate or 0.0, growth.max_depth)
+    confirmed = 0
     for k in chosen:
         leaf, strays = leaves[k], Strays()
         for found, model in zip(strange, models, strict=True):
@@ -55,7 +54,8 @@ def confirmed(
         placement = _telling(leaf, strays, growth, rng)
         if placement is not None:
             squeeze_at(leaf, parents.get(id(leaf)), placement, growth, rng)
-    return len(chosen)
+            confirmed += 1
+    return confirmed
 
 
 def _chosen(leaves: list[TreeNode], strange: Sequence[Evaluation], rate: float, max_depth: int) -> list[int]:
@@ -63,7 +63,7 @@ def _chosen(leaves: list[TreeNode], strange: Sequence[Evaluation], rate: float, 
     answered = np.array(
         [np.bincount(each.leaf[each.resolved], minlength=len(leaves)) / len(each.leaf) for each in strange]
     )
-    answered[:, [leaf.depth >= max_depth for leaf in leaves]] *= 0.0
+    answered[:, [leaf.depth >= max_depth for leaf in leaves]] = 0.0
     share, chosen = np.array([leaf.share for leaf in leaves]), []
     while (often := answered.sum(axis=1) > rate).any():
         chosen.append(int(np.argmax(answered[often].sum(axis=0) / np.maximum(share, 1e-6))))

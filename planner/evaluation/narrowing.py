@@ -34,17 +34,22 @@ class Narrowed(NamedTuple):
     table: Table
     accepted: tuple[int, int]  # counts that mean a branch, over all nodes: before, and now
     lost: float  # share of the own parts that are rejected for it
+    answered: float | None = None  # share of fresh strangers that the table answers, the most of any kind
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
         before, now = self.accepted
-        return {"accepted_counts_before": before, "accepted_counts": now, "lost_rate": self.lost}
+        told = {"accepted_counts_before": before, "accepted_counts": now, "lost_rate": self.lost}
+        return told if self.answered is None else {**told, "answered_rate": self.answered}
 
     def line(self) -> str:
         """For people."""
         before, now = self.accepted
         told = f"narrowed against strangers: {now} of {before} counts are accepted"
-        return f"{told}; {self.lost:.3%} of the parts that belong there are rejected for it"
+        told = f"{told}; {self.lost:.3%} of the parts that belong there are rejected for it"
+        return (
+            told if self.answered is None else f"{told}; at most {self.answered:.2%} of a stranger answered"
+        )
 
 
 def narrowed(

@@ -167,7 +167,7 @@ class Goal:
     identify: Annotated[bool | None, Flag(default=None)] = None
     # Share of the own parts that a table may lose by being narrowed against strangers; 0.001 if None.
     stranger_loss: Annotated[float | None, Number(0, 0.1, default=None)] = None
-    # Most strangers of a kind that may be answered, for one more squeeze at a leaf; None: no such goal.
+    # Largest share of each stranger that may be answered; leaves are squeezed once more for it. None: any.
     stranger_rate: Annotated[float | None, Number(0, 1, above=True, default=None)] = None
 
 

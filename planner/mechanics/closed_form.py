@@ -3,8 +3,8 @@
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
 slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode is
 a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right signs.
-Two contacts that both stick have one condition too many and are covered by their neighbours. Three that are
-pressed slide, their normals alone determine the motion, and that the senses.
+Two contacts that both stick have one condition too many and are covered by their neighbours. Where
+three slide, their normals determine the motion, the motion the senses, and these the forces.
 """
 
 import numpy as np

@@ -65,6 +65,11 @@ def test_leaves_are_squeezed_again_until_few_strangers_are_answered(plain):
     assert answered(plain) > 0.5
     assert answered(plan) < RATE + 3.0 * np.sqrt(RATE / 2000)
     assert plan.evaluation.success.mean() > 0.99
+    assert plain.against is not None
+    assert plain.against.answered is None
+    assert plan.against is not None
+    assert plan.against.answered == pytest.approx(answered(plan), abs=0.02)
+    assert plan.against.figures()["answered_rate"] == plan.against.answered
     least, mean = plain.evaluation.squeezes.mean(), plan.evaluation.squeezes.mean()
     assert least < mean < least + 1.0
     assert len(breadth_first(plan.root)) == len(plan.table.nodes) + len(plan.table.leaves)
