@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, as_planned, with_hypothesis
+from planner.mechanics.traits import Traits, as_planned, joined, with_hypothesis
 
 UNREAD = -1
 
@@ -37,7 +37,7 @@ class Belief:
         """The particles of several beliefs, one belief after the other."""
         return cls(
             np.concatenate([belief.poses for belief in beliefs]),
-            np.concatenate([belief.traits for belief in beliefs]),
+            joined(belief.traits for belief in beliefs),
             np.concatenate([belief.reading for belief in beliefs]),
         )
 

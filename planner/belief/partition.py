@@ -75,7 +75,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     metric, weight = rule.metric, np.bincount(counts, minlength=COUNTS)
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
-    k = _cut(
+    k = intervals(
         np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.modes,
         np.array(rule.estimate), rule.prices(), bounds,
     )  # fmt: skip
@@ -245,7 +245,7 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 
 @kernel
-def _cut(
+def intervals(
     poses: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
     prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip

@@ -5,9 +5,9 @@ encoder noise. Many beliefs and actions are rolled out in one batch.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self, TypeAlias
+from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,12 +20,13 @@ from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED
-from planner.mechanics.traits import Traits
+from planner.mechanics.traits import Traits, joined
 
 LEAST_SQUEEZE = 0.001
 """A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
 
 
+Number = TypeVar("Number", float, Array)
 Case: TypeAlias = tuple[Belief, Array]
 """A belief, and the placement (3,) of the hand that squeezes it [mm, mm, rad]."""
 
@@ -37,15 +38,6 @@ class Squeezed(NamedTuple):
     # Share held by friction alone (jammed): stiff jaws on a light part may throw it out (paper VII.B).
     unstable: float
     width_mm: float  # mean width at which the jaws stop
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """What the same action makes of several parts of a belief."""
-        if len(parts) == 1:
-            return parts[0]
-        size = [len(part.belief) for part in parts]
-        means = np.average([part[1:] for part in parts], axis=0, weights=size)
-        return cls(Belief.joined([part.belief for part in parts]), float(means[0]), float(means[1]))
 
 
 class Outcomes(NamedTuple):
@@ -152,22 +144,22 @@ def squeezed_by(
     """
     if not cases:
         return []
-    size = [len(belief) for belief, _ in cases]
-    traits = np.concatenate([belief.traits for belief, _ in cases])
+    size = np.array([len(belief) for belief, _ in cases])
+    traits = joined(belief.traits for belief, _ in cases)
     hand = placing.placed(np.repeat([placement for _, placement in cases], size, axis=0), traits, rng)
     poses = np.concatenate([belief.poses for belief, _ in cases])
     rolled = roll_out(to_hand(poses, hand.T), np.repeat(np.arange(len(cases)), size), traits)
     counts = encoder.with_flag(encoder.read(read_as(rolled.width_mm, traits), rng), rolled.width_mm)
     after = to_world(rolled.poses, hand.T)
-    squeezed = []
-    start = 0
-    for belief, _ in cases:
-        part = slice(start, start + len(belief))
-        start = part.stop
-        found = Belief(after[part], belief.traits, counts[part])
-        unstable = float(np.mean(rolled.status[part] == JAMMED))
-        squeezed.append(Squeezed(found, unstable, float(np.mean(rolled.width_mm[part]))))
-    return squeezed
+    stops: IntArray = np.cumsum(size)
+    starts: IntArray = stops - size
+    unstable = np.add.reduceat(rolled.status == JAMMED, starts, dtype=np.float64) / size
+    width_mm = np.add.reduceat(rolled.width_mm, starts) / size
+    each = zip(cases, starts.tolist(), stops.tolist(), unstable.tolist(), width_mm.tolist(), strict=True)
+    return [
+        Squeezed(Belief(after[start:stop], belief.traits, counts[start:stop]), jammed, width)
+        for (belief, _), start, stop, jammed, width in each
+    ]
 
 
 class Costs(NamedTuple):
@@ -185,10 +177,10 @@ class Costs(NamedTuple):
         """What a squeeze costs at least, as a probability of success."""
         return max(self.squeeze, LEAST_SQUEEZE)
 
-    def of(self, outcomes: Outcomes) -> float:
-        """C of an action with these outcomes, in squeezes."""
-        seconds = self.lift_s + 2.0 * (self.opening_mm - outcomes.width_mm) / self.speed_mm_s
-        extra = self.second * seconds + self.unstable * outcomes.unstable
+    def of(self, unstable: Number, width_mm: Number) -> Number:
+        """C of actions with such a share held by friction alone and such a mean width, in squeezes."""
+        seconds = self.lift_s + 2.0 * (self.opening_mm - width_mm) / self.speed_mm_s
+        extra = self.second * seconds + self.unstable * unstable
         return 1.0 + extra / self.least
 
 

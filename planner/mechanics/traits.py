@@ -4,7 +4,7 @@ Traits are a structured array with a row for each particle or part. A further tr
 what it does belongs where it acts: in `Simulator.sample`, in `belief.transition` or in both.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TypeAlias
 
 import numpy as np
@@ -40,6 +40,12 @@ def as_planned(n: int) -> Traits:
     traits = np.zeros(n, TRAITS)
     traits["friction"] = FRESH
     return traits
+
+
+def joined(pieces: Iterable[Traits]) -> Traits:
+    """The traits of several groups of parts, one after the other; numpy compares all fields of each first."""
+    raw = [np.ascontiguousarray(piece).view(np.uint8) for piece in pieces]
+    return np.concatenate(raw).view(TRAITS)
 
 
 def ordinary(traits: Traits) -> BoolArray:

@@ -167,13 +167,13 @@ class LookAhead:
         params = self.objective.params
         open_ones = [i for i, o in enumerate(squeezed) if (o.cost_to_go - o.cost).min() > params.nearly_done]
         chosen = [(i, k) for i in open_ones for k in squeezed[i].best(params.followed)]
-        children = [child for i, k in chosen for child in squeezed[i].outcomes[k].beliefs]
+        outcomes = [self.ranking.outcomes(squeezed[i].squeezed[k]) for i, k in chosen]
+        children = [child for outcome in outcomes for child in outcome.beliefs]
         cost_to_go, ratio = self._values(children, depth - 1, rng)
         for i in open_ones:
             found[i].cost_to_go[:] = np.inf
         start = 0
-        for i, k in chosen:
-            outcome = squeezed[i].outcomes[k]
+        for (i, k), outcome in zip(chosen, outcomes, strict=True):
             part = slice(start, start + len(outcome.beliefs))
             found[i].cost_to_go[k] = squeezed[i].cost[k] + outcome.probability @ cost_to_go[part]
             found[i].ratio[k] = outcome.probability @ ratio[part]

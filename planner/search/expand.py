@@ -346,7 +346,8 @@ def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, flo
     release = growth.handling.release(outcomes)
     node.squeeze = PlannedSqueeze(
         placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,
-        release, growth.objective.costs.of(outcomes), 1.0 - arrives,
+        release, growth.objective.costs.of(outcomes.unstable, outcomes.width_mm),
+        1.0 - arrives,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
     modes = [metric.mode(child.states) for child in beliefs]

@@ -7,10 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.metric import mode_shares
+from planner.belief.observation import COUNTS
 from planner.belief.particles import Belief
+from planner.belief.partition import intervals, squeezes_left
 from planner.belief.transition import MotionModel, Outcomes, Squeezed
 from planner.frames import wrap
+from planner.kernel import kernel
 from planner.mechanics.clearance import free_placements
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
@@ -40,7 +44,8 @@ class Options(NamedTuple):
 
     Attributes:
         placements: (k, 3) of the hand in the world.
-        outcomes: k of them.
+        squeezed: what each makes of the belief.
+        branches: (k,) into how many it cuts it.
         cost: (k,) c.
         ratio: (k,) expected mode ratio after it.
         cost_to_go: (k,) J of depth 1.
@@ -48,7 +53,8 @@ class Options(NamedTuple):
     """
 
     placements: Array
-    outcomes: list[Outcomes]
+    squeezed: list[Squeezed]
+    branches: IntArray
     cost: Array
     ratio: Array
     cost_to_go: Array
@@ -62,7 +68,7 @@ class Options(NamedTuple):
         """These options and others of the same belief."""
         columns = [np.concatenate(pair) for pair in zip(self[2:], other[2:], strict=True)]
         placements = np.concatenate([self.placements, other.placements])
-        return Options(placements, self.outcomes + other.outcomes, *columns)
+        return Options(placements, self.squeezed + other.squeezed, *columns)
 
 
 @dataclass(slots=True, eq=False)
@@ -72,18 +78,26 @@ class _Contest:
     belief: Belief
     placements: Array  # (k, 3) of those still in it
     stop: int  # how many of the particles will have squeezed after this round
-    start: int = 0  # how many have squeezed
-    squeezed: list[Squeezed] = field(default_factory=list)  # k, by all particles so far
+    # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and `Squeezed`'s two means.
+    poses: Array
+    reading: IntArray
+    means: Array
     options: Options = field(init=False)  # as judged last
 
     @classmethod
     def of(cls, belief: Belief, placements: Array, params: SearchParams) -> _Contest:
         """The first round: fewer particles the more options there are, spread evenly through the belief."""
-        few = len(belief)
-        if len(placements) > params.finalists:
+        few, k = len(belief), len(placements)
+        if k > params.finalists:
             few = min(few, max(params.first_particles, round(params.first_share * few)))
             belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
-        return cls(belief, placements, few)
+        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros((k, 2))
+        return cls(belief, placements, few, *nothing)
+
+    @property
+    def start(self) -> int:
+        """How many of the particles have squeezed."""
+        return int(self.reading.shape[1])
 
     @property
     def waiting(self) -> bool:
@@ -97,15 +111,25 @@ class _Contest:
 
     def add(self, squeezed: list[Squeezed]) -> None:
         """What this round's particles came to, for each option."""
-        before = zip(self.squeezed, squeezed, strict=True) if self.squeezed else ((new,) for new in squeezed)
-        self.squeezed, self.start = [Squeezed.joined(parts) for parts in before], self.stop
+        means = np.array([new[1:] for new in squeezed])
+        self.means = (self.start * self.means + (self.stop - self.start) * means) / self.stop
+        poses, reading = zip(*((new.belief.poses, new.belief.reading) for new in squeezed), strict=True)
+        self.poses = np.concatenate([self.poses, np.stack(poses)], axis=1)
+        self.reading = np.concatenate([self.reading, np.stack(reading)], axis=1)
+
+    def squeezed(self) -> list[Squeezed]:
+        """What all particles so far came to, for each option."""
+        traits = self.belief.traits[: self.start]
+        each = zip(self.poses, self.reading, self.means.tolist(), strict=True)
+        return [Squeezed(Belief(poses, traits, reading), *means) for poses, reading, means in each]
 
     def halve(self, options: Options, params: SearchParams) -> None:
         """Drops the worse options, unless all particles have judged them."""
         self.options = options
         if self.waiting:
             kept = sorted(options.best(max(params.finalists, -(-len(self.placements) // 2))))
-            self.placements, self.squeezed = self.placements[kept], [self.squeezed[k] for k in kept]
+            self.placements, self.means = self.placements[kept], self.means[kept]
+            self.poses, self.reading = self.poses[kept], self.reading[kept]
             last = len(kept) <= params.finalists
             self.stop = len(self.belief) if last else min(len(self.belief), 2 * self.stop)
 
@@ -143,12 +167,12 @@ class Ranking:
             _Contest.of(belief, choice, params) for belief, choice in zip(beliefs, options, strict=True)
         ]
         while waiting := [contest for contest in contests if contest.waiting]:
-            cases = [(contest.next, a) for contest in waiting for a in contest.placements]
+            rounds = [(contest.next, contest.placements) for contest in waiting]
+            cases = [(particles, a) for particles, placements in rounds for a in placements]
             squeezed = iter(self.model.squeeze(cases, rng))
             for contest in waiting:
                 contest.add([next(squeezed) for _ in contest.placements])
-                outcomes = [Outcomes.of(found, self.objective.rule) for found in contest.squeezed]
-                contest.halve(self._judge(contest.placements, outcomes), params)
+                contest.halve(self._judge(contest), params)
         return [contest.options for contest in contests]
 
     def refined(self, belief: Belief, squeezed: Options) -> Array:
@@ -169,26 +193,29 @@ class Ranking:
         """
         metric, params = self.objective.metric, self.objective.params
         ratio = float(metric.shares([belief.states], metric.modes).sum())  # as those after it are found
-        bias = [selection_bias(ratio, len(belief), len(o.beliefs), params) for o in squeezed.outcomes]
+        bias = [selection_bias(ratio, len(belief), int(k), params) for k in squeezed.branches]
         return np.asarray(after - ratio - np.array(bias))
 
-    def _judge(self, placements: Array, outcomes: list[Outcomes]) -> Options:
-        metric, params = self.objective.metric, self.objective.params
-        cost = np.array([self.objective.costs.of(outcome) for outcome in outcomes])
-        ratio, cost_to_go, rank = np.zeros(len(cost)), cost.copy(), cost.copy()
-        children = [child.states for outcome in outcomes for child in outcome.beliefs]
-        modes = metric.shares(children, metric.modes + 1)
-        first, further = modes[:, : metric.modes].sum(axis=1), modes[:, metric.modes :].sum(axis=1)
-        start = 0
-        for k, outcome in enumerate(outcomes):
-            size = outcome.clusters.size
-            part = slice(start, start + len(size))
-            start = part.stop
-            ratio[k] = outcome.probability @ first[part]
-            left = self.objective.rule.estimate.squeezes(first[part] * size, size)
-            cost_to_go[k] += float(outcome.probability @ left)
-            rank[k] = cost_to_go[k] - params.second_mode * (outcome.probability @ further[part])
-        return Options(placements, outcomes, cost, ratio, cost_to_go, rank)
+    def outcomes(self, squeezed: Squeezed) -> Outcomes:
+        """The branches of one of the options."""
+        return Outcomes.of(squeezed, self.objective.rule)
+
+    def _judge(self, contest: _Contest) -> Options:
+        """The options as `Outcomes` would have them, whose beliefs are not needed yet."""
+        rule, params, k = self.objective.rule, self.objective.params, len(contest.placements)
+        poses, hypothesis = contest.poses, contest.belief.traits["hypothesis"][: contest.start]
+        if rule.metric.further:
+            fourth = np.broadcast_to(hypothesis.astype(np.float64)[:, None], (*poses.shape[:2], 1))
+            poses = np.concatenate([poses, fourth], axis=2)
+        figures, branches = np.zeros((k, 3)), np.zeros(k, np.int64)
+        judged(
+            poses, contest.reading, rule.resolution.free, rule.metric.weights(), rule.metric.modes,
+            np.array(rule.estimate), rule.prices(), figures, branches,
+        )  # fmt: skip
+        ratio, left, further = figures.T
+        cost = self.objective.costs.of(*contest.means.T)
+        rank = cost + left - params.second_mode * further
+        return Options(contest.placements, contest.squeezed(), branches, cost, ratio, cost + left, rank)
 
     def _free(self, belief: Belief, placements: Array) -> Array:
         free = self._clear(belief, placements, self.objective.params.least_clearance_mm)
@@ -202,6 +229,64 @@ class Ranking:
         for k, rows in by_hypothesis(belief.traits):
             found &= free_placements(outlines[k], jaws, belief.poses[rows], placements, least_mm, share)
         return found
+
+
+@kernel
+def judged(
+    states: Array, reading: IntArray, free: int, weights: Array, modes: int, estimate: Array, prices: Array,
+    figures: Array, branches: IntArray,
+) -> None:  # fmt: skip
+    """Cuts what options make of a belief into branches, and weighs these.
+
+    Args:
+        states: (k, n, m) of the particles after each option.
+        reading: (k, n) counts.
+        free: least count that an empty hand reads.
+        weights: of the metric.
+        modes: how many poses a prediction may name.
+        estimate: of J.
+        prices: see `Rule.prices`.
+        figures: (k, 3) receives the expected mode ratio, J at depth 0, and the share in one mode more.
+        branches: (k,) receives how many there are.
+    """
+    n = reading.shape[1]
+    weight, start = np.empty(COUNTS, np.int64), np.empty(COUNTS + 1, np.int64)
+    bounds, label = np.empty(COUNTS + 1, np.int64), np.empty(COUNTS, np.int64)
+    moved, stops = np.empty((n, states.shape[2])), np.empty(COUNTS, np.int64)
+    shares = np.empty((COUNTS, modes + 1))
+    for option in range(states.shape[0]):
+        weight[:] = 0
+        for i in range(n):
+            weight[reading[option, i]] += 1
+        start[0] = 0
+        for count in range(COUNTS):
+            start[count + 1] = start[count] + weight[count]
+        for i in range(n):
+            count = reading[option, i]
+            moved[start[count]] = states[option, i]
+            start[count] += 1
+        size = branches[option] = intervals(moved, weight, free, weights, modes, estimate, prices, bounds)
+        stops[:size] = 0
+        for j in range(size):
+            label[bounds[j + 1] : bounds[j]] = j
+            stops[j] = weight[bounds[j + 1] : bounds[j]].sum()
+        start[0] = 0
+        for j in range(size):
+            start[j + 1] = start[j] + stops[j]
+            stops[j] = start[j + 1]
+        for i in range(n):
+            j = label[reading[option, i]]
+            moved[start[j]] = states[option, i]
+            start[j] += 1
+        shares[:size] = 0.0
+        mode_shares(moved, stops[:size], weights, shares[:size])
+        for j in range(size):
+            here = stops[j] - (stops[j - 1] if j else 0)
+            first, further = shares[j, :modes].sum(), shares[j, modes]
+            left = squeezes_left(first * here, here, estimate[0], estimate[1], estimate[2], estimate[3])
+            figures[option, 0] += here / n * first
+            figures[option, 1] += here / n * left
+            figures[option, 2] += here / n * further
 
 
 def selection_bias(ratio: float, particles: int, clusters: int, params: SearchParams) -> float:

@@ -97,8 +97,7 @@ def test_of_many_options_few_are_squeezed_by_all_particles_and_the_telling_one_i
     assert TELLING in options.placements[:, 2]
     assert len(options.placements) == ranking.objective.params.finalists
     assert sum(model.sizes) < 0.4 * len(placements) * len(belief)
-    for outcome in options.outcomes:
-        assert sum(len(child) for child in outcome.beliefs) == len(belief)
+    assert all(len(squeezed.belief) == len(belief) for squeezed in options.squeezed)
 
 
 def test_few_options_are_squeezed_once_by_all_particles():
