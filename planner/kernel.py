@@ -41,14 +41,19 @@ numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 def kernel(function: F) -> F:
     """Compiles a function closed over arrays: no Python objects, no lock, no exceptions, cached on disk."""
-    return _compiled(function, counting=True)
+    return _compiled(function)
 
 
 def inner_kernel(function: F) -> F:
     """`kernel` for what allocates nothing: references to arrays are not counted, two fifths of a squeeze."""
-    return _compiled(function, counting=False)
+    return _compiled(function, _nrt=False)
 
 
-def _compiled(function: F, *, counting: bool) -> F:
-    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": counting}
+def inlined_kernel(function: F) -> F:
+    """`inner_kernel` for what is short and often called: handing an array on takes longer than its work."""
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
+def _compiled(function: F, **own: bool) -> F:
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", **own}
     return cast(F, numba.njit(**options)(function))

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
-from planner.kernel import inner_kernel, kernel
+from planner.kernel import inlined_kernel, inner_kernel, kernel
 from planner.part.outline import radius_of_gyration
 
 CANDIDATES = 48
@@ -159,7 +159,7 @@ def metric_of(job: Job) -> Metric:
     return Metric(goal.distance_mm, *own[0], goal.kind, tolerance, modes, tuple(own[1:]), identify)
 
 
-@inner_kernel
+@inlined_kernel
 def off(states: Array, i: int, centre: Array, weights: Array) -> tuple[float, float, float, float]:
     """How state i lies off `centre`: the distance in goals, infinite for another part; x, y and the angle."""
     which = 0

@@ -5,7 +5,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.frames import to_hand
 from planner.job.schema import Gripper
-from planner.kernel import inner_kernel, kernel
+from planner.kernel import inlined_kernel, inner_kernel, kernel
 from planner.mechanics.contacts import place
 
 BEHIND_MM = 0.1
@@ -49,7 +49,7 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
     return nearest
 
 
-@inner_kernel
+@inlined_kernel
 def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: float) -> bool:
     """Whether a segment runs through the inside of the box |x| < half_x, |y| < half_y (Liang and Barsky)."""
     start, end = 0.0, 1.0

@@ -10,7 +10,7 @@ three slide, their normals determine the motion, the motion the senses, and thes
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 
@@ -19,7 +19,7 @@ LARGEST_FORCE = 1e3
 """Three contacts that press harder, where 1 moves the part by about 1 mm, nearly hold it: Lemke decides."""
 
 
-@inner_kernel
+@inlined_kernel
 def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
     """F . A g for two wrenches given by their components."""
     return float(
@@ -29,7 +29,7 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
     )
 
 
-@inner_kernel
+@inlined_kernel
 def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
 
@@ -57,7 +57,7 @@ def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     return RAY
 
 
-@inner_kernel
+@inlined_kernel
 def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
     """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
     for p in range(4):
@@ -72,7 +72,7 @@ def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
             G[r, p] = G[p, r]
 
 
-@inner_kernel
+@inlined_kernel
 def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array) -> bool:
     """Contacts i and j slide with the senses si and sj."""
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
@@ -93,7 +93,7 @@ def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, s
     return True
 
 
-@inner_kernel
+@inlined_kernel
 def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
     """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
     v = 2 - o
@@ -118,7 +118,7 @@ def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: 
     return True
 
 
-@inner_kernel
+@inlined_kernel
 def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
     """Solves eqs 1-5 for contacts i and j, both pressed; as `one_contact`, with G, a (4, 4) workspace.
 
@@ -187,7 +187,7 @@ def three_contacts(
     return SOLVED
 
 
-@inner_kernel
+@inlined_kernel
 def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
     """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
     F0, F1, F2 = 0.0, 0.0, 0.0

@@ -25,7 +25,7 @@ Contacts live in two plain arrays, one row a contact:
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel
 
 FACE = 0
 CORNER = 1
@@ -47,7 +47,7 @@ OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the pa
 END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
 
 
-@inner_kernel
+@inlined_kernel
 def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
     """Places the `count` listed vertices of an outline (N, 2) at pose q = (x, y, theta) into `points`."""
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -57,7 +57,7 @@ def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int)
         points[i, 1] = q[1] + s * outline[i, 0] + c * outline[i, 1]
 
 
-@inner_kernel
+@inlined_kernel
 def _slot(C: Array, count: int, gap: float) -> int:
     """Row for a new contact: the next free one, else that of the widest gap if it is wider; -1 for none."""
     if count < MAX_CONTACTS:
@@ -69,7 +69,7 @@ def _slot(C: Array, count: int, gap: float) -> int:
     return widest if C[widest, GAP] > gap else -1
 
 
-@inner_kernel
+@inlined_kernel
 def _write(
     C: Array, slot: int, gap: float, rx: float, ry: float, nx: float, ny: float, low: float, high: float
 ) -> None:
@@ -77,7 +77,7 @@ def _write(
     C[slot, LOW], C[slot, HIGH] = low, high
 
 
-@inner_kernel
+@inlined_kernel
 def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
     """Whether a neighbour of edge i-j, at a convex vertex, keeps the point (px, py) out by more than `gap`.
 
@@ -97,7 +97,7 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
     return False
 
 
-@inner_kernel
+@inlined_kernel
 def _add_face(
     C: Array, I: IntArray, count: int, points: Array, i: int, finger: int, face: float, h: float,
     margin: float,
@@ -119,7 +119,7 @@ def _add_face(
     return min(count + 1, MAX_CONTACTS)
 
 
-@inner_kernel
+@inlined_kernel
 def _add_corners(
     C: Array, I: IntArray, count: int, points: Array, i: int, j: int, finger: int, kind: int, face: float,
     h: float, margin: float,

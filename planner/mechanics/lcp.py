@@ -7,7 +7,7 @@ Ties in the ratio test are broken lexicographically: flush grasps, which are deg
 """
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel
 
 SOLVED = 0
 RAY = 1
@@ -18,7 +18,7 @@ TIE = 1e-9  # Ratios nearer than this are equal, and the lexicographic order dec
 PIVOTS_PER_ROW = 50
 
 
-@inner_kernel
+@inlined_kernel
 def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
 
@@ -50,7 +50,7 @@ def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     return best
 
 
-@inner_kernel
+@inlined_kernel
 def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
     """Gauss-Jordan elimination of `column` on `row`; `tableau` is modified in place."""
     width = 2 * n + 2

@@ -100,10 +100,10 @@ def push(
     Returns:
         Whether the pusher touches the part at the end, and whether the path was followed to its end.
     """
-    C, I, V, n = work.C, work.I, work.V, points.shape[0]
+    C, I, V, n = work.step.C, work.step.I, work.step.V, points.shape[0]
     everything = np.arange(n)
     full = 1.0 / _steps(path, step)
-    work.F[0], work.F[1], work.F[2] = 0.0, 1.0, 0.0
+    work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     done, share = 0.0, full
     for _ in range(int(TRIES / full)):
         place(body.outline, q, points, everything, n)
@@ -113,9 +113,7 @@ def push(
             break
         share = min(share, 1.0 - done)
         _command(C, count, body.rho, path, done, share, q)
-        status = solve_surface(
-            body.surface, q[2], mu, mu, C, I, count, work.step, work.A, work.local, work.F, V
-        )
+        status = solve_surface(body.surface, q[2], mu, mu, count, work.step)
         fraction = event_fraction(C, count, V)[0] if status == SOLVED else 0.25
         if fraction < 0.95 and share > full * SMALLEST_STEP:
             share *= max(fraction, SMALLEST_STEP)

@@ -88,8 +88,7 @@ def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
     find_contacts(q, grip, HELD_GAP * body.reach, scratch)
-    work = scratch.work
-    count = work.listed[FOUND]
+    count, work = scratch.work.listed[FOUND], scratch.work.step
     for k in range(count):
         work.C[k, GAP] = 0.0
     for i in range(3):
@@ -97,7 +96,7 @@ def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
             work.A[i, j] = 1.0 if i == j else 0.0
     probe = HELD_PROBE * body.reach
     directions(work.C, work.I, count, body.rho, probe, probe)
-    status = solve(work.A, 0.0, 0.0, work.C, work.I, count, work.step, work.V)
+    status = solve(0.0, 0.0, count, work)
     V = work.V
     far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * probe) ** 2
     return JAMMED if status == SOLVED and not far else GRASPED
@@ -131,7 +130,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
     """
     step, work = grip.step, scratch.work
     work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
-    work.F[0], work.F[1], work.F[2] = 0.0, 1.0, 0.0
+    work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     touched, verdict = False, ACCEPTED
     budget, size, margin, resumed = 0.0, step, 2.0 * step + 0.05, 0.0
     rows = _record(trace, 0, q, work.fingers)

@@ -18,15 +18,17 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics.closed_form import form, motion, one_contact, three_contacts, two_contacts
 from planner.mechanics.contacts import (
+    C_COLUMNS,
     CORNER,
     FINGER,
     FN,
     FT,
     GAP,
     HIGH,
+    I_COLUMNS,
     KIND,
     LOW,
     MAX_CONTACTS,
@@ -57,6 +59,12 @@ OVERLAP_MM = 1e-7  # Overlap that a contact outside the active set may have afte
 _N = 4 * MAX_CONTACTS
 STEP_WORK = np.dtype(
     [
+        ("C", np.float64, (MAX_CONTACTS, C_COLUMNS)),
+        ("I", np.int64, (MAX_CONTACTS, I_COLUMNS)),
+        ("A", np.float64, (3, 3)),
+        ("local", np.float64, (3, 3)),
+        ("F", np.float64, 3),
+        ("V", np.float64, 3),
         ("M", np.float64, (_N, _N)),
         ("q", np.float64, _N),
         ("tableau", np.float64, (_N, 2 * _N + 2)),
@@ -67,14 +75,18 @@ STEP_WORK = np.dtype(
     ],
     align=True,
 )
-"""Workspace of `solve`: the LCP (M, q, tableau, basis, z), the active contacts, and the pair's G.
+"""Workspace of `solve`.
+
+C, I: the contacts. A: the ellipsoid, or the quartic's local one, in the hand frame; local: in the part's.
+F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
+active: the rows of its contacts. G: the closed forms' matrix.
 
 One record is handed on as one pointer, without counting references (decision 0008).
 """
 StepWork: TypeAlias = Any
 
 
-@inner_kernel
+@inlined_kernel
 def rotate_surface(A: Array, theta: float, out: Array) -> None:
     """A in the hand frame for a part turned by theta; `out` (3, 3) is modified in place."""
     c, s = np.cos(theta), np.sin(theta)
@@ -88,7 +100,7 @@ def rotate_surface(A: Array, theta: float, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = out[0, 2], out[1, 2], A[2, 2]
 
 
-@inner_kernel
+@inlined_kernel
 def directions(
     C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float
 ) -> None:
@@ -100,7 +112,7 @@ def directions(
         C[k, UN], C[k, UT] = advance * ny, advance * nx
 
 
-@inner_kernel
+@inlined_kernel
 def turn(
     C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float,
     thickness: float,
@@ -124,14 +136,12 @@ def turn(
 
 
 @inner_kernel
-def _assemble(
-    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, work: StepWork, m: int
-) -> int:
+def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
     """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m); returns its order.
 
     Without friction the unknowns are f_n alone.
     """
-    M, q, active = work.M, work.q, work.active
+    A, C, I, M, q, active = work.A, work.C, work.I, work.M, work.q, work.active
     order = 4 * m if mu_top > 0.0 or mu_bottom > 0.0 else m
     for i in range(order):
         for j in range(order):
@@ -170,10 +180,9 @@ def _judge(work: StepWork, m: int, order: int) -> int:
 
 
 @inner_kernel
-def _all_touching(
-    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
-) -> int:
+def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     """All touching contacts: three in closed form if they all slide, else Lemke's method, with a check."""
+    A, C, I, V = work.A, work.C, work.I, work.V
     m = 0
     for k in range(count):
         if C[k, GAP] <= TOUCHING_MM:
@@ -182,7 +191,7 @@ def _all_touching(
     if m == 3 and three_contacts(A, C, I, work.active, mu_top, mu_bottom, work.G) == SOLVED:
         motion(A, C, work.active, 3, V)
         return SOLVED
-    order = _assemble(A, mu_top, mu_bottom, C, I, work, m)
+    order = _assemble(mu_top, mu_bottom, work, m)
     status = PIVOT_LIMIT
     for attempt in range(ATTEMPTS):
         status = lemke(work.M, work.q, order, work.tableau, work.basis, work.z)
@@ -202,13 +211,13 @@ def _all_touching(
     return SOLVED
 
 
-@inner_kernel
+@inlined_kernel
 def _slack(C: Array, k: int, V: Array) -> float:
     """Gap of contact k after the displacement V [mm]."""
     return float(C[k, GAP] - C[k, UN] + C[k, NX] * V[0] + C[k, NY] * V[1] + C[k, N2] * V[2])
 
 
-@inner_kernel
+@inlined_kernel
 def _most_violated(C: Array, count: int, V: Array) -> int:
     """The touching contact that overlaps most after V; -1 where none does."""
     worst, found = -OVERLAP_MM, -1
@@ -221,16 +230,14 @@ def _most_violated(C: Array, count: int, V: Array) -> int:
 
 
 @inner_kernel
-def solve(
-    A: Array, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int, work: StepWork, V: Array
-) -> int:
+def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
 
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms. A (3, 3) is in the hand frame; C and I are `count` contacts, completed by
-    `directions`, whose forces are modified in place; V (3,) receives the displacement (dx, dy, rho dtheta)
-    [mm].
+    or two, which have closed forms. `work` has A and `count` contacts, completed by `directions`; it receives
+    their forces, and the displacement V (dx, dy, rho dtheta) [mm].
     """
+    A, C, I, V = work.A, work.C, work.I, work.V
     V[0] = V[1] = V[2] = 0.0
     active = work.active
     for k in range(count):
@@ -259,10 +266,10 @@ def solve(
                 return SOLVED
     for k in range(count):
         C[k, FN], C[k, FT] = 0.0, 0.0
-    return _all_touching(A, mu_top, mu_bottom, C, I, count, work, V)
+    return _all_touching(mu_top, mu_bottom, count, work)
 
 
-@inner_kernel
+@inlined_kernel
 def event_fraction(C: Array, count: int, V: Array) -> tuple[float, int]:
     """Share of the step (linear in it) up to the first event, 1 without one, and the contact that slides off.
 

@@ -10,14 +10,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
-    C_COLUMNS,
     CORNER,
     GAP,
-    I_COLUMNS,
     KIND,
     MAX_CONTACTS,
     NY,
@@ -41,15 +39,9 @@ FURTHEST = 2.0
 
 SQUEEZE_WORK = np.dtype(
     [
-        ("C", np.float64, (MAX_CONTACTS, C_COLUMNS)),
-        ("I", np.int64, (MAX_CONTACTS, I_COLUMNS)),
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
         ("listed", np.int64, 3),
-        ("A", np.float64, (3, 3)),
-        ("local", np.float64, (3, 3)),
-        ("F", np.float64, 3),
-        ("V", np.float64, 3),
         ("trial", np.float64, 3),
         ("half", np.float64, 3),
         ("fingers", np.float64, 2),
@@ -58,10 +50,9 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-C, I: contacts; before: their places and normals before the midpoint's turn. listed: how many vertices are
-placed and near, how many contacts were found. A: the ellipsoid, or the quartic's local one, in the hand
-frame; local: in the part's. F: unit wrench of the last step, in the part's frame. trial, half: pose after the
-step and in its middle. fingers: y of the inner faces.
+before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
+listed: how many vertices are placed and near, how many contacts were found. trial, half: pose after the step
+and in its middle. fingers: y of the inner faces.
 """
 SqueezeWork: TypeAlias = Any
 
@@ -107,12 +98,12 @@ class Scratch(NamedTuple):
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
-@inner_kernel
+@inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
     """Undoes what `_midpoint` did to the contacts."""
     for k in range(work.listed[FOUND]):
         for column in range(NY + 1):
-            work.C[k, column] = work.before[k, column]
+            work.step.C[k, column] = work.before[k, column]
 
 
 @inner_kernel
@@ -123,15 +114,13 @@ def _midpoint(
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
-    C, I, V, count = work.C, work.I, work.V, work.listed[FOUND]
+    C, I, V, count = work.step.C, work.step.I, work.step.V, work.listed[FOUND]
     surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve_surface(
-        surface, q[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
-    )
+    status = solve_surface(surface, q[2], mu_top, mu_bottom, count, work.step)
     if status != SOLVED:
         return status, -1.0
     v0, v1, v2 = V[0], V[1], V[2]
@@ -141,9 +130,7 @@ def _midpoint(
     top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
     turn(C, I, count, q, work.half, top, bottom, grip.h, grip.thickness)
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve_surface(
-        surface, work.half[2], mu_top, mu_bottom, C, I, count, work.step, work.A, work.local, work.F, V
-    )
+    status = solve_surface(surface, work.half[2], mu_top, mu_bottom, count, work.step)
     if status != SOLVED:
         return status, 0.0
     work.trial[0] = q[0] + V[0]
@@ -152,7 +139,7 @@ def _midpoint(
     return SOLVED, np.sqrt((V[0] - v0) ** 2 + (V[1] - v1) ** 2 + (V[2] - v2) ** 2)
 
 
-@inner_kernel
+@inlined_kernel
 def _near(points: Array, i: int, side: float, high: float, low: float) -> bool:
     """Whether the edge from vertex i comes beyond y = high or low, and not only beside x = side or -side."""
     j = i + 1 if i + 1 < points.shape[0] else 0
@@ -190,7 +177,7 @@ def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None
     """Finds the contacts among the near vertices of a part at pose q (3,), gaps of at most `margin` [mm]."""
     points, near, work = scratch.points, scratch.near, scratch.work
     work.listed[FOUND] = contact.find(
-        work.C, work.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1],
+        work.step.C, work.step.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1],
         grip.h, grip.thickness, margin,
     )  # fmt: skip
 
@@ -201,7 +188,7 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     points, near, work = scratch.points, scratch.near, scratch.work
     h, thickness = grip.h, grip.thickness
     for k in range(work.listed[FOUND]):
-        if work.C[k, GAP] < -PENETRATION_MM:
+        if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
     n = points.shape[0]
     half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
@@ -223,7 +210,7 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     return False
 
 
-@inner_kernel
+@inlined_kernel
 def _on_curve(outline: Array, kind: int, i: int) -> bool:
     """Whether a finger's corner touches the edge from vertex i, and the edge goes on as a curve both ways."""
     if kind != CORNER and kind != OUTER:
@@ -238,7 +225,7 @@ def _on_curve(outline: Array, kind: int, i: int) -> bool:
     return True
 
 
-@inner_kernel
+@inlined_kernel
 def approach(body: Body, q: Array, trial: Array, advance: float) -> float:
     """How much nearer part and fingers may have come [mm]: from q to `trial`, fingers by `advance`."""
     dx, dy = trial[0] - q[0], trial[1] - q[1]
@@ -274,10 +261,10 @@ def try_step(
     if approach(body, q, work.trial, step_top + step_bottom) > FURTHEST * margin and not smallest:
         _turn_back(work)
         return RETRY, 0.5 * size
-    fraction, ended = event_fraction(work.C, work.listed[FOUND], work.V)
+    fraction, ended = event_fraction(work.step.C, work.listed[FOUND], work.step.V)
     if fraction < 0.95 and not smallest:
         _turn_back(work)
-        rolled = ended >= 0 and _on_curve(body.outline, work.I[ended, KIND], work.I[ended, VERTEX])
+        rolled = ended >= 0 and _on_curve(body.outline, work.step.I[ended, KIND], work.step.I[ended, VERTEX])
         return ROLLED if rolled else RETRY, size * max(fraction, SMALLEST_STEP)
     contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
     work.fingers[0] -= step_top

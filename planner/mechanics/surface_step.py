@@ -7,7 +7,7 @@ at the wrench before, until the wrench's direction stands still: a fixed point o
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.kernel import inner_kernel
 from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
 from planner.mechanics.lcp import PIVOT_LIMIT, SOLVED
@@ -52,27 +52,26 @@ def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
 
 @inner_kernel
 def solve_surface(
-    surface: Array, theta: float, mu_top: float, mu_bottom: float, C: Array, I: IntArray, count: int,
-    work: StepWork, A: Array, local: Array, F: Array, V: Array,
-) -> int:  # fmt: skip
+    surface: Array, theta: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
+) -> int:
     """Solves the step for a part turned by theta; arguments and result as `step.solve`, but for these.
 
-    The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame. A (3, 3)
-    receives the matrix of the last LCP, in the hand frame; `local` (3, 3) is workspace. F (3,) is the unit
-    wrench to start from, in the part's frame, and receives the last one (quartic only). `PIVOT_LIMIT` also
-    where the sequence did not converge.
+    The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame; `work.A`
+    receives the matrix of the last LCP. A quartic starts from the wrench `work.F`, which receives the last
+    one. `PIVOT_LIMIT` also where the sequence did not converge.
     """
+    A, F = work.A, work.F
     if surface.shape[0] == 3:
         rotate_surface(surface, theta, A)
-        return solve(A, mu_top, mu_bottom, C, I, count, work, V)
+        return solve(mu_top, mu_bottom, count, work)
     for iteration in range(MOST_ITERATIONS):
-        local_matrix(surface, F, local)
-        rotate_surface(local, theta, A)
-        status = solve(A, mu_top, mu_bottom, C, I, count, work, V)
+        local_matrix(surface, F, work.local)
+        rotate_surface(work.local, theta, A)
+        status = solve(mu_top, mu_bottom, count, work)
         if status != SOLVED:
             return status
         x, y, z = F[0], F[1], F[2]
-        if _wrench(C, count, theta, F) == 0.0:
+        if _wrench(work.C, count, theta, F) == 0.0:
             return SOLVED
         if (F[0] - x) ** 2 + (F[1] - y) ** 2 + (F[2] - z) ** 2 <= DIRECTION_TOLERANCE**2:
             return SOLVED

@@ -4,10 +4,9 @@ import numpy as np
 from contact_problems import (
     goals,
     random_contacts,
-    rows,
     wrenches,
 )
-from contact_solutions import workspace
+from contact_solutions import posed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import (
@@ -100,14 +99,13 @@ def test_fingers_only_push(seed, mu):
 @given(seed=seeds, contacts=st.integers(1, 4))
 def test_dissipation_is_never_negative(seed, contacts):
     """On the table, at each finger, and together no more than the fingers put in."""
-    work, V = workspace(), np.zeros(3)
     for k in range(20):
         problem = random_contacts(np.random.default_rng([seed, k]), contacts)
         problem = problem._replace(gap=np.zeros(contacts))
-        C, I = rows(problem)
-        mu_top, mu_bottom = problem.mu[0], problem.mu[1] if contacts > 1 else 0.0
-        if solve(problem.A, mu_top, mu_bottom, C, I, contacts, work, V) != SOLVED:
+        work, mu_bottom = posed(problem), problem.mu[1] if contacts > 1 else 0.0
+        if solve(problem.mu[0], mu_bottom, contacts, work) != SOLVED:
             continue
+        C, V = work.C, work.V
         N, T = wrenches(problem)
         normal, tangential = goals(problem)
         fn, ft = C[:contacts, FN], C[:contacts, FT]

@@ -5,18 +5,27 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from contact_problems import ContactProblem, rows
 
 from planner.arrays import Array
 from planner.mechanics import contacts
 from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import SOLVED
-from planner.mechanics.step import STEP_WORK, TOUCHING_MM, directions
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, StepWork, directions
 from planner.mechanics.surface_step import solve_surface
 
 
-def workspace():
+def workspace() -> StepWork:
     """A fresh workspace of a step."""
     return np.zeros(1, STEP_WORK).view(np.recarray)[0]
+
+
+def posed(problem: ContactProblem) -> StepWork:
+    """A workspace with the contacts of a problem."""
+    work = workspace()
+    work.A[:] = problem.A
+    work.C[:], work.I[:] = rows(problem)
+    return work
 
 
 class Residuals(NamedTuple):
@@ -87,17 +96,16 @@ def contact_solution(
         mu: friction at the upper and the lower finger.
         advance_mm: how far each finger closes.
     """
-    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+    work = workspace()
+    C, I, V = work.C, work.I, work.V
     listed = np.arange(len(points))
     h, thickness = 0.5 * jaws[1], jaws[2]
     count = contacts.find(
         C, I, points, listed, len(points), pose, faces[0], faces[1], h, thickness, TOUCHING_MM
     )
     directions(C, I, count, rho_mm, advance_mm, advance_mm)
-    V, F = np.zeros(3), np.array([0.0, 1.0, 0.0])
-    A, local = np.zeros((3, 3)), np.zeros((3, 3))
-    status = solve_surface(surface, pose[2], mu[0], mu[1], C, I, count, workspace(), A, local, F, V)
+    work.F[:] = 0.0, 1.0, 0.0
+    status = solve_surface(surface, pose[2], mu[0], mu[1], count, work)
     C, I = C[:count], I[:count]
     slack = C[:, GAP] - C[:, UN] + C[:, NX] * V[0] + C[:, NY] * V[1] + C[:, N2] * V[2]
     slip = C[:, NX] * V[1] - C[:, NY] * V[0] + C[:, T2] * V[2] - C[:, UT]

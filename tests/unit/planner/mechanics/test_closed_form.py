@@ -14,7 +14,7 @@ from contact_problems import (
     sticking,
     wrenches,
 )
-from contact_solutions import workspace
+from contact_solutions import posed
 from lcp_twin import motions, solve
 
 from planner.mechanics.closed_form import LARGEST_FORCE, motion, one_contact, three_contacts, two_contacts
@@ -134,17 +134,14 @@ def test_three_contacts_are_solved_where_all_press_and_slide_and_only_there():
 def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
     """Whichever of closed form and Lemke's method answers: same verdict, and a motion of eqs 1-5."""
     rng = np.random.default_rng(3)
-    work, V = workspace(), np.zeros(3)
     for k in range(1500):
         problem = random_contacts(rng, 1 + k % 3)
         problem = problem._replace(gap=np.zeros(1 + k % 3))
-        C, I = rows(problem)
-        mu_top = problem.mu[0]
-        mu_bottom = problem.mu[1] if k % 3 else 0.0
-        status = solve_step(problem.A, mu_top, mu_bottom, C, I, 1 + k % 3, work, V)
+        work = posed(problem)
+        status = solve_step(problem.mu[0], problem.mu[1] if k % 3 else 0.0, 1 + k % 3, work)
         all_motions = motions(problem)
         if status == SOLVED:
-            assert np.abs(all_motions - V).max(axis=1).min() < 1e-6
+            assert np.abs(all_motions - work.V).max(axis=1).min() < 1e-6
         else:
             assert status == RAY
             assert solve(*lcp(problem))[0] == RAY

@@ -126,18 +126,17 @@ def pushed_by(outline, surface, jaws, pose, push):
     """Pose after the upper finger has pushed by that much, alone: one step of the simulator's own kernels."""
     from planner.mechanics import contacts, step
 
-    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+    work = workspace()
+    C, I = work.C, work.I
     points, everything = np.zeros_like(outline), np.arange(len(outline))
     contacts.place(outline, pose, points, everything, len(outline))
     count = contacts.find(
         C, I, points, everything, len(outline), pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05
     )
-    A, V = np.zeros((3, 3)), np.zeros(3)
-    step.rotate_surface(surface.A, pose[2], A)
+    step.rotate_surface(surface.A, pose[2], work.A)
     step.directions(C, I, count, surface.rho_mm, push, 0.0)
-    assert step.solve(A, 0.5, 0.5, C, I, count, workspace(), V) == step.SOLVED
-    return pose + V / [1, 1, surface.rho_mm]
+    assert step.solve(0.5, 0.5, count, work) == step.SOLVED
+    return pose + work.V / [1, 1, surface.rho_mm]
 
 
 # Symmetries.
