@@ -22,7 +22,7 @@ from planner.mechanics.stepping import (
     FURTHEST,
     HELD,
     NEAR_MM,
-    ROLLED,
+    SHORTER,
     Body,
     Grip,
     Scratch,
@@ -155,10 +155,10 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
-        if verdict == ROLLED:
+        if verdict == SHORTER:
             resumed = max(resumed, tried)
         elif verdict == ACCEPTED:
-            size, resumed = max(size, resumed), 0.0  # the next edge of a curve asks for no shorter steps
+            size, resumed = max(size, resumed), 0.0  # an event asks for no shorter steps after it
             budget -= approach(body, q, work.trial, (grip.top_share + grip.bottom_share) * tried)
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)

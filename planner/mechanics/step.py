@@ -270,22 +270,21 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 
 
 @inlined_kernel
-def event_fraction(C: Array, count: int, V: Array) -> tuple[float, int]:
-    """Share of the step (linear in it) up to the first event, 1 without one, and the contact that slides off.
+def event_fraction(C: Array, count: int, V: Array) -> float:
+    """Share of the step (linear in it) up to the first event; 1 without one.
 
-    Events are: an awaited contact touches, then the second is -1; a pressed contact slides off the end of its
-    feature.
+    Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
     """
-    fraction, ended = 1.0, -1
+    fraction = 1.0
     for k in range(count):
         gap = C[k, GAP]
         if gap > TOUCHING_MM:
             slack = _slack(C, k, V)
-            if slack < -OVERLAP_MM and gap / (gap - slack) < fraction:
-                fraction, ended = gap / (gap - slack), -1
+            if slack < -OVERLAP_MM:
+                fraction = min(fraction, gap / (gap - slack))
         elif C[k, FN] > 0.0:
             slip = C[k, NX] * V[1] - C[k, NY] * V[0] + C[k, T2] * V[2] - C[k, UT]
             limit = C[k, HIGH] if slip > 0.0 else -C[k, LOW]
-            if abs(slip) > limit + PAST_END_MM and (limit + PAST_END_MM) / abs(slip) < fraction:
-                fraction, ended = (limit + PAST_END_MM) / abs(slip), k
-    return fraction, ended
+            if abs(slip) > limit + PAST_END_MM:
+                fraction = min(fraction, (limit + PAST_END_MM) / abs(slip))
+    return fraction

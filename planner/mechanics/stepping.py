@@ -14,13 +14,9 @@ from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
-    CORNER,
     GAP,
-    KIND,
     MAX_CONTACTS,
     NY,
-    OUTER,
-    VERTEX,
 )
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, directions, event_fraction, turn
@@ -31,7 +27,6 @@ LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-CURVED = 0.36  # Tangent of the largest turn between two edges of one curve
 NEAR_MM = 6.0  # How far around the fingers vertices are followed between two looks at the whole outline
 FURTHEST = 2.0
 """How much nearer they come in one step, in margins; the whole outline is looked at before less is left."""
@@ -57,9 +52,8 @@ and in its middle. fingers: y of the inner faces.
 SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
-ACCEPTED, RETRY, ROLLED, HELD, GIVEN_UP = range(5)
-"""What came of a step: taken; to be tried again, shorter; the same, up to the next edge of a curve; no
-solution; neither."""
+ACCEPTED, RETRY, SHORTER, HELD, GIVEN_UP = range(5)
+"""What came of a step: taken; to be tried again, shorter; the same, up to an event; no solution; neither."""
 
 
 def squeeze_workspace() -> SqueezeWork:
@@ -211,21 +205,6 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
 
 
 @inlined_kernel
-def _on_curve(outline: Array, kind: int, i: int) -> bool:
-    """Whether a finger's corner touches the edge from vertex i, and the edge goes on as a curve both ways."""
-    if kind != CORNER and kind != OUTER:
-        return False
-    n = outline.shape[0]
-    for first in (i - 1, i):
-        a, b, c = first % n, (first + 1) % n, (first + 2) % n
-        ax, ay = outline[b, 0] - outline[a, 0], outline[b, 1] - outline[a, 1]
-        bx, by = outline[c, 0] - outline[b, 0], outline[c, 1] - outline[b, 1]
-        if abs(ax * by - ay * bx) > CURVED * (ax * bx + ay * by):
-            return False
-    return True
-
-
-@inlined_kernel
 def approach(body: Body, q: Array, trial: Array, advance: float) -> float:
     """How much nearer part and fingers may have come [mm]: from q to `trial`, fingers by `advance`."""
     dx, dy = trial[0] - q[0], trial[1] - q[1]
@@ -261,11 +240,10 @@ def try_step(
     if approach(body, q, work.trial, step_top + step_bottom) > FURTHEST * margin and not smallest:
         _turn_back(work)
         return RETRY, 0.5 * size
-    fraction, ended = event_fraction(work.step.C, work.listed[FOUND], work.step.V)
+    fraction = event_fraction(work.step.C, work.listed[FOUND], work.step.V)
     if fraction < 0.95 and not smallest:
         _turn_back(work)
-        rolled = ended >= 0 and _on_curve(body.outline, work.step.I[ended, KIND], work.step.I[ended, VERTEX])
-        return ROLLED if rolled else RETRY, size * max(fraction, SMALLEST_STEP)
+        return SHORTER, size * max(fraction, SMALLEST_STEP)
     contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
