@@ -168,7 +168,10 @@ class Planning:
         self._grow(0)
 
     def _grow(self, attempt: int) -> None:
-        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most."""
+        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most.
+
+        Not where there are several hypotheses: it would take a third of the time, and save 2 % of the squeezes.
+        """
         seed = [self.job.seed, attempt]
         if attempt == 0:
             self.anytime.grow(self.root, seed, self._watch)
@@ -179,7 +182,7 @@ class Planning:
                 f"{self.job.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
-        if attempt == 0 and not self.anytime.hasty:
+        if attempt == 0 and not self.anytime.hasty and not self.job.hypothesis:
             self.improve(seed, self._late)
 
     def improve(self, seed: list[int], late: Callable[[], bool]) -> None:

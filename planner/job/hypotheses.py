@@ -24,7 +24,6 @@ from planner.part import symmetry
 KEY, STRANGER = "hypothesis", "stranger"
 OWN = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
 MOST = 16
-PARTICLES = 30_000  # of each hypothesis, where the job does not say: rare widths of any of them must be seen
 TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
 TURN = np.array([1.0, -1.0, -1.0])  # what turning a part over about its x axis makes of fx, fy and torque
 

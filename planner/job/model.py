@@ -205,7 +205,8 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
     first = replace(found[0][1], cell=replace(found[0][1].cell, squeeze_height_mm=lowest_mm))
     if "particles" not in document.get("search", {}):
-        first = replace(first, search=replace(first.search, particles=hypotheses.PARTICLES * len(found)))
+        each = first.search.particles
+        first = replace(first, search=replace(first.search, particles=each * len(found)))
     parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in found)
     job_checks.check_hypotheses(first, [job.part.name for _, job in found])
     return replace(first, hypothesis=parts, stranger=strange)
