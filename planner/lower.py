@@ -1,6 +1,5 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
-import math
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -15,9 +14,6 @@ from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
 from runtime import table as tables
 
-MARGIN_MM = (
-    1.0  # a branch's interval reaches beyond the widths seen, at most half a gap: rare or a little off
-)
 LEAST_EVIDENCE = 300
 """Particles from which a leaf's mode ratio may miss the goal by chance; where fewer miss it, they leave open
 too much."""
@@ -74,7 +70,7 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
     A thin grip that may read as an empty hand does, to the last count but that of jaws that met: the object
     flag tells them apart.
     """
-    margin, free = math.ceil(MARGIN_MM / encoder.mm_per_count), resolution_of(encoder).free
+    _, free, margin = resolution_of(encoder)
     gap = np.maximum(clusters.low[:-1] - clusters.high[1:] - 1, 0)  # counts fall as widths rise
     above = np.concatenate([[margin], np.minimum(margin, gap // 2)])
     thin = (clusters.low < free) & (clusters.high >= free - 1)

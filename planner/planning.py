@@ -170,7 +170,7 @@ class Planning:
     def _grow(self, attempt: int) -> None:
         """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most.
 
-        Not where there are several hypotheses: it would take a third of the time, and save 2 % of the squeezes.
+        Not for several hypotheses: it would take a third of the time, and save 2 % of the squeezes.
         """
         seed = [self.job.seed, attempt]
         if attempt == 0:

@@ -28,6 +28,8 @@ SIGMAS = 6.0
 HOLE = 2.0  # width of a hole that cuts a cluster, over the distance that tells two apart
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
+MARGIN_MM = 1.0
+"""A branch's interval reaches this far beyond the widths seen, at most half a gap: rare or a little off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,7 @@ class Resolution(NamedTuple):
 
     apart: float = 3.0  # least distance of two cluster means [counts]
     free: int = 228  # least count that an empty hand reads
+    margin: int = 3  # counts beyond those read that a branch takes
 
 
 class Partition(NamedTuple):
@@ -100,7 +103,8 @@ def resolution_of(encoder: Encoder) -> Resolution:
     """What an encoder with that noise, rounding to counts, can tell apart."""
     noise = encoder.noise_mm / encoder.mm_per_count
     apart = max(SIGMAS * math.sqrt(noise**2 + 1.0 / 12.0), 3.0)
-    return Resolution(apart, encoder.count_closed - math.ceil(0.5 * SIGMAS * noise))
+    free = encoder.count_closed - math.ceil(0.5 * SIGMAS * noise)
+    return Resolution(apart, free, math.ceil(MARGIN_MM / encoder.mm_per_count))
 
 
 def cut(

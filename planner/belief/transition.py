@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import Belief
 from planner.belief.partition import Rule, partition
@@ -55,6 +55,18 @@ class Outcomes(NamedTuple):
         clusters = partition(belief.states, belief.reading, rule)
         label = clusters.label[belief.reading]
         return cls(clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm)
+
+    def without_gaps(self, holds: BoolArray, most: int) -> Self:
+        """Cuts branches that hold a pose (k,) where more than `most` counts in a row were not read."""
+        beliefs = list[Belief]()
+        for belief, held in zip(self.beliefs, holds, strict=True):
+            counts = np.unique(belief.reading)
+            starts = counts[1:][np.diff(counts) > most + 1][: None if held else 0]
+            piece = np.searchsorted(starts, belief.reading, side="right")
+            beliefs += [belief[piece == k] for k in range(len(starts), -1, -1)]
+        if len(beliefs) == len(self.beliefs):
+            return self
+        return self._replace(clusters=Partition.of([piece.reading for piece in beliefs]), beliefs=beliefs)
 
     @property
     def probability(self) -> Array:

@@ -343,6 +343,10 @@ def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, flo
     """Adds a squeeze's outcomes to a node."""
     metric, params = growth.objective.metric, growth.objective.params
     outcomes, arrives = Outcomes.of(found[1], growth.objective.rule), found[2]
+    ratio = metric.shares([child.states for child in outcomes.beliefs], metric.modes).sum(axis=1)
+    # No leaf takes a width far from what any part read: a stranger's, or of a part out of tolerance.
+    most = 2 * growth.objective.rule.resolution.margin
+    outcomes = outcomes.without_gaps(ratio >= growth.objective.confidence, most)
     release = growth.handling.release(outcomes)
     node.squeeze = PlannedSqueeze(
         placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,

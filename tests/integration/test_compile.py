@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.belief.observation import MARGIN_MM
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.cases import standard_cases
@@ -13,7 +14,6 @@ from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import REJECTED
 from planner.frames import wrap
 from planner.job import model as job_file
-from planner.lower import MARGIN_MM
 from planner.search.expand import breadth_first
 from planner.world import ContactWorlds, make
 from runtime.table import HELD_UM, Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
