@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from planner.errors import JobError
-from planner.job import hypotheses
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.part import symmetry
@@ -41,7 +40,8 @@ def test_several_parts_come_back_from_their_exact_text():
     assert job_file.from_canonical(job.canonical()) == job
     assert [alone.part.symmetry for alone in job.alone] == [6, 2, 2]
     assert sum(job.shares) == pytest.approx(1.0)
-    assert job.search.particles == 3 * hypotheses.PARTICLES
+    alone = job_file.load(TREES / "spacer" / "job.toml")
+    assert job.search.particles == 3 * alone.search.particles
     assert read(several(search={"particles": 70})).search.particles == 70
     assert "part" not in job_file._document(job)
 
