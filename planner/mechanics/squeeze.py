@@ -18,11 +18,11 @@ from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
+    EVENT,
     FOUND,
     FURTHEST,
     HELD,
     NEAR_MM,
-    SHORTER,
     Body,
     Grip,
     Scratch,
@@ -155,7 +155,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
-        if verdict == SHORTER:
+        if verdict == EVENT:
             resumed = max(resumed, tried)
         elif verdict == ACCEPTED:
             size, resumed = max(size, resumed), 0.0  # an event asks for no shorter steps after it

@@ -52,8 +52,8 @@ and in its middle. fingers: y of the inner faces.
 SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
-ACCEPTED, RETRY, SHORTER, HELD, GIVEN_UP = range(5)
-"""What came of a step: taken; to be tried again, shorter; the same, up to an event; no solution; neither."""
+ACCEPTED, RETRY, EVENT, HELD, GIVEN_UP = range(5)
+"""What came of a step: taken; to be tried again, shorter; the same, up to an event in it; no solution; neither."""
 
 
 def squeeze_workspace() -> SqueezeWork:
@@ -243,7 +243,7 @@ def try_step(
     fraction = event_fraction(work.step.C, work.listed[FOUND], work.step.V)
     if fraction < 0.95 and not smallest:
         _turn_back(work)
-        return SHORTER, size * max(fraction, SMALLEST_STEP)
+        return EVENT, size * max(fraction, SMALLEST_STEP)
     contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
