@@ -53,7 +53,7 @@ SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
 ACCEPTED, RETRY, EVENT, HELD, GIVEN_UP = range(5)
-"""What came of a step: taken; to be tried again, shorter; the same, up to an event in it; no solution; neither."""
+"""What came of a step: taken; to be tried again, shorter; likewise, up to an event; no solution; neither."""
 
 
 def squeeze_workspace() -> SqueezeWork:
