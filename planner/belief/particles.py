@@ -46,6 +46,11 @@ class Belief:
         """What a goal asks for: poses (n, 3); in a fourth column the hypothesis, if any is not the first."""
         return with_hypothesis(self.poses, self.traits)
 
+    @property
+    def squeezed(self) -> bool:
+        """Whether these parts have been squeezed at all."""
+        return bool(self.reading[0] != UNREAD)
+
     def __len__(self) -> int:
         return len(self.poses)
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -12,9 +11,8 @@ from planner.belief.metric import metric_of
 from planner.belief.particles import initial, subsample
 from planner.bound.histories import Model
 from planner.evaluation.trials import placement_of
-from planner.frames import to_hand
 from planner.job.model import Job
-from planner.search.actions import actions_of
+from planner.search.actions import actions_of, inequivalent
 from planner.search.proposals import along
 from runtime.table import REJECT, Calibration, Table, decision_map
 
@@ -22,9 +20,6 @@ PILOTS = 10_000  # parts that show what may be read after the first squeeze
 BELIEF = 400  # parts of a history that its modes are sought among
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
 DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
-ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
-
-Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +52,8 @@ def covered(job: Job, table: Table, model: Model, dense: bool, rng: np.random.Ge
     parts, more = initial(job, PILOTS, rng), _dense(job) if dense else np.zeros((0, 3))
     common = np.concatenate([actions.options(subsample(parts, BELIEF), metric), more])
     root = placement_of(table.nodes[0].squeeze)
-    first = _inequivalent(np.concatenate([root[None], common]), common, job)
+    more_first = common[:0] if actions.first is None else actions.first
+    first = inequivalent(np.concatenate([root[None], common, more_first]), common, job)
     second: list[dict[int, Array]] = []
     for placement in first:
         after, readings = model.squeeze(parts, np.tile(placement, (len(parts), 1)), 1, rng)
@@ -84,36 +80,3 @@ def _dense(job: Job) -> Array:
     length = job.gripper.finger_length_mm
     middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
     return np.concatenate([along(middle, share * length) for share in DENSE_SHIFTS])
-
-
-def _inequivalent(placements: Array, common: Array, job: Job) -> Array:
-    """Of first placements (k, 3) those that no turn about the origin makes one before them.
-
-    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. It must
-    carry the placements (m, 3) common to all squeezes onto themselves; those about modes turn with the parts.
-    """
-    unknown = math.isclose(job.uncertainty.orientation_halfwidth_deg, 180.0)
-    alike = job.gripper.upper_finger_share == 0.5  # then half a turn of the hand changes nothing either
-    seen: dict[tuple[Key, Key], Array] = {}
-    for placement in placements:
-        turns = [placement[2], placement[2] + math.pi] if unknown else [0.0]
-        keys = [
-            (_key(_turned(placement[None], turn), alike), _key(_turned(common, turn), alike))
-            for turn in turns
-        ]
-        if not any(key in seen for key in keys):
-            seen[keys[0]] = placement
-    return np.array(list(seen.values()))
-
-
-def _turned(placements: Array, turn: float) -> Array:
-    """Placements (k, 3) in a world turned back by an angle."""
-    return to_hand(placements, np.array([0.0, 0.0, turn]))
-
-
-def _key(placements: Array, alike: bool) -> Key:
-    """A set of placements (k, 3), equal for equal sets."""
-    period = math.pi if alike else 2.0 * math.pi
-    angle = np.round(np.mod(placements[:, 2] + 0.5 * ALIKE, period) / ALIKE - 0.5)
-    rows = np.column_stack([np.round(placements[:, :2] / ALIKE), angle]).astype(np.int64)
-    return tuple(sorted({tuple(row) for row in rows.tolist()}))

@@ -17,9 +17,10 @@ from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 from planner.search.actions import actions_of
 from planner.search.expand import TreeNode, breadth_first
-from planner.search.proposals import around, placed
+from planner.search.proposals import hands_about, placed
 from runtime.table import HELD_UM, Table
 
+HANDS = 128  # placements that are tried to tell two poses apart
 SAMPLES = 40  # squeezes of each pose at each placement that is tried
 HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
 TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
@@ -190,7 +191,7 @@ def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Gener
 
 def _placements(pair: Array, job: Job) -> Array:
     """Hands (k, 3) all about the middle of two poses, in the area."""
-    hands = around(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm)
+    hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
     about = placed(hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]]))
     about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
     return actions_of(job).within(about)

@@ -17,6 +17,7 @@ from planner.mechanics.mixture import Mixture
 from planner.search.expand import Growth, TreeNode, breadth_first, squeeze_at
 
 PARTICLES = 200  # own particles of a leaf that each placement is tried with
+HANDS = 96  # placements all about a leaf's modes that are tried
 BESIDE = 2  # counts beside theirs that are accepted, too
 
 Strays = list[tuple[Belief, MotionModel]]  # strangers that came to a leaf, of each kind, and how they move
@@ -74,7 +75,7 @@ def _chosen(leaves: list[TreeNode], strange: Sequence[Evaluation], rate: float, 
 def _telling(leaf: TreeNode, strays: Strays, growth: Growth, rng: np.random.Generator) -> Array | None:
     """The placement (3,) at which the fewest strays read like own parts; None where no hand is clear."""
     own = subsample(leaf.belief, PARTICLES)
-    options = growth.look_ahead.ranking.candidates(own, own, wide=True)
+    options = growth.look_ahead.ranking.candidates(own, own, HANDS)
     if not len(options):
         return None
     taken = np.zeros(len(options))

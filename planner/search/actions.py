@@ -1,17 +1,25 @@
 """The actions: where the open hand may be placed."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric
+from planner.frames import to_hand
 from planner.job.model import Job
-from planner.search.proposals import Proposals, proposals_of
+from planner.search.proposals import Proposals, along, proposals_of
 
 MAIN_MODES = 2
 LEAST_MODE = 0.1
-"""Share of the belief below which no placement is proposed about a mode."""
+"""Share of the belief below which placements are proposed about no mode but the first."""
+ASIDE = (0.25, 0.5, 0.75)
+"""Shifts of the first squeeze along the fingers, in lengths of these."""
+ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
+
+Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,35 +30,34 @@ class ActionSet:
         placements: (k, 3) the fixed ones: the hand frame in the world [mm, mm, rad].
         proposals: those relative to a belief, for each hypothesis; empty for none.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
+        first: (m, 3) those of the first squeeze; None: as of any other.
     """
 
     placements: Array
     proposals: tuple[Proposals, ...]
     area: Array
+    first: Array | None = None
 
     def __len__(self) -> int:
         return len(self.placements)
 
-    def options(self, states: Array, metric: Metric, *, wide: bool = False) -> Array:
-        """The fixed placements, those beside them and those about a belief's main modes, within the area.
+    def options(self, states: Array, metric: Metric, scattered: int = 0) -> Array:
+        """The fixed placements, and those about a belief's main modes, within the area.
 
         Args:
             states: (n, 3 or 4) of the belief [mm, mm, rad, hypothesis].
             metric: of the goal.
-            wide: those all about the main modes instead.
+            scattered: how many of them are hands all about the modes.
 
         Returns:
             (k, 3); the fixed ones alone where nothing is proposed.
         """
         if not self.proposals:
-            return self.placements[: 0 if wide else None]
+            return self.placements
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE)
-        modes = [mode for mode in modes if mode.ratio >= LEAST_MODE]
-        near = [self.proposals[mode.hypothesis[0]].about(mode.pose, wide=wide) for mode in modes]
-        if wide:
-            return self.within(np.concatenate([self.placements[:0], *near]))
-        beside = max(self.proposals, key=lambda own: len(own.shifts_mm)).beside(self.placements)
-        return self.within(np.concatenate([self.placements, beside, *near]))
+        few = scattered // len(modes)
+        near = [self.proposals[mode.hypothesis[0]].about(mode.pose, few) for mode in modes]
+        return self.within(np.concatenate([self.placements, *near]))
 
     def within(self, placements: Array) -> Array:
         """Those of the placements whose hand centre lies in the area."""
@@ -62,5 +69,50 @@ def actions_of(job: Job) -> ActionSet:
     """Every angle at every centre of the job, in the order stated, and the job's proposals."""
     angles = np.radians(np.array(job.actions.angles_deg))
     centers = job.actions.centers_mm
-    grid = [(x, y, angle) for x, y in centers for angle in angles]
-    return ActionSet(np.array(grid, dtype=np.float64), proposals_of(job), np.array(job.cell.work_area_mm))
+    grid = np.array([(x, y, angle) for x, y in centers for angle in angles], dtype=np.float64)
+    actions = ActionSet(grid, proposals_of(job), np.array(job.cell.work_area_mm))
+    return replace(actions, first=_first(job, actions)) if turnable(job) else actions
+
+
+def turnable(job: Job) -> bool:
+    """Whether a turn of a whole plan about the origin changes nothing: parts lie at any angle."""
+    return math.isclose(job.uncertainty.orientation_halfwidth_deg, 180.0)
+
+
+def _first(job: Job, actions: ActionSet) -> Array:
+    """The fixed placements and, where others are proposed, those beside them, none equivalent to another."""
+    shifts = (0.0, *ASIDE) if actions.proposals else (0.0,)
+    beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
+    return inequivalent(actions.within(np.concatenate(beside)), actions.placements[:0], job)
+
+
+def inequivalent(placements: Array, common: Array, job: Job) -> Array:
+    """Of first placements (k, 3) those that no turn about the origin makes one before them.
+
+    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. It must
+    carry the placements (m, 3) common to all squeezes onto themselves; those about modes turn with the parts.
+    """
+    alike = job.gripper.upper_finger_share == 0.5  # then half a turn of the hand changes nothing either
+    seen: dict[tuple[Key, Key], Array] = {}
+    for placement in placements:
+        turns = [placement[2], placement[2] + math.pi] if turnable(job) else [0.0]
+        keys = [
+            (_key(_turned(placement[None], turn), alike), _key(_turned(common, turn), alike))
+            for turn in turns
+        ]
+        if not any(key in seen for key in keys):
+            seen[keys[0]] = placement
+    return np.array(list(seen.values()))
+
+
+def _turned(placements: Array, turn: float) -> Array:
+    """Placements (k, 3) in a world turned back by an angle."""
+    return to_hand(placements, np.array([0.0, 0.0, turn]))
+
+
+def _key(placements: Array, alike: bool) -> Key:
+    """A set of placements (k, 3), equal for equal sets."""
+    period = math.pi if alike else 2.0 * math.pi
+    angle = np.round(np.mod(placements[:, 2] + 0.5 * ALIKE, period) / ALIKE - 0.5)
+    rows = np.column_stack([np.round(placements[:, :2] / ALIKE), angle]).astype(np.int64)
+    return tuple(sorted({tuple(row) for row in rows.tolist()}))

@@ -59,8 +59,7 @@ class LookAhead:
 
         Where nothing gains at the stated depth, one squeeze more is looked ahead if enough parts come here:
         a belief of several modes may need two before any progress shows. Then more particles are tried: the
-        mass outside the mode may be too small for few of them to show; and at last hands all about the part:
-        two poses may differ at a corner that no hand along a stable side ends at.
+        mass outside the mode may be too small for few of them to show; at last all the hands about the part.
 
         Args:
             belief: the node's.
@@ -74,8 +73,8 @@ class LookAhead:
         """
         params = self.objective.params
         efforts = list(self._efforts(belief, share))
-        for depth, particles, wide in efforts[min(vain, len(efforts) - 1) :]:
-            options = self._options(belief, subsample(belief, particles), depth, rng, wide=wide)
+        for depth, particles, scattered in efforts[min(vain, len(efforts) - 1) :]:
+            options = self._options(belief, subsample(belief, particles), depth, scattered, rng)
             gaining = sorted((k for k in options if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
@@ -83,19 +82,19 @@ class LookAhead:
                 return distinct(gaining, most, params)
         return []
 
-    def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, bool]]:
-        """Squeezes to look ahead, particles to do it with, and whether hands all about the part are tried."""
+    def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:
+        """Squeezes to look ahead, particles to do it with, and how many hands about the part are tried."""
         params = self.objective.params
-        few = round(
-            self.particles * max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
-        )
-        yield self.depth, few, False
+        effort = max(params.least_effort, min(1.0, share / params.full_effort_share) ** 0.5)
+        few, hands = round(self.particles * effort), round(params.scattered * effort)
+        needed = self._particles_needed(belief)
+        yield self.depth, few, hands
         if share > params.deeper_share:
-            yield self.depth + 1, few, False
-        if self._particles_needed(belief) > few:
-            yield self.depth, self._particles_needed(belief), False
-        if share > params.wide_share:
-            yield self.depth, max(few, self._particles_needed(belief)), True
+            yield self.depth + 1, few, hands
+        if needed > few:
+            yield self.depth, needed, hands
+        if share > params.thorough_share:
+            yield self.depth, max(few, needed), params.scattered
 
     def _particles_needed(self, belief: Belief) -> int:
         """How many particles it takes to see those outside the mode."""
@@ -117,16 +116,15 @@ class LookAhead:
         return sorted((k for k in found if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
 
     def _options(
-        self, belief: Belief, thin: Belief, depth: int, rng: np.random.Generator, *, wide: bool
+        self, belief: Belief, thin: Belief, depth: int, scattered: int, rng: np.random.Generator
     ) -> list[Choice]:
         """All candidates, and variants of the best where placements may be proposed, looked ahead."""
-        options = self.ranking.candidates(belief, thin, wide=wide)
+        params, options = self.objective.params, self.ranking.candidates(belief, thin, scattered)
         if not len(options):
             return []
         (squeezed,) = self.ranking.squeeze([thin], [options], rng)
-        near = self.ranking.refined(belief, squeezed)
-        if len(near):
-            squeezed = squeezed.joined(self.ranking.squeeze([thin], [near], rng)[0])
+        few = max(1, params.varied * scattered // params.scattered)
+        squeezed = self.ranking.varied(belief, thin, squeezed, few, rng)
         (followed,) = self._follow([squeezed], depth, rng)
         return self._choices(thin, squeezed, followed)
 
@@ -166,7 +164,7 @@ class LookAhead:
             return found
         params = self.objective.params
         open_ones = [i for i, o in enumerate(squeezed) if (o.cost_to_go - o.cost).min() > params.nearly_done]
-        chosen = [(i, k) for i in open_ones for k in squeezed[i].best(params.followed)]
+        chosen = [(i, k) for i in open_ones for k in squeezed[i].unlike(params.followed, params)]
         outcomes = [self.ranking.outcomes(squeezed[i].squeezed[k]) for i, k in chosen]
         children = [child for outcome in outcomes for child in outcome.beliefs]
         cost_to_go, ratio = self._values(children, depth - 1, rng)

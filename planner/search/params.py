@@ -16,26 +16,28 @@ class SearchParams:
     least_clearance_mm: float = 0.5
     """Open fingers are never planned nearer to a believed part than this."""
 
+    scattered: int = 256
+    """Hands all about a belief's modes that are tried, besides the job's own and those along stable sides."""
+    varied: int = 8
+    """Variants of each of the actions to be followed, in each of two rounds."""
     followed: int = 4
-    """Actions of a belief followed beyond their first squeeze: more finds better ones, and takes longer."""
-    finalists: int = 4
+    """Unlike actions of a belief followed beyond their first squeeze: more takes longer."""
+    finalists: int = 8
     """Actions of a belief that all its particles judge; of more, half are dropped after each round."""
     first_share: float = 0.125
     """Share of the particles that judge in the first round; each round judges by twice as many."""
     first_particles: int = 16
     """The least number of them."""
-    refined: int = 2
-    """Best actions whose placements are varied."""
     nearly_done: float = 0.5
     """Squeezes left after the best action, below which no action of the belief is followed further."""
     full_effort_share: float = 0.2
-    """Share from which a belief is searched with all the particles allowed; below, with fewer."""
+    """Share from which a belief is searched with all the particles and hands allowed; below, with fewer."""
     least_effort: float = 0.25
-    """Fraction of those particles that the smallest share keeps."""
+    """Fraction of those that the smallest share keeps."""
     deeper_share: float = 0.002
     """Share of a belief from which one squeeze more is looked ahead where nothing gains."""
-    wide_share: float = 0.0005
-    """The same for hands all about the part: 84 more to try."""
+    thorough_share: float = 0.0005
+    """The same for all the scattered hands, with as many particles as it takes to see those outside."""
     outside_particles: int = 20
     """Particles outside the mode needed to see whether a squeeze separates them from the rest."""
     rescored: int = 6
@@ -64,7 +66,7 @@ class SearchParams:
 
     alternatives: int = 3
     """Placements kept for a node besides the chosen one."""
-    alike_mm: float = 8.0
+    alike_mm: float = 6.0
     alike_deg: float = 20.0
     """Placements nearer than both are variants of one."""
     alternative_excess: float = 0.5

@@ -3,8 +3,8 @@
 Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can tell
 apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
 opposite end. Placements are therefore computed from a node's own belief, too: the hand parallel to the
-part's stable sides, shifted along the fingers so that they cover all of it or only one end. Where none of
-these gains anything, hands in all directions about the part are tried.
+part's stable sides, shifted along the fingers so that they cover all of it or only one end; hands scattered
+all about the part; and variants of the best of them.
 """
 
 from dataclasses import dataclass, field
@@ -21,15 +21,14 @@ MOST_ANGLES = 4
 APART_DEG = 12.0
 COVERED = (0.15, 0.35)
 """Shares of the part's length, from either end, that an off-centre finger covers."""
-ASIDE = (-0.5, 0.5)
-"""Shifts of the fixed placements, in lengths of the finger: one half of a part at their middle sticks out.
-Parts whose halves are alike have none: they gain little, and take three times as long to plan."""
-TURNS = 12
-"""Directions of the hands all about the part, half a turn together."""
-ENDS = (-0.6, 0.0, 0.6)
-"""Where on the part their fingers end, in its reaches."""
-TURNS_DEG = (-10.0, 10.0)
-SHIFTS_MM = (-3.0, 3.0)
+SCATTERED = 1024
+"""Hands all about a part; the search takes as many of the first as it may."""
+ALONG, ACROSS = 0.8, 0.3
+"""How far they lie beside the part's origin, in its reaches: along the fingers beyond half of these."""
+RATIO = 1.2207440846057596
+"""The root of x^4 = x + 1: fractions of multiples of its inverse powers fill a cube evenly (Roberts 2018)."""
+VARIED = ((3.0, np.radians(8.0)), (1.0, np.radians(3.0)))
+"""Standard deviations of variants about a good placement, in each round [mm, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,21 +37,15 @@ class Proposals:
 
     Attributes:
         relative: (m, 3) the hand in the part's frame [mm, mm, rad].
-        shifts_mm: of the fixed placements along their fingers.
-        wide: (n, 3) more of the former, all about the part: where nothing else tells two poses apart.
+        scattered: (n, 3) more of them, all about the part: the first few fill the space as evenly as all.
     """
 
     relative: Array
-    shifts_mm: tuple[float, ...] = ()
-    wide: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    scattered: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
-    def about(self, pose: Array, *, wide: bool = False) -> Array:
-        """The placements (m, 3) in the world for a part believed at a pose (3,)."""
-        return placed(self.wide if wide else self.relative, pose)
-
-    def beside(self, placements: Array) -> Array:
-        """Placements (k, 3) in the world, each shifted along its fingers: (s k, 3)."""
-        return np.concatenate([placements[:0], *(along(placements, shift) for shift in self.shifts_mm)])
+    def about(self, pose: Array, scattered: int = 0) -> Array:
+        """The placements in the world for a part believed at a pose (3,), with so many of the scattered."""
+        return placed(np.concatenate([self.relative, self.scattered[:scattered]]), pose)
 
 
 def proposals_of(job: Job) -> tuple[Proposals, ...]:
@@ -73,24 +66,40 @@ def _of_part(job: Job) -> Proposals:
             if job.part.symmetry % 2:  # half a turn makes the other end the same
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
-    shares = ASIDE if job.part.symmetry % 2 else ()
-    beside = tuple(share * job.gripper.finger_length_mm for share in shares)
-    return Proposals(np.array(rows), beside, around(reach(outline), half))
+    return Proposals(np.array(rows), hands_about(reach(outline), half, SCATTERED))
 
 
-def around(reach_mm: float, half_mm: float) -> Array:
-    """Hands all about a part: in every direction, with their middle or one end of the fingers over the part.
+def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
+    """Hands all about a part, in every direction and as far aside as the fingers still touch it.
 
     Args:
         reach_mm: of the part about its origin.
         half_mm: half the length of the fingers.
+        n: how many; fewer are the first of more.
 
     Returns:
-        (84, 3) the hand in the part's frame [mm, mm, rad].
+        (n, 3) the hand in the part's frame [mm, mm, rad].
     """
-    ends = half_mm + reach_mm * np.array(ENDS)
-    shift, angle = np.meshgrid([*-ends, 0.0, *ends], np.arange(TURNS) * np.pi / TURNS)
-    return np.stack([shift * np.cos(angle), shift * np.sin(angle), angle], axis=-1).reshape(-1, 3)
+    turn, along, across = np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(1, n + 1)) % 1.0
+    angle = np.pi * turn
+    shift = (2.0 * along - 1.0) * (half_mm + ALONG * reach_mm)
+    aside = (2.0 * across - 1.0) * ACROSS * reach_mm
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([shift * c - aside * s, shift * s + aside * c, angle], axis=-1)
+
+
+def varied(placements: Array, n: int, spread: tuple[float, float], rng: np.random.Generator) -> Array:
+    """Variants (k n, 3) of placements (k, 3), normally distributed about each.
+
+    Args:
+        placements: good ones, the hand in the world [mm, mm, rad].
+        n: variants of each.
+        spread: standard deviations of x and y [mm], and of the angle [rad].
+        rng: source of randomness.
+    """
+    deviation = np.array([spread[0], spread[0], spread[1]])
+    about = np.repeat(placements, n, axis=0)
+    return np.asarray(about + deviation * rng.standard_normal(about.shape))
 
 
 def placed(relative: Array, pose: Array) -> Array:
@@ -131,9 +140,3 @@ def stable_angles(outline: Array) -> Array:
         if len(found) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
             found.append(float(angle) % np.pi)
     return np.array(found)
-
-
-def refined(placement: Array) -> Array:
-    """Placements (k, 3) in the world near one that looks good: turned, and shifted along the fingers."""
-    turned = [placement + np.array([0.0, 0.0, np.radians(turn)]) for turn in TURNS_DEG]
-    return np.concatenate([turned, *(along(placement[None], shift) for shift in SHIFTS_MM)])

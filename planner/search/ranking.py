@@ -20,7 +20,7 @@ from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
 from planner.search.actions import ActionSet
 from planner.search.params import Objective, SearchParams
-from planner.search.proposals import refined
+from planner.search.proposals import VARIED, varied
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples, cut to their fractions, fill an interval evenly
 
@@ -63,6 +63,11 @@ class Options(NamedTuple):
     def best(self, most: int) -> list[int]:
         """The most promising options."""
         return [int(k) for k in np.argsort(self.rank, kind="stable")[:most]]
+
+    def unlike(self, most: int, params: SearchParams) -> list[int]:
+        """The most promising options of which no two are nearly the same squeeze."""
+        order = np.argsort(self.rank, kind="stable")
+        return [int(order[k]) for k in unlike(self.placements[order], most, params)]
 
     def joined(self, other: Options) -> Options:
         """These options and others of the same belief."""
@@ -152,9 +157,11 @@ class Ranking:
     objective: Objective
     crash_share: float = 0.0
 
-    def candidates(self, belief: Belief, about: Belief, *, wide: bool = False) -> Array:
+    def candidates(self, belief: Belief, about: Belief, scattered: int = 0) -> Array:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
-        return self._free(belief, self.actions.options(about.states, self.objective.metric, wide=wide))
+        if self.actions.first is not None and not belief.squeezed:
+            return self._free(belief, self.actions.first)
+        return self._free(belief, self.actions.options(about.states, self.objective.metric, scattered))
 
     def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's options (k, 3), each squeezed by all its particles.
@@ -175,13 +182,24 @@ class Ranking:
                 contest.halve(self._judge(contest), params)
         return [contest.options for contest in contests]
 
-    def refined(self, belief: Belief, squeezed: Options) -> Array:
-        """Variants (k, 3) of the best placements, where placements may be proposed at all."""
-        if not self.actions.proposals:
-            return squeezed.placements[:0]
-        top = squeezed.placements[squeezed.best(self.objective.params.refined)]
-        near = np.concatenate([refined(placement) for placement in top])
-        return self._free(belief, self.actions.within(near))
+    def varied(
+        self, belief: Belief, thin: Belief, squeezed: Options, n: int, rng: np.random.Generator
+    ) -> Options:
+        """The options, and n variants of each of the best, thinner each round: a random local search.
+
+        Args:
+            belief: whose particles the open fingers stay clear of.
+            thin: those of it that are squeezed.
+            squeezed: its options.
+            n: variants.
+            rng: source of randomness.
+        """
+        for spread in VARIED if self.actions.proposals and belief.squeezed else ():
+            top = squeezed.placements[squeezed.best(self.objective.params.followed)]
+            near = self._free(belief, self.actions.within(varied(top, n, spread, rng)))
+            if len(near):
+                squeezed = squeezed.joined(self.squeeze([thin], [near], rng)[0])
+        return squeezed
 
     def gain(self, belief: Belief, squeezed: Options, after: Array) -> Array:
         """What each option gains in mode ratio, selection bias subtracted.
@@ -302,11 +320,16 @@ def distinct(choices: list[Choice], most: int, params: SearchParams) -> list[Cho
         most: how many to return at most.
         params: what is alike, and how much more an alternative may cost.
     """
-    found: list[Choice] = []
-    for choice in choices:
-        x, y, turn = np.abs([choice.placement - other.placement for other in found]).reshape(-1, 3).T
-        turn = np.abs(wrap(turn, 2))
-        near = (np.hypot(x, y) < params.alike_mm) & (turn < np.radians(params.alike_deg))
-        if not near.any() and choice.cost_to_go < choices[0].cost_to_go + params.alternative_excess:
-            found.append(choice)
-    return found[:most]
+    cheap = [k for k in choices if k.cost_to_go < choices[0].cost_to_go + params.alternative_excess]
+    return [cheap[k] for k in unlike(np.array([k.placement for k in cheap]), most, params)]
+
+
+def unlike(placements: Array, most: int, params: SearchParams) -> list[int]:
+    """Which of the placements (k, 3), the best first, are not nearly the same squeeze as one before."""
+    found: list[int] = []
+    for k, placement in enumerate(placements):
+        x, y, turn = np.abs(placements[found] - placement).T
+        near = (np.hypot(x, y) < params.alike_mm) & (np.abs(wrap(turn, 2)) < np.radians(params.alike_deg))
+        if len(found) < most and not near.any():
+            found.append(k)
+    return found
