@@ -50,10 +50,9 @@ def covered(job: Job, table: Table, model: Model, dense: bool, rng: np.random.Ge
     """
     actions, metric = actions_of(job), metric_of(job)
     parts, more = initial(job, PILOTS, rng), _dense(job) if dense else np.zeros((0, 3))
-    common = np.concatenate([actions.options(subsample(parts, BELIEF), metric), more])
+    common = np.concatenate([actions.placements, more])
     root = placement_of(table.nodes[0].squeeze)
-    more_first = common[:0] if actions.first is None else actions.first
-    first = inequivalent(np.concatenate([root[None], common, more_first]), common, job)
+    first = inequivalent(np.concatenate([root[None], common]), common, job)
     second: list[dict[int, Array]] = []
     for placement in first:
         after, readings = model.squeeze(parts, np.tile(placement, (len(parts), 1)), 1, rng)

@@ -46,13 +46,21 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
 
 
-def test_a_diffuse_belief_is_squeezed_at_the_fixed_placements_and_beside_them():
-    metric = Metric(3.0, 10.0, 1)
-    belief = problems.random_poses(np.random.default_rng(1), 400, 25.0)
-    fixed = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5 * np.pi]])
-    area = np.array([[-99.0, -99.0], [99.0, 9.0]])
-    options = ActionSet(fixed, (Proposals(np.zeros((1, 3)), (-8.0, 8.0)),), area).options(belief, metric)
-    shifted = [[-8.0, 0.0, 0.0], [1.0, -6.0, 0.5 * np.pi], [8.0, 0.0, 0.0]]  # the fourth leaves the area
-    np.testing.assert_allclose(options, [*fixed, *shifted], atol=1e-12)
-    still = ActionSet(fixed, (Proposals(np.zeros((1, 3))),), area).options(belief, metric)
-    np.testing.assert_array_equal(still, fixed)
+def test_hands_all_about_are_shared_by_the_main_modes():
+    metric, area = Metric(3.0, 10.0, 1), np.array([[-99.0, -99.0], [99.0, 99.0]])
+    belief = np.repeat([[50.0, 0.0, 0.0], [-50.0, 0.0, 0.0]], [60, 40], axis=0)
+    proposals = Proposals(np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0))
+    actions = ActionSet(np.zeros((0, 3)), (proposals,), area)
+    assert len(actions.options(belief, metric)) == 0
+    x = actions.options(belief, metric, scattered=40)[:, 0]
+    assert (np.sum(x > 0.0), np.sum(x < 0.0)) == (20, 20)
+
+
+def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one():
+    job = job_file.load(RECTANGLE)
+    assert len(actions_of(job).first) == 1  # its four angles
+    proposing = job.replaced(actions={"proposals": "belief"})
+    first = actions_of(proposing).first
+    beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
+    np.testing.assert_allclose(beside, [0.0, 0.25, 0.5, 0.75], atol=1e-9)
+    assert actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first is None

@@ -35,10 +35,11 @@ def test_nothing_is_chosen_where_nothing_tells():
 
 
 @pytest.mark.parametrize("share", [1.0, 0.0001])
-def test_where_nothing_gains_hands_all_about_the_part_are_tried_if_enough_parts_are_at_stake(share):
-    silent, telling = np.array([[0.0, 0.0, SILENT]]), np.array([[0.0, 0.0, TELLING]])
+def test_the_more_parts_are_at_stake_the_more_hands_all_about_them_are_tried(share):
+    silent = np.array([[0.0, 0.0, SILENT]])
+    scattered = np.repeat([[0.0, 0.0, SILENT], [0.0, 0.0, TELLING]], [40, 1], axis=0)
     narrow = look_ahead([SILENT], proposals=(Proposals(silent),))
-    wide = look_ahead([SILENT], proposals=(Proposals(silent, wide=telling),))
+    wide = look_ahead([SILENT], proposals=(Proposals(silent, scattered),))
     assert narrow.choose(BELIEF, np.random.default_rng(0), share=share) == []
     found = wide.choose(BELIEF, np.random.default_rng(0), share=share)
     assert [choice.placement[2] for choice in found] == ([TELLING] if share == 1.0 else [])

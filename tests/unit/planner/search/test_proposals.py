@@ -9,7 +9,7 @@ import pytest
 
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.search.proposals import around, proposals_of, refined, stable_angles
+from planner.search.proposals import hands_about, proposals_of, stable_angles, varied
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -59,20 +59,17 @@ def test_every_proposed_finger_reaches_the_part(job):
 
 
 @pytest.mark.parametrize("reach", [4.0, 30.0])
-def test_hands_all_about_a_part_have_their_middle_or_one_end_over_it_in_every_direction(reach):
+def test_hands_all_about_a_part_touch_it_from_every_direction_and_the_first_few_do_already(reach):
     half = 13.75
-    hands = around(reach, half)
-    along = hands[:, 0] * np.cos(hands[:, 2]) + hands[:, 1] * np.sin(hands[:, 2])
-    across = hands[:, 1] * np.cos(hands[:, 2]) - hands[:, 0] * np.sin(hands[:, 2])
-    np.testing.assert_allclose(across, 0.0, atol=1e-9)
-    ends = np.abs(along[:, None] + [-half, 0.0, half]).min(axis=1)
-    assert np.all(ends <= 0.6 * reach + 1e-9)
-    turns = np.unique(np.round(np.degrees(hands[:, 2]), 6))
-    np.testing.assert_allclose(turns, np.arange(0.0, 180.0, 15.0), atol=1e-6)
-    for turn in turns:
-        here = np.sort(along[np.isclose(np.degrees(hands[:, 2]), turn)])
-        np.testing.assert_allclose(here, -here[::-1], atol=1e-9)
-        assert len(np.unique(np.round(here, 6))) == 7
+    hands = hands_about(reach, half, 512)
+    np.testing.assert_array_equal(hands_about(reach, half, 64), hands[:64])
+    along, across, _ = to_hand(np.zeros((1, 3)), hands.T).T
+    assert np.hypot(np.maximum(np.abs(along) - half, 0.0), across).max() < reach
+    for n in (64, 512):
+        for values, width in ((hands[:n, 2], np.pi), (along[:n], 2.0 * (half + 0.8 * reach))):
+            occupied = np.unique(np.floor(8.0 * np.mod(values / width, 1.0)), return_counts=True)[1]
+            assert len(occupied) == 8
+            assert occupied.min() > 0.6 * n / 8
 
 
 def test_a_job_may_want_none(job):
@@ -80,16 +77,8 @@ def test_a_job_may_want_none(job):
     assert proposals_of(dataclasses.replace(job, actions=actions)) == ()
 
 
-def test_a_refined_placement_is_turned_or_slid_along_its_fingers():
-    placement = np.array([1.0, 2.0, 0.3])
-    for x, y, angle in refined(placement):
-        across = -np.sin(0.3) * (x - 1.0) + np.cos(0.3) * (y - 2.0)
-        assert abs(across) < 1e-12
-        assert (angle == 0.3) != (x == 1.0 and y == 2.0)
-
-
-def test_only_a_part_whose_halves_differ_is_squeezed_beside_the_middle(job):
-    half = 0.5 * job.gripper.finger_length_mm
-    for order, shifts in ((1, (-half, half)), (2, ()), (3, (-half, half)), (6, ())):
-        part = dataclasses.replace(job.part, symmetry=order)
-        assert proposals_of(dataclasses.replace(job, part=part))[0].shifts_mm == shifts
+def test_variants_lie_about_each_placement_as_far_as_stated():
+    about = np.array([[1.0, 2.0, 0.3], [-20.0, 5.0, 2.0]])
+    found = varied(about, 2000, (3.0, 0.1), np.random.default_rng(0)).reshape(2, 2000, 3)
+    np.testing.assert_allclose(found.mean(axis=1), about, atol=0.3)
+    np.testing.assert_allclose(found.std(axis=1), [[3.0, 3.0, 0.1]] * 2, rtol=0.1)
