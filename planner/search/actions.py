@@ -15,7 +15,7 @@ from planner.search.proposals import Proposals, along, proposals_of
 MAIN_MODES = 2
 LEAST_MODE = 0.1
 """Share of the belief below which placements are proposed about no mode but the first."""
-ASIDE = (0.25, 0.5, 0.75)
+ASIDE = (0.25, 0.5)
 """Shifts of the first squeeze along the fingers, in lengths of these."""
 ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
 

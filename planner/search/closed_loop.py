@@ -79,7 +79,8 @@ class LookAhead:
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
             if gaining:
-                return distinct(gaining, most, params)
+                excess = params.alternative_excess if belief.squeezed else params.first_excess
+                return distinct(gaining, most, excess, params)
         return []
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:

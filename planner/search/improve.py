@@ -20,7 +20,7 @@ def improve(
     progress: Progress | None = None,
     out_of_time: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Tries the alternatives of the nodes that one or two squeezes lead to.
+    """Tries the alternatives of the root, then of the nodes that one or two squeezes lead to.
 
     Args:
         root: a grown tree, modified in place.
@@ -30,6 +30,11 @@ def improve(
         out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
     """
     params = growth.objective.params
+    for k, placement in enumerate(root.alternatives):
+        other = TreeNode(root.belief, root.share, root.mode)
+        _grown(other, other, None, placement, price(root, growth), growth, [*seed, k + 1], out_of_time)
+        if not out_of_time() and price(other, growth) < price(root, growth):
+            root.squeeze, root.children, root.named = other.squeeze, other.children, other.named
     for depth, saving in params.improved_savings:
         inner = [node for node in breadth_first(root) if node.children]
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
@@ -71,9 +76,17 @@ def _other(
     )
     stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
     stand.named = parent.named
-    squeeze_at(node, stand, placement, growth, np.random.default_rng([*seed, *node.path]))
-    grow(stand, growth, seed, out_of_time=lambda: out_of_time() or bound(stand, growth) >= limit)
+    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time)
     return stand
+
+
+def _grown(
+    node: TreeNode, tree: TreeNode, parent: TreeNode | None, placement: Array, limit: float, growth: Growth,
+    seed: list[int], out_of_time: Callable[[], bool],
+) -> None:  # fmt: skip
+    """Squeezes at a placement, and grows the tree that the node is of until whole or certain to cost more."""
+    squeeze_at(node, parent, placement, growth, np.random.default_rng([*seed, *node.path]))
+    grow(tree, growth, seed, out_of_time=lambda: out_of_time() or bound(tree, growth) >= limit)
 
 
 def bound(node: TreeNode, growth: Growth) -> float:

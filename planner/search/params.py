@@ -71,6 +71,8 @@ class SearchParams:
     """Placements nearer than both are variants of one."""
     alternative_excess: float = 0.5
     """Squeezes that an alternative may seem to cost more than the best."""
+    first_excess: float = 0.05
+    """The same of the first squeeze, whose alternatives are whole trees."""
     most_without_gain: int = 3
     """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
     least_loss: float = 0.002
@@ -82,8 +84,7 @@ class SearchParams:
 
     improved_savings: tuple[tuple[int, float], ...] = ((2, 1.0), (1, 0.15))
     """Depths of the nodes whose alternatives are tried, the later first, and the least squeezes a part beyond
-    the one needed that are left there: an earlier node is then judged with its subtrees improved. The root is
-    left out: its belief prefers no placement."""
+    the one needed that are left there: an earlier node is then judged with its subtrees improved."""
     improved_share: float = 0.03
     """Least share of a node whose alternatives are tried."""
 

@@ -312,15 +312,16 @@ def selection_bias(ratio: float, particles: int, clusters: int, params: SearchPa
     return float(params.selection_bias * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
 
 
-def distinct(choices: list[Choice], most: int, params: SearchParams) -> list[Choice]:
+def distinct(choices: list[Choice], most: int, excess: float, params: SearchParams) -> list[Choice]:
     """The best choice, and others of about its cost that are not nearly the same squeeze.
 
     Args:
         choices: the best first.
         most: how many to return at most.
-        params: what is alike, and how much more an alternative may cost.
+        excess: how much more an alternative may cost [squeezes].
+        params: what is alike.
     """
-    cheap = [k for k in choices if k.cost_to_go < choices[0].cost_to_go + params.alternative_excess]
+    cheap = [k for k in choices if k.cost_to_go < choices[0].cost_to_go + excess]
     return [cheap[k] for k in unlike(np.array([k.placement for k in cheap]), most, params)]
 
 

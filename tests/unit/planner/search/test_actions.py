@@ -62,5 +62,5 @@ def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one(
     proposing = job.replaced(actions={"proposals": "belief"})
     first = actions_of(proposing).first
     beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
-    np.testing.assert_allclose(beside, [0.0, 0.25, 0.5, 0.75], atol=1e-9)
+    np.testing.assert_allclose(beside, [0.0, 0.25, 0.5], atol=1e-9)
     assert actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first is None
