@@ -3,7 +3,6 @@
 import argparse
 import dataclasses
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -23,11 +22,6 @@ from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, te
 from runtime.table import dump
 
 NAME = "plan-compile"
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _compile)
 
 
 def parser() -> Parser:
@@ -118,22 +112,15 @@ def _single(arguments: argparse.Namespace) -> int:
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
             except KeyboardInterrupt:
                 tell(NAME, f"interrupted: no advice; {output} is written")
-    if arguments.json:
-        told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-        more: dict[str, object] = {"models": models[0]} if models else {}
-        if bound:
-            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
-        shell.print_json({**told, **more, "advice": advice and advice.figures()})
-        return _code(plan)
-    print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
-    if bound:
-        print("\n".join(bound.lines()))
+    figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
+    lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
     if models:
-        print(models[1])
-    return _code(plan)
-
-
-def _code(plan: Plan) -> int:
+        figures["models"] = models[0]
+    if bound:
+        lines += bound.lines()
+        figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
+    figures["advice"] = advice and advice.figures()
+    shell.answer(arguments.json, figures, *lines, *(models[1:] if models else ()))
     return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
@@ -141,10 +128,7 @@ def _baseline(arguments: argparse.Namespace) -> int:
     job = _job(arguments)
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
-    if arguments.json:
-        shell.print_json(result.figures())
-    else:
-        print(baseline.text(job.name, result))
+    shell.answer(arguments.json, result.figures(), baseline.text(job.name, result))
     return 0
 
 
@@ -205,5 +189,4 @@ error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where 
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _compile)

@@ -1,7 +1,6 @@
 """plan-evaluate: a table against a world, over many fresh trials."""
 
 import argparse
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -29,24 +28,6 @@ NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
 BELIEVED_TRIALS = 4_000  # in each world that the job believes in
 DEFAULT_PPM_TRIALS = 1_000_000
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-
-    def body(arguments: argparse.Namespace) -> int:
-        _check_usage(arguments)
-        (table, _, _), job = shell.loaded(arguments)
-        with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
-            if arguments.ppm:
-                _rare(table, job, scheduler, arguments)
-            elif arguments.sweep:
-                _sweep(table, job, scheduler, arguments)
-            else:
-                _single(table, job, scheduler, arguments)
-        return 0
-
-    return shell.run(parser(), argv, body)
 
 
 def parser() -> Parser:
@@ -122,6 +103,14 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
+def _evaluate(arguments: argparse.Namespace) -> None:
+    _check_usage(arguments)
+    (table, _, _), job = shell.loaded(arguments)
+    study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
+    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+        study(table, job, scheduler, arguments)
+
+
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """One world, looked at closely."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
@@ -139,20 +128,18 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         )  # fmt: skip
     outcome = reliability(table, evaluation)
     confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
-    if arguments.json:
-        shell.print_json(
-            {
-                **evaluation.summary(),
-                "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
-                **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
-                **({"strangers": [each.figures() for each in strange]} if strange else {}),
-                "reliability": outcome.figures(),
-                "confusions": [row._asdict() for row in confused],
-                "worst": [row.figures() for row in mistakes],
-            }
-        )
-        return
-    lines = [
+    figures = {
+        **evaluation.summary(),
+        "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
+        **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
+        **({"strangers": [each.figures() for each in strange]} if strange else {}),
+        "reliability": outcome.figures(),
+        "confusions": [row._asdict() for row in confused],
+        "worst": [row.figures() for row in mistakes],
+    }
+    shell.answer(
+        arguments.json,
+        figures,
         *([text.worst_world(believed.case.name, believed.evaluation)] if believed else []),
         *text.overview(evaluation, _name_of_world(arguments)),
         *(text.named(identities(table, evaluation)) if table.hypotheses else ()),
@@ -160,8 +147,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         *text.predictions(table, outcome),
         *text.taken_for(confused),
         *text.furthest(mistakes),
-    ]
-    print("\n".join(lines))
+    )
 
 
 def _believed(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> Iterator[Line]:
@@ -190,10 +176,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
             if arguments.until is not None and Findings.of(sums).decided(arguments.until):
                 break
     found = Findings.of(sums)
-    if arguments.json:
-        shell.print_json(found.figures())
-        return
-    print("\n".join([f"{sums.parts} parts in {_name_of_world(arguments)}", *found.lines(arguments.until)]))
+    told = f"{sums.parts} parts in {_name_of_world(arguments)}"
+    shell.answer(arguments.json, found.figures(), told, *found.lines(arguments.until))
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -225,7 +209,7 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         if not arguments.json:
             print(text.sweep_row(case.name, found), flush=True)
     if arguments.json:
-        shell.print_json({"worlds": told})
+        shell.answer(True, {"worlds": told})
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -252,5 +236,4 @@ def _spread(value: str) -> float:
     return spread
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _evaluate)

@@ -1,7 +1,6 @@
 """plan-try: from a drawing to a first answer in a minute, and the files to go on with."""
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
 from planner.job.model import Job
 from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
+from planner.part.importers.pieces import NoUnitsError
 from planner.part.rectangle import smallest_rectangle
 from planner.report import canvas, paper_figures
 from planner.report.replay import replay
@@ -27,7 +27,7 @@ from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, make
 from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
@@ -49,11 +49,6 @@ ANSWERS = {
 }
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _try)
 
 
 def parser() -> Parser:
@@ -117,7 +112,7 @@ class Answer(NamedTuple):
         return self.found.grade
 
 
-def _try(arguments: argparse.Namespace) -> int:
+def _try(arguments: argparse.Namespace) -> None:
     started = time.monotonic()
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
@@ -134,8 +129,7 @@ def _try(arguments: argparse.Namespace) -> int:
     try:
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
-        with writing(files.job) as file:
-            file.write_text(text, encoding="utf-8")
+        write(files.job, text)
         told["job"] = str(files.job)
         with shell.progress(arguments.json) as report:
             plan, answer = _planned(arguments, job_file.load(files.job), started, report)
@@ -145,8 +139,9 @@ def _try(arguments: argparse.Namespace) -> int:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
         short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
-        lines = ["", f"Can it be located by squeezing? {short}"]
-        return _show(arguments, {**told, **reason, "reason": str(error)}, lines)
+        figures = {**told, **reason, "reason": str(error)}
+        shell.answer(arguments.json, figures, "", f"Can it be located by squeezing? {short}")
+        return
     seconds = time.monotonic() - started
     told |= {
         "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.found.sentence,
@@ -154,7 +149,7 @@ def _try(arguments: argparse.Namespace) -> int:
         "cut_short": plan.cut and plan.cut.figures(), "table": str(files.table),
         "picture": str(files.picture), "seconds": round(seconds, 1),
     }  # fmt: skip
-    return _show(arguments, told, [*_lines(answer), *_next(files, plan, seconds)])
+    shell.answer(arguments.json, told, *_lines(answer), *_next(files, plan, seconds))
 
 
 def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Report) -> tuple[Plan, Answer]:
@@ -204,23 +199,13 @@ def _draw(job: Job, plan: Plan, imported: Imported, path: Path, report: Report) 
     )
 
 
-def _show(arguments: argparse.Namespace, figures: dict[str, Any], lines: list[str]) -> int:
-    if arguments.json:
-        shell.print_json(figures)
-    else:
-        print("\n".join(lines))
-    return 0
-
-
 def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
     try:
         imported = read_outline(arguments.drawing, options)
-    except UsageError as error:
-        if options.units or options.scale or "--units" not in str(error):
-            raise
+    except NoUnitsError:
         imported = read_outline(arguments.drawing, options._replace(units="mm"))
         return imported, ["one unit of the drawing is 1 mm, for it does not say (--units)", *imported.notes]
     return imported, list(imported.notes)
@@ -304,5 +289,4 @@ def _next(files: Files, plan: Plan, seconds: float) -> list[str]:
     ]
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _try)

@@ -12,19 +12,14 @@ from planner.job.checks import tips_height_mm
 from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
 from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
-from planner.part.importers.pieces import UNITS_MM, Options
+from planner.part.importers.pieces import UNITS_MM, NoUnitsError, Options
 from planner.part.outline import reach
 from planner.part.rectangle import smallest_rectangle
 from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _init)
 
 
 def parser() -> Parser:
@@ -63,7 +58,7 @@ def parser() -> Parser:
     return built
 
 
-def _init(arguments: argparse.Namespace) -> int:
+def _init(arguments: argparse.Namespace) -> None:
     output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
         raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
@@ -78,22 +73,15 @@ def _init(arguments: argparse.Namespace) -> int:
         _show_faces(faces) if several else _show(imported)
     answers = _answers(arguments, imported, asking)
     text = draft(imported, arguments.outline.name, answers, several)
-    with writing(output) as file:
-        file.write_text(text, encoding="utf-8")
-    if arguments.json:
-        shell.print_json(
-            {
-                "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
-                "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm,
-                "notes": list(imported.notes),
-                **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
-            }
-        )  # fmt: skip
-    else:
-        if answers.height_mm is None:
-            print("note: the part's thickness is not stated; state --thickness, or height_mm in the file")
-        print(f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}")
-    return 0
+    write(output, text)
+    figures = {
+        "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
+        "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm, "notes": imported.notes,
+        **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
+    }  # fmt: skip
+    missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
+    next_step = f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}"
+    shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
 
 
 def _faces(arguments: argparse.Namespace) -> list[Face]:
@@ -131,8 +119,8 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     """The outline; on a terminal, a missing unit is asked for."""
     try:
         return read_outline(path, options)
-    except UsageError as error:
-        if not asking or options.units or options.scale or "--units" not in str(error):
+    except NoUnitsError as error:
+        if not asking:
             raise
         print(error)
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
@@ -208,5 +196,4 @@ def _ask(question: str, parse: Callable[[str], T]) -> T:
             print(f"  {error}")
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _init)

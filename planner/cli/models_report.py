@@ -13,7 +13,7 @@ from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
 from planner.work.progress import Report
 from planner.work.scheduler import Scheduler
-from runtime.shell.files import writing
+from runtime.shell.files import write
 
 BESIDE = "beside the table"  # what the option has for its value when no file is named
 
@@ -48,8 +48,7 @@ def made(
     canvas.save(picture, lambda: paper_figures.subspaces(*shown))
     told = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
     beside = picture.with_suffix(".json")
-    with writing(beside) as draft:
-        draft.write_text(json.dumps(told) + "\n", encoding="utf-8")
+    write(beside, json.dumps(told) + "\n")
     return told, f"{text(judged)}\nwrote {picture} and {beside}"
 
 

@@ -31,7 +31,7 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
 from runtime.shell.command import INTERRUPTED
-from runtime.shell.files import folder, usable, writing
+from runtime.shell.files import folder, usable, write, writing
 from runtime.table import dumps
 
 SUFFIX = ".msgpack"
@@ -193,10 +193,9 @@ def run(
     except KeyboardInterrupt:
         print(f"interrupted; {len(rows)} of {len(orders)} jobs are done", file=sys.stderr)
         return INTERRUPTED
-    with writing(summary) as draft:
-        draft.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write(summary, json.dumps(rows, indent=1) + "\n")
     if as_json:
-        shell.print_json({"jobs": rows})
+        shell.answer(True, {"jobs": rows})
     else:
         _show(orders, rows)
     return next((row["exit_code"] for row in rows if "error" in row), 0)

@@ -18,7 +18,7 @@ from planner.report import canvas
 from planner.report.layout import Sizes, tidy
 from planner.report.replay import Replay, replay
 from planner.report.templating import template
-from runtime.shell.files import writing
+from runtime.shell.files import write
 from runtime.table import Leaf, Table, predicted_pose
 
 PANEL = 64.0
@@ -108,9 +108,7 @@ def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 
 def draw(table: Table, job: Job, path: Path, trials: int = TRIALS) -> None:
     """Draws a table of a job as .svg, its beliefs found by sending so many parts through it."""
-    text = picture(table, job, replay(table, job, trials, 0))
-    with writing(path) as file:
-        file.write_text(text, encoding="utf-8")
+    write(path, picture(table, job, replay(table, job, trials, 0)))
 
 
 class _Tree:
