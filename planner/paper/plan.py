@@ -11,8 +11,7 @@ from planner.learned.rollouts import PAPER_COUNT, region_radius, roll_outs
 from planner.learned.store import Store
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
-from planner.paper.models import learn
-from planner.paper.search import PaperPlanner, search_depth
+from planner.paper.search import PaperPlanner, learn, search_depth
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.expand import TreeNode
