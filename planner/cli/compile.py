@@ -6,7 +6,7 @@ import math
 import time
 from pathlib import Path
 
-from planner.cli import bounds, models_report, shell, sweep
+from planner.cli import bounds, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -15,6 +15,7 @@ from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.report import models
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
@@ -22,6 +23,7 @@ from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, te
 from runtime.table import dump
 
 NAME = "plan-compile"
+BESIDE = "beside the table"  # what --models-report has for its value when no file is named
 
 
 def parser() -> Parser:
@@ -55,7 +57,7 @@ def parser() -> Parser:
         "(default: search until done)",
     )  # fmt: skip
     add(
-        "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
+        "--models-report", nargs="?", const=BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
@@ -92,7 +94,9 @@ def _single(arguments: argparse.Namespace) -> int:
     files.usable(output, *read)
     picture = None
     if arguments.models_report:
-        picture = models_report.picture_path(arguments.models_report, output)
+        beside, stated = output.with_suffix(".models.svg"), arguments.models_report
+        picture = beside if stated == BESIDE else Path(stated)
+        shell.checked_suffix("--models-report", picture, shell.PICTURES)
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
     store, limit = shell.store_of(arguments), Limit(arguments.budget)
@@ -102,7 +106,7 @@ def _single(arguments: argparse.Namespace) -> int:
     ):
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)
-        models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
+        judged = picture and models.made(job, arguments.workers, store, scheduler, report, picture)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
         bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
@@ -114,13 +118,13 @@ def _single(arguments: argparse.Namespace) -> int:
                 tell(NAME, f"interrupted: no advice; {output} is written")
     figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
     lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
-    if models:
-        figures["models"] = models[0]
+    if judged:
+        figures["models"] = judged[0]
     if bound:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
     figures["advice"] = advice and advice.figures()
-    shell.answer(arguments.json, figures, *lines, *(models[1:] if models else ()))
+    shell.answer(arguments.json, figures, *lines, *(judged[1:] if judged else ()))
     return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 

@@ -13,12 +13,11 @@ from planner.errors import FitError, NoPlanError, UsageError
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import sweep
 from planner.job import model as job_file
-from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
+from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.job.model import Job
-from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
 from planner.part.importers.pieces import NoUnitsError
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import smallest_rectangle
 from planner.report import canvas, paper_figures
 from planner.report.replay import replay
 from planner.report.verdict import Verdict, Weakest, error_text, percent, verdict, weakest

@@ -9,12 +9,10 @@ from typing import TypeVar
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.job.checks import tips_height_mm
-from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
-from planner.job.presets import FINGERS, GRIPPERS
+from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, NoUnitsError, Options
-from planner.part.outline import reach
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import reach, smallest_rectangle
 from runtime.shell.command import Parser, number
 from runtime.shell.files import usable, write
 

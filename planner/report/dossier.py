@@ -26,11 +26,11 @@ from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
 from planner.report import verdict as verdicts
-from planner.report.cell_result import cell_result, reject_told
+from planner.report.canvas import points, template
 from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.templating import points, template
+from planner.report.verdict import cell_result, reject_told
 from planner.world import World, make, supply, world_of
 from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
 

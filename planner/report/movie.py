@@ -12,8 +12,8 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
+from planner.report.canvas import template
 from planner.report.replay import Replay
-from planner.report.templating import template
 from runtime.table import Calibration, Table, decide, decision_map, error_mm, poses_of
 
 MU = 0.5

@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
-from planner.report.templating import template
+from planner.report.canvas import template
 from runtime.shell.files import write, writing
 
 MOST_PANELS = 12

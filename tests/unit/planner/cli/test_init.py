@@ -15,8 +15,8 @@ import pytest
 
 from planner.cli import init
 from planner.job import model as job_file
+from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
-from planner.job.presets import FINGERS, GRIPPERS
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
