@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from planner.cli import shell
-from planner.evaluation.expectation import document, expected
+from planner.evaluation.expectation import expected
 from planner.job import model as job_file
 from planner.work.scheduler import scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
@@ -44,7 +44,10 @@ def _expect(arguments: argparse.Namespace) -> None:
         shell.progress(arguments.json) as report,
     ):
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
-    told = document(digest, worlds, arguments.trials, arguments.seed)
+    told = {
+        "kind": "expected readings", "version": 1, "table_sha256": digest, "trials": arguments.trials,
+        "seed": arguments.seed, "worlds": worlds,
+    }  # fmt: skip
     write(arguments.output, json.dumps(told, separators=(",", ":")) + "\n")
     names = [world["name"] for world in worlds]
     shell.answer(
