@@ -40,16 +40,6 @@ class GripperPreset(NamedTuple):
         """Stroke."""
         return self.profile.opening_um / 1000
 
-    @property
-    def max_force_n(self) -> float:
-        """What it can."""
-        return self.profile.force_mn[1] / 1000
-
-    @property
-    def max_speed_mm_s(self) -> float:
-        """What it can."""
-        return self.profile.speed_um_s[1] / 1000
-
 
 GRIPPERS = {
     preset.model: preset
@@ -108,20 +98,17 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         keep_trailing_newline=True,
     )  # fmt: skip
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
-    width, height = imported.size_mm
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
-        notes=[_one_line(note) for note in imported.notes],
-        size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
         height=thickness,
         tips=tips,
+        **_shape(imported),
         faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
-        vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
         radius=float(answers.radius_mm),
@@ -135,15 +122,21 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
 def _face(number: int, face: Face, name: str) -> dict[str, object]:
     """What the template says of a hypothesis."""
     assert face.imported.height_mm is not None
-    width, height = face.imported.size_mm
     return {
         "name": f"{name}, face {number}",
         "share": round(face.share, 9),
         "down": face.down_told,
-        "size": f"{width:.3f} x {height:.3f}",
-        "notes": [_one_line(note) for note in face.imported.notes],
         "height": round(face.imported.height_mm, DECIMALS),
-        "vertices": np.round(face.imported.outline_mm, DECIMALS).tolist(),
+        **_shape(face.imported),
+    }
+
+
+def _shape(imported: Imported) -> dict[str, object]:
+    width, height = imported.size_mm
+    return {
+        "size": f"{width:.3f} x {height:.3f}",
+        "notes": [_one_line(note) for note in imported.notes],
+        "vertices": np.round(imported.outline_mm, DECIMALS).tolist(),
     }
 
 

@@ -52,9 +52,14 @@ def read(
     """
     document = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
-    if layer is not None and layer.lower() not in (names := _layers(document)):
-        raise UsageError(f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}")
     space = document.modelspace()
+    if layer is not None:
+        drawn = {str(entity.dxf.get("layer", "0")) for each in (space, *document.blocks) for entity in each}
+        names = {name.lower(): name for name in sorted(drawn)}
+        if layer.lower() not in names:
+            raise UsageError(
+                f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}"
+            )
     if _size(document, space, where) > MAX_SHAPES:
         raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its blocks written out")
     curves, strays = [], Counter[str]()
@@ -64,11 +69,9 @@ def read(
         else:
             strays[entity.dxftype()] += 1
     if strays:
-        notes.append(
-            "not outlines, ignored: " + ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
-        )
-    rings, strokes = sorted_out([curve for curve in curves if len(curve)], tolerance_mm, where)
-    return Pieces(rings, strokes, notes)
+        told = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+        notes.append(f"not outlines, ignored: {told}")
+    return sorted_out((curve for curve in curves if len(curve)), tolerance_mm, where, notes)
 
 
 def _document(data: bytes, where: str) -> Drawing:
@@ -134,13 +137,6 @@ def _visible(document: Drawing, space: Modelspace, only: str | None) -> Iterator
         name = str(entity.dxf.get("layer", "0")).lower()
         if (name not in hidden) if only is None else (name == only.lower()):
             yield entity
-
-
-def _layers(document: Drawing) -> dict[str, str]:
-    """The layers on which something is drawn, in blocks or not, by their names in lower case."""
-    spaces = [document.modelspace(), *document.blocks]
-    names = {str(entity.dxf.get("layer", "0")) for space in spaces for entity in space}
-    return {name.lower(): name for name in sorted(names)}
 
 
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:

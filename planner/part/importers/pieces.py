@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NamedTuple, NoReturn
@@ -68,7 +68,7 @@ def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
         n *= 2
 
 
-def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Array], list[Array]]:
+def sorted_out(curves: Iterable[Array], join_mm: float, where: str, notes: list[str]) -> Pieces:
     """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
 
     Raises:
@@ -88,7 +88,7 @@ def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Ar
             rings.append(curve[:-1])
         elif len(curve) > 1:
             strokes.append(curve)
-    return rings, strokes
+    return Pieces(rings, strokes, notes)
 
 
 @contextmanager

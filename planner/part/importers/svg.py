@@ -49,8 +49,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     for name in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(name, None)
     curves = _curves(Tree.tostring(root, "utf-8"), scale, tolerance_mm, where)
-    rings, strokes = sorted_out(curves, tolerance_mm, where)
-    return Pieces(rings, strokes, notes)
+    return sorted_out(curves, tolerance_mm, where, notes)
 
 
 def _root(data: bytes, where: str) -> Tree.Element:
@@ -117,8 +116,7 @@ def _curves(svg: bytes, scale: float, tolerance_mm: float, where: str) -> list[A
         drawing = svgelements.SVG.parse(io.BytesIO(svg), reify=True, ppi=96.0)
         for element in drawing.elements():
             if isinstance(element, svgelements.Shape) and element.values.get("display") != "none":
-                path = svgelements.Path(element)
-                for part in path.as_subpaths():
+                for part in svgelements.Path(element).as_subpaths():
                     curves.append(_polyline(part, tolerance_mm / scale) * (scale, -scale))
     except OutlineError as error:
         raise OutlineError(error.problem, where=where) from None
