@@ -16,7 +16,6 @@ from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
-from planner.part.importers.pieces import NoUnitsError
 from planner.part.outline import smallest_rectangle
 from planner.report import canvas, paper_figures
 from planner.report.replay import replay
@@ -204,7 +203,9 @@ def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     options = options._replace(contour=options.contour or LARGEST)
     try:
         imported = read_outline(arguments.drawing, options)
-    except NoUnitsError:
+    except UsageError as error:
+        if not error.units_missing:
+            raise
         imported = read_outline(arguments.drawing, options._replace(units="mm"))
         return imported, ["one unit of the drawing is 1 mm, for it does not say (--units)", *imported.notes]
     return imported, list(imported.notes)

@@ -11,7 +11,7 @@ from planner.errors import UsageError
 from planner.job.checks import tips_height_mm
 from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
-from planner.part.importers.pieces import UNITS_MM, NoUnitsError, Options
+from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
 from runtime.shell.command import Parser, number
 from runtime.shell.files import usable, write
@@ -117,8 +117,8 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     """The outline; on a terminal, a missing unit is asked for."""
     try:
         return read_outline(path, options)
-    except NoUnitsError as error:
-        if not asking:
+    except UsageError as error:
+        if not (asking and error.units_missing):
             raise
         print(error)
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))

@@ -22,9 +22,9 @@ from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers.pieces import (
     LARGEST_MM,
     MAX_SHAPES,
-    NoUnitsError,
     Pieces,
     flattened,
+    need_units,
     sorted_out,
     too_much,
 )
@@ -96,7 +96,7 @@ def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float,
     name = str(units.unit_name(stated)).lower() if known else ""
     if unit_mm is None:
         if known is None:
-            raise NoUnitsError(where, "does not say its units ($INSUNITS)")
+            raise need_units(where, "does not say its units ($INSUNITS)")
         return known, [f"units: {name}, as the file says"]
     if known is not None and known != unit_mm:
         return unit_mm, [f"the file says {name}, overruled by --units"]

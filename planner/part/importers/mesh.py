@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.errors import InputFileError, OutlineError, UsageError
-from planner.part.importers.pieces import MAX_SHAPES, NoUnitsError, Pieces, sorted_out, too_much
+from planner.part.importers.pieces import MAX_SHAPES, Pieces, need_units, sorted_out, too_much
 
 FARTHEST_MM = 1e6
 
@@ -71,7 +71,7 @@ def cut(solid: Any, where: str, height_mm: float | None) -> Pieces:
 def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) -> Any:
     """The solid of a file, in mm."""
     if unit_mm is None:
-        raise NoUnitsError(where, "is an STL file, which never says its units")
+        raise need_units(where, "is an STL file, which never says its units")
     try:
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm

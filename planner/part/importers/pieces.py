@@ -41,12 +41,12 @@ class Pieces(NamedTuple):
     height_mm: float | None = None  # of a solid, from its lowest to its highest point
 
 
-class NoUnitsError(UsageError):
-    """A file does not tell its scale; `said` is why, as a clause about the file."""
-
-    def __init__(self, where: str, said: str) -> None:
-        hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
-        super().__init__(f"{where}: {said}; {hint}")
+def need_units(where: str, said: str) -> UsageError:
+    """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
+    hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
+    error = UsageError(f"{where}: {said}; {hint}")
+    error.units_missing = True
+    return error
 
 
 def too_much(where: str, what: str) -> OutlineError:

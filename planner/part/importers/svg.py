@@ -18,9 +18,9 @@ from planner.errors import InputFileError, OutlineError
 from planner.part.importers.pieces import (
     LARGEST_MM,
     MAX_SHAPES,
-    NoUnitsError,
     Pieces,
     flattened,
+    need_units,
     sorted_out,
     too_much,
 )
@@ -40,7 +40,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     stated = _stated_scale(root, where)
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
-        raise NoUnitsError(where, "does not say its size in mm, cm, in or pt (width, height and viewBox)")
+        raise need_units(where, "does not say its size in mm, cm, in or pt (width, height and viewBox)")
     notes = []
     if unit_mm is None:
         notes.append(f"scale: {scale:.6g} mm a unit, as the file's width and viewBox say")

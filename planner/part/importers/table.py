@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 from planner.errors import InputFileError, OutlineError, ValueRangeError
-from planner.part.importers.pieces import UNITS_MM, NoUnitsError, Pieces, sorted_out
+from planner.part.importers.pieces import UNITS_MM, Pieces, need_units, sorted_out
 
 MAX_ROWS = 100_000
 HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORECASE)
@@ -33,7 +33,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         rows = rows[1:]
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
-        raise NoUnitsError(where, "does not name its unit (a header x_mm,y_mm would)")
+        raise need_units(where, "does not name its unit (a header x_mm,y_mm would)")
     notes = ["the header names another unit, overruled by --units"] if stated not in (None, scale) else []
     points = np.array([_vertex(cells, line, where) for line, cells in rows]).reshape(-1, 2) * scale
     closed = np.concatenate([points, points[:1]])
