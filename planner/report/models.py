@@ -52,12 +52,9 @@ def names(judged: Quality) -> list[str]:
 
 def figures(judged: Quality) -> dict[str, Any]:
     """The report in plain types."""
+    plain = ("rollouts", "colliding", "spacing_mm", "h1_mm", "h2_mm")
     return {
-        "rollouts": judged.rollouts,
-        "colliding": judged.colliding,
-        "spacing_mm": judged.spacing_mm,
-        "h1_mm": judged.h1_mm,
-        "h2_mm": judged.h2_mm,
+        **{name: getattr(judged, name) for name in plain},
         "actions": [_action(action) for action in judged.actions],
         "actions_in_collision": judged.in_collision,
         "sensor": judged.sensor._asdict(),
