@@ -23,6 +23,9 @@ from runtime.table import Table
 
 Z95 = NormalDist().inv_cdf(0.975)
 SEED_NOISE = 0x53454E53
+LONG = 3.6  # squeezes a part from which a plan is long
+MOST_LATE = 3
+MOST_TRIALS = 5000  # parts squeezed for each source of noise
 
 
 class Gain(NamedTuple):
@@ -32,15 +35,7 @@ class Gain(NamedTuple):
     success_rate: float  # of the table without that source
     gain: float  # how much higher that is than with all of them
     error: float  # half-width of the gain's 95 % interval
-
-    @property
-    def certain(self) -> bool:
-        """Whether the gain is more than chance."""
-        return self.gain > self.error
-
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**self._asdict(), "certain": self.certain}
+    certain: bool  # whether the gain is more than chance
 
 
 def gains_without_noise(
@@ -55,7 +50,12 @@ def gains_without_noise(
     cases, worlds = [Case(PLANNED), *noise_cases(job)], partial(ContactWorlds.of_job, seed=seed)
     lines = sweep(table, job, cases, worlds, trials, seed, scheduler, report)
     base, *others = (float(line.evaluation.success.mean()) for line in lines)
-    gains = [_gain(case.name, base, rate, trials) for case, rate in zip(cases[1:], others, strict=True)]
+    gains = []
+    for case, rate in zip(cases[1:], others, strict=True):
+        # Rates of 1 scatter too: each counts as half a failure at least.
+        variance = sum(max(p * (1.0 - p), 0.5 / trials) / trials for p in (base, rate))
+        gain, error = rate - base, Z95 * math.sqrt(variance)
+        gains.append(Gain(case.name, rate, gain, error, gain > error))
     return [*sorted(gains[:-1], key=lambda gain: -gain.gain), gains[-1]]
 
 
@@ -76,17 +76,6 @@ def _noise_told(gains: Sequence[Gain]) -> list[str]:
     return [*lines, f"{missing:.2%} would not be located without any noise: that is up to the action set"]
 
 
-def _gain(source: str, base: float, rate: float, trials: int) -> Gain:
-    # Rates of 1 scatter too: each counts as half a failure at least.
-    variance = sum(max(p * (1.0 - p), 0.5 / trials) / trials for p in (base, rate))
-    return Gain(source, rate, rate - base, Z95 * math.sqrt(variance))
-
-
-LONG = 3.6  # squeezes a part from which a plan is long
-MOST_LATE = 3
-MOST_TRIALS = 5000  # parts squeezed for each source of noise
-
-
 class Advice(NamedTuple):
     """What limits a plan."""
 
@@ -103,17 +92,15 @@ class Advice(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "failing": self.failing,
-            "rejected": self.rejected,
-            "unresolved": self.unresolved,
-            "at_depth_limit": self.at_depth_limit,
+        told = self._asdict() | {
             "pairs": [pair._asdict() for pair in self.pairs],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
-            "gains": [gain.figures() for gain in self.gains],
+            "gains": [gain._asdict() for gain in self.gains],
             "delays": [delay.figures() for delay in self.delays],
-            "margins": self.margins and self.margins.figures(),
+            "margins": self.margins and {**self.margins._asdict(), "thin": self.margins.thin},
         }
+        del told["proposing"]
+        return told
 
     def lines(self) -> list[str]:
         """For people: what costs something, and where to look."""

@@ -1,12 +1,12 @@
 """What branches rest on: widths that the encoder may confuse, and how far they may be off."""
 
+from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from planner.arrays import BoolArray
 from planner.belief.observation import encoder_of
 from planner.evaluation.cases import OFFSET_COUNTS, offset_cases
 from planner.evaluation.evaluate import sweep
@@ -33,10 +33,6 @@ class Margins(NamedTuple):
         """Whether that is worth a word."""
         return self.wrong_rate > THIN
 
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**self._asdict(), "thin": self.thin}
-
     def line(self) -> str:
         """For people."""
         counts = f"{self.counts:g} counts"
@@ -53,16 +49,8 @@ def margins_of(
 ) -> Margins:  # fmt: skip
     """Runs a table with widths off to either side, `trials` parts each."""
     seed = job.seed + SEED_MARGINS
-    lines = sweep(
-        table,
-        job,
-        offset_cases(job),
-        lambda real: ContactWorlds.of_job(real, seed),
-        trials,
-        seed,
-        scheduler,
-        report,
-    )
+    worlds = partial(ContactWorlds.of_job, seed=seed)
+    lines = sweep(table, job, offset_cases(job), worlds, trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
     return Margins(OFFSET_COUNTS, wrong, near_another(table, evaluation))
 
@@ -108,19 +96,12 @@ def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePai
             overlap = below.high_um >= above.low_um
             if counts >= CLOSE_COUNTS and not overlap:
                 continue
-            near = _reads_near(evaluation, index, _border(outcome, number))
-            pairs.append(
-                ClosePair(
-                    node=index,
-                    lower=number,
-                    widths_mm=(below.expected_um / 1e3, above.expected_um / 1e3),
-                    counts=round(counts, 2),
-                    overlap=overlap,
-                    near=float(near.mean()),
-                    lost=float((near & failed).mean()),
-                    excess=float((near & failed).mean() - near.mean() * failed.mean()),
-                )
-            )
+            reads = np.abs(evaluation.counts - _border(outcome, number)) <= BORDER_COUNTS
+            near = ((evaluation.path == index) & reads).any(axis=1)  # no trial comes to a node twice
+            widths_mm = below.expected_um / 1e3, above.expected_um / 1e3
+            share, lost = float(near.mean()), float((near & failed).mean())
+            excess = float(lost - share * failed.mean())
+            pairs.append(ClosePair(index, number, widths_mm, round(counts, 2), overlap, share, lost, excess))
     return sorted(pairs, key=lambda pair: -pair.excess)
 
 
@@ -141,9 +122,3 @@ def _border(outcome: tuple[int, ...], lower: int) -> float:
     wide = max((count for count, number in enumerate(outcome) if number == lower + 1), default=0)
     narrow = min((count for count, number in enumerate(outcome) if number == lower), default=wide)
     return 0.5 * (wide + narrow)
-
-
-def _reads_near(evaluation: Evaluation, node: int, border: float) -> BoolArray:
-    """Trials that read near a count at a node; no trial comes to a node twice."""
-    near = np.abs(evaluation.counts - border) <= BORDER_COUNTS
-    return np.asarray(((evaluation.path == node) & near).any(axis=1))

@@ -52,7 +52,14 @@ def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
     """
     from scipy.spatial.distance import cdist  # half as long to import as numba
 
-    first, second = _points(a, rho_mm, order), _points(b, rho_mm, order)
+    radius = rho_mm / order
+
+    def points(poses: Array) -> Array:
+        """(n, 4) whose Euclidean distances respect the part's symmetry [mm]."""
+        turn = order * poses[:, 2]
+        return np.column_stack([poses[:, 0], poses[:, 1], radius * np.cos(turn), radius * np.sin(turn)])
+
+    first, second = points(a), points(b)
     within = float(cdist(first, first).mean() + cdist(second, second).mean())
     return max(2.0 * float(cdist(first, second).mean()) - within, 0.0)
 
@@ -91,13 +98,6 @@ def _push(model: MotionModel, belief: Belief, placements: Array, rng: np.random.
         belief = model.squeeze([(belief, placement)], rng)[0].belief
         poses.append(belief.poses)
     return poses
-
-
-def _points(poses: Array, rho_mm: float, order: int) -> Array:
-    """Poses (n, 3) as points (n, 4) whose Euclidean distances respect the part's symmetry [mm]."""
-    turn = order * poses[:, 2]
-    radius = rho_mm / order
-    return np.column_stack([poses[:, 0], poses[:, 1], radius * np.cos(turn), radius * np.sin(turn)])
 
 
 PARTICLES = 2000
