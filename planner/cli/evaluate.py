@@ -2,29 +2,19 @@
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from planner.cli import shell
 from planner.errors import UsageError
+from planner.evaluation import leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
-from planner.evaluation.leaves import (
-    LEAST_VISITS,
-    NO_LEAF,
-    Confusion,
-    Identities,
-    Mistake,
-    Reliability,
-    confusions,
-    identities,
-    reliability,
-    worst,
-)
+from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.strangers import family, strangers
@@ -32,7 +22,7 @@ from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
-from planner.world import ContactWorlds, Worlds, supply
+from planner.world import ContactWorlds, World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
@@ -129,24 +119,29 @@ def _evaluate(arguments: argparse.Namespace) -> None:
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """One world, looked at closely."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
-    world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
+    worlds, cell = _worlds_of(arguments), _disturbance(arguments)
+    trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
     with shell.progress(arguments.json) as report:
-        trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
-        evaluation = evaluate(table, real, world, trials, seed, scheduler, _disturbance(arguments), report)
-        believed = worst_of(_believed(table, job, scheduler, arguments))
-        strange = list(
-            strangers(
-                table, real, (*real.strangers, *(family(real) if arguments.strangers else ())), evaluation,
-                lambda other: supply(arguments.world, other, seed, arguments.world_copies),
-                trials, seed, scheduler, _disturbance(arguments),
-            )
-        )  # fmt: skip
-    outcome = reliability(table, evaluation)
-    confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
+        evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
+        # In each world that the job believes in, where the contact world stands for them.
+        cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
+        contact, fewer = partial(ContactWorlds.of_job, seed=seed), arguments.trials or BELIEVED_TRIALS
+        lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
+        believed = worst_of(lines)
+        others = (*real.strangers, *(family(real) if arguments.strangers else ()))
+        strange = list(strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell))
+    outcome, known = (
+        leaves.reliability(table, evaluation),
+        leaves.identities(table, evaluation) if table.hypotheses else None,
+    )
+    confused, mistakes = (
+        leaves.confusions(table, evaluation),
+        leaves.worst(table, evaluation, arguments.worst),
+    )
     figures = {
         **evaluation.summary(),
         "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
-        **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
+        **({"identities": known.figures()} if known else {}),
         **({"strangers": [each.figures() for each in strange]} if strange else {}),
         "reliability": outcome.figures(),
         "confusions": [row._asdict() for row in confused],
@@ -157,19 +152,12 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         figures,
         *([_worst_world(believed.case.name, believed.evaluation)] if believed else []),
         *_overview(evaluation, _name_of_world(arguments)),
-        *(_named(identities(table, evaluation)) if table.hypotheses else ()),
+        *(_named(known) if known else ()),
         *(line for each in strange for line in each.lines()),
         *_predictions(table, outcome),
         *_taken_for(confused),
         *_furthest(mistakes),
     )
-
-
-def _believed(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> Iterator[Line]:
-    """The table in each world that its job believes in, where the contact world stands for them."""
-    cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-    trials, seed = min(arguments.trials or BELIEVED_TRIALS, BELIEVED_TRIALS), arguments.seed
-    return sweep(table, job, cases, lambda real: ContactWorlds.of_job(real, seed), trials, seed, scheduler)
 
 
 def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
@@ -215,16 +203,17 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
     if not arguments.json:
         print(SWEEP_HEAD)
     told = []
-    for case, found in sweep(
-        table, job, standard_cases(job),
-        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
-        arguments.trials or DEFAULT_TRIALS, arguments.seed, scheduler,
-    ):  # fmt: skip
+    worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
+    for case, found in sweep(table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler):
         told.append({"world": case.name, "set": case.stated(), **found.summary()})
         if not arguments.json:
             print(sweep_row(case.name, found), flush=True)
     if arguments.json:
         shell.answer(True, {"worlds": told})
+
+
+def _worlds_of(arguments: argparse.Namespace) -> Callable[[Job], World | Worlds]:
+    return lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies)
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -256,6 +245,8 @@ def _overview(evaluation: Evaluation, world: str) -> list[str]:
     figures = evaluation.summary()
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
+    error = figures["error_mm"]
+    share = f"95 % within {error['p95']:.2f} mm" if error else ""
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
     return [
         f"{figures['trials']} parts in {world}",
@@ -265,7 +256,7 @@ def _overview(evaluation: Evaluation, world: str) -> list[str]:
         f"unresolved {figures['unresolved_rate']:7.2%}",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
-        *_error(figures["error_mm"]),
+        *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
         f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",
     ]
 
@@ -277,69 +268,55 @@ def _worst_world(world: str, evaluation: Evaluation) -> str:
     return f"worst      {rates} of {figures['trials']} parts in the worst believed world: {world}"
 
 
-def _named(found: Identities) -> list[str]:
+def _named(found: leaves.Identities) -> list[str]:
     """How often the right part was named, and which was named for which."""
     figures = found.figures()
     told = f"of the parts that were named ({figures['named_rate']:.2%})"
-    lines = [f"identity   {found.right:7.2%}  right, {told}"]
+    lines = [f"{found.right:7.2%}  right, {told}"]
     for truth, row in zip(found.names, found.named, strict=True):
-        wrong = {
-            name: int(count) for name, count in zip(found.names, row, strict=False) if count and name != truth
-        }
-        lines += [
-            f"           {count} of {row.sum()} {truth} were named {name}" for name, count in wrong.items()
-        ]
-    return lines
+        wrong = ((name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth)
+        lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
+    return _block("identity", lines)
 
 
-def _error(error_mm: dict[str, float] | None) -> list[str]:
-    if error_mm is None:
-        return []
-    share = f"95 % within {error_mm['p95']:.2f} mm"
-    return [f"error      {error_mm['median']:7.2f}  mm median where resolved, {share}"]
-
-
-def _predictions(table: Table, outcome: Reliability) -> list[str]:
+def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     """Whether the leaves' probabilities hold, and those that do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
-        return [f"leaves     no leaf of {len(table.leaves)} has {LEAST_VISITS} visits; raise --trials"]
-    share = f"{held} of {total} with {LEAST_VISITS} visits or more"
-    lines = [f"leaves     {share} do as the table predicts ({outcome.share:.0%})"]
+        return [f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"]
+    share = f"{held} of {total} with {leaves.LEAST_VISITS} visits or more"
+    lines = [f"{share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
     for row in failed[:MOST_ROWS]:
         low, high = row.interval95
         lines.append(
-            f"           leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
+            f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
             f"with 95 % between {low:.2%} and {high:.2%}"
         )
-    return lines + _more(len(failed))
+    return _block("leaves", lines, len(failed))
 
 
-def _taken_for(confused: list[Confusion]) -> list[str]:
+def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
     """Which leaf was taken for which."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
-        truth = "where no leaf is" if row.truth == NO_LEAF else f"at leaf {row.truth}"
+        truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
         claim = "" if row.resolved else ", unresolved"
-        head = "           " if lines else "taken      "
-        lines.append(f"{head}for leaf {row.leaf}{claim}: {row.trials} parts that lay {truth}")
-    return lines + _more(len(confused))
+        lines.append(f"for leaf {row.leaf}{claim}: {row.trials} parts that lay {truth}")
+    return _block("taken", lines, len(confused))
 
 
-def _furthest(mistakes: list[Mistake]) -> list[str]:
+def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
     """Where the worst errors began and how they went."""
     lines: list[str] = []
     for row in mistakes:
         x, y, theta = row.initial
-        path = " > ".join(map(str, row.path))
-        counts = ", ".join(map(str, row.counts))
-        head = "           " if lines else "worst      "
+        path, counts = " > ".join(map(str, row.path)), ", ".join(map(str, row.counts))
         lines.append(
-            f"{head}{row.error_mm:.1f} mm off, from ({x:.1f}, {y:.1f}) mm at {math.degrees(theta):.0f} deg, "
+            f"{row.error_mm:.1f} mm off, from ({x:.1f}, {y:.1f}) mm at {math.degrees(theta):.0f} deg, "
             f"nodes {path} > leaf {row.leaf}, counts {counts}"
         )
-    return lines
+    return _block("worst", lines)
 
 
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
@@ -355,8 +332,10 @@ def sweep_row(world: str, evaluation: Evaluation) -> str:
     )
 
 
-def _more(rows: int) -> list[str]:
-    return [f"           and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
+def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
+    """Lines under one head, and that there are more than `MOST_ROWS` of them."""
+    more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
+    return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 
 
 main = shell.main_of(parser, _evaluate)

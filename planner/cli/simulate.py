@@ -12,14 +12,7 @@ from planner.cli import columns, pushes, shell
 from planner.errors import UsageError, ValueRangeError
 from planner.job import model as job_file
 from planner.mechanics.push import PUSH_NAMES
-from planner.mechanics.simulator import (
-    DEFAULT_STEP_MM,
-    STATUS_NAMES,
-    Parameters,
-    Pushed,
-    RollOut,
-    Simulator,
-)
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, words_of
 
@@ -51,23 +44,24 @@ def _simulate(arguments: argparse.Namespace) -> None:
     else:
         seed = job.seed if arguments.seed is None else arguments.seed
         parameters = simulator.sample(len(rows), np.random.default_rng(seed))
-    done: Pushed | RollOut
     names: tuple[str, ...] = PUSH_NAMES if arguments.push else STATUS_NAMES
     if arguments.push:
         paths = pushes.paths(rows, job_file.centroid_as_drawn(arguments.job))
         pushes.check_clear(paths, job.part.outline_mm, listed)
-        done = simulator.push(paths, parameters)
+        pushed = simulator.push(paths, parameters)
+        status, given_up = pushed.status, int(pushed.given_up.sum())
         what, header = "pushes", (*pushes.NAMES, *pushes.OUTPUTS)
-        numbers = np.column_stack([rows, done.moved[:, :2], np.degrees(done.moved[:, 2])])
+        numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
     else:
-        done = simulator.roll_out(rows, parameters)
+        rolled = simulator.roll_out(rows, parameters)
+        status, given_up = rolled.status, int(rolled.given_up.sum())
         what, header = "squeezes", (*INPUTS, *OUTPUTS)
-        numbers = np.column_stack([rows, done.poses, done.width_mm])
-    columns.write(arguments.output, header, numbers, [names[status] for status in done.status])
+        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm])
+    columns.write(arguments.output, header, numbers, [names[k] for k in status])
     if pictures:
         draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
-    tally = {name: int(np.sum(done.status == k)) for k, name in enumerate(names)}
-    given_up, drawn = int(done.given_up.sum()), {name: str(path) for name, path in pictures.items()}
+    tally = {name: int(np.sum(status == k)) for k, name in enumerate(names)}
+    drawn = {name: str(path) for name, path in pictures.items()}
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     written = ", ".join((str(arguments.output), *drawn.values()))
     with redirect_stdout(words_of(arguments.output)):

@@ -118,8 +118,11 @@ def outcomes(
             report("jobs", k + 1, len(orders))
             yield outcome
         return
-    for k, order in enumerate(orders):
-        yield compiled(settings, order, partial(_told, report, f"job {k + 1} of {len(orders)}"))
+    for k, order in enumerate(orders, start=1):
+        prefix = f"job {k} of {len(orders)}"
+        yield compiled(
+            settings, order, lambda stage, *rest, prefix=prefix: report(f"{prefix}: {stage}", *rest)
+        )
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
@@ -244,9 +247,8 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
             table.add_row(*values, "", "", "", "", row["error"])
         else:
             success, squeezes = f"{row['success_rate']:.2%}", f"{row['mean_squeezes']:.2f}"
-            line = (
-                f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves, wrote {row['table']}"
-            )
+            line = f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves"
+            line += f", wrote {row['table']}"
             if row["cut_short"]:
                 line = f"cut short, {row['cut_short']['open_share']:.2%} of the parts still open; {line}"
                 success += f" (cut short, {row['cut_short']['open_share']:.2%} open)"
@@ -268,7 +270,3 @@ def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Or
 
 def _failure(error: PlannerError) -> dict[str, Any]:
     return {"error": str(error), "exit_code": error.exit_code}
-
-
-def _told(report: Report, prefix: str, stage: str, done: int, total: int, detail: str = "", /) -> None:
-    report(f"{prefix}: {stage}", done, total, detail)

@@ -19,15 +19,7 @@ from scipy.interpolate import BSpline
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
-from planner.part.importers.pieces import (
-    LARGEST_MM,
-    MAX_SHAPES,
-    Pieces,
-    flattened,
-    need_units,
-    sorted_out,
-    too_much,
-)
+from planner.part.importers import pieces
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -38,12 +30,12 @@ UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254
 """$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
 MAX_DEPTH = 50
 ABSURD: Array = np.full((1, 2), np.inf)
-"""Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
+"""Stands for a shape that is not pieces.flattened, since its coordinates are absurd; refused later."""
 
 
 def read(
     data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, layer: str | None = None
-) -> Pieces:
+) -> pieces.Pieces:
     """The shapes of a DXF file; raises what `file.read_outline` does.
 
     `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
@@ -60,8 +52,8 @@ def read(
             raise UsageError(
                 f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}"
             )
-    if _size(document, space, where) > MAX_SHAPES:
-        raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its blocks written out")
+    if _size(document, space, where) > pieces.MAX_SHAPES:
+        raise pieces.too_much(where, f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out")
     curves, strays = [], Counter[str]()
     for entity in _visible(document, space, layer):
         if entity.dxftype() in SHAPES:
@@ -71,7 +63,7 @@ def read(
     if strays:
         told = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
         notes.append(f"not outlines, ignored: {told}")
-    return sorted_out((curve for curve in curves if len(curve)), tolerance_mm, where, notes)
+    return pieces.sorted_out((curve for curve in curves if len(curve)), tolerance_mm, where, notes)
 
 
 def _document(data: bytes, where: str) -> Drawing:
@@ -96,7 +88,7 @@ def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float,
     name = str(units.unit_name(stated)).lower() if known else ""
     if unit_mm is None:
         if known is None:
-            raise need_units(where, "does not say its units ($INSUNITS)")
+            raise pieces.need_units(where, "does not say its units ($INSUNITS)")
         return known, [f"units: {name}, as the file says"]
     if known is not None and known != unit_mm:
         return unit_mm, [f"the file says {name}, overruled by --units"]
@@ -172,9 +164,12 @@ def _spline(entity: Spline, tolerance: float) -> Array:
         return np.asarray(values[:, :2] / values[:, 2:])
 
     return np.concatenate(
-        [flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
+        [pieces.flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
     )
 
 
 def _sane(points: Array, scale: float) -> bool:
-    return bool(np.isfinite(points).all()) and float(np.abs(points).max(initial=0.0)) * scale <= LARGEST_MM
+    return (
+        bool(np.isfinite(points).all())
+        and float(np.abs(points).max(initial=0.0)) * scale <= pieces.LARGEST_MM
+    )
