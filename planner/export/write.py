@@ -3,8 +3,6 @@
 All forms say what follows each reading as runs of counts.
 """
 
-import csv
-import io
 import json
 import re
 import textwrap
@@ -17,7 +15,8 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from runtime.shell.files import OutputError, folder, writing
+from runtime.shell.files import OutputError, folder
+from runtime.shell.files import write as write_text
 from runtime.table import COUNTS, HELD_UM, REJECT, Calibration, Node, Table, TableFile, decide, decision_map
 
 FELT, NOT_FELT = 2, 3  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
@@ -105,14 +104,20 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     Raises:
         OutputError: the folder holds files or cannot be written; nothing of the export is left there.
     """
-    texts = {VECTORS: _csv(found.table)}
+    rows = (VECTOR, *vectors(found.table))
+    texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
     texts |= {name: _text(name, found) for name in FORMS[form]}
-    _check_empty(folder(path))
+    folder(path)
+    try:
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
+    if not empty:
+        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
     written: list[Path] = []
     try:
         for name, text in texts.items():
-            with writing(path / name) as draft:
-                draft.write_text(text, encoding="ascii")
+            write_text(path / name, text)
             written.append(path / name)
     except BaseException:
         for file in written:
@@ -121,27 +126,10 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     return {file.name: file.stat().st_size for file in written}
 
 
-def _check_empty(path: Path) -> None:
-    try:
-        empty = not any(path.iterdir())
-    except OSError as error:
-        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
-    if not empty:
-        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
-
-
 def _text(name: str, found: TableFile) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(found), indent=1) + "\n"
     return _templates().get_template(name).render(_values(found))
-
-
-def _csv(table: Table) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(VECTOR)
-    rows.writerows(vectors(table))
-    return text.getvalue()
 
 
 def _document(found: TableFile) -> dict[str, Any]:
@@ -178,10 +166,7 @@ def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
 def _values(found: TableFile) -> dict[str, Any]:
     """What the templates of programs fill in: names and columns of integers, all within 32 bits."""
     table = found.table
-    nodes: list[Row] = []
-    runs: list[Row] = []
-    leaves: list[Row] = []
-    alternatives: list[Row] = []
+    nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
         own = runs_of(decided)
         nodes.append((*node.squeeze[:6], *drag_of(node), len(runs), len(own)))

@@ -20,12 +20,9 @@ from planner.work.scheduler import Scheduler
 
 
 def plan_paper(
-    job: Job,
-    simulator: Simulator,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
+    job: Job, simulator: Simulator, store: Store | None = None, scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> TreeNode:
+) -> TreeNode:  # fmt: skip
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the

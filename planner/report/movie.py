@@ -64,12 +64,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         states, _ = simulator.trace(to_hand(pose, hand), surface, MU)
         begun, end = trajectory.touch(states), float(states[-1, 3])
         closing = round(TOUCH * CLOSING)
-        widths = np.concatenate(
-            [
-                np.linspace(states[0, 3], begun, closing, endpoint=False),
-                np.linspace(begun, end, CLOSING - closing),
-            ]
-        )
+        until = np.linspace(states[0, 3], begun, closing, endpoint=False)
+        widths = np.concatenate([until, np.linspace(begun, end, CLOSING - closing)])
         seen = trajectory.along(states, widths)
         world = np.column_stack([to_world(seen[:, :3], hand), seen[:, 3]])
         count = calibration.count(round(1e3 * end))
@@ -113,14 +109,8 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         moving += [(begun, squeeze.states[0]), *zip(closing.tolist(), squeeze.states, strict=True)]
         shut = float(closing[-1]) + READ_S
         times = [0.0, begun, *closing.tolist(), shut, shut + OPEN_S, total_s]
-        widths = [
-            opening,
-            opening,
-            *squeeze.states[:, 3].tolist(),
-            float(squeeze.states[-1, 3]),
-            opening,
-            opening,
-        ]
+        seen = squeeze.states[:, 3].tolist()
+        widths = [opening, opening, *seen, seen[-1], opening, opening]
         hands.append(
             {
                 "pose": squeeze.hand, "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
@@ -132,8 +122,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(
-                    begun - 0.3 if k else 0.0, begun if k else 0.0, float(closing[-1]),
-                    float(closing[-1]) + 0.6, total_s,
+                    max(begun - 0.3, 0.0), begun, float(closing[-1]), float(closing[-1]) + 0.6, total_s
                 ),
             }
         )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 from planner.evaluation.evaluate import Line
 from planner.job.model import Job
 from planner.part.outline import smallest_rectangle
-from planner.report.run_log import PartLog, RunLog
+from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
 from runtime.table import Calibration, Node, Table
 
@@ -51,10 +51,8 @@ def weakest(lines: Sequence[Line]) -> Weakest | None:
 def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict:
     """The verdict on a job's table.
 
-    Args:
-        job: the job that the table was planned for.
-        figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
-        worst: the assumption that the table leans on most, if worlds were tried.
+    The figures are as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
+    `worst` is the assumption that the table leans on most, if worlds were tried.
     """
     success, wrong = figures["success_rate"], figures["wrong_rate"]
     grade: Grade = "good"
@@ -136,7 +134,7 @@ USUAL = 0.9  # share of located parts below which a cell needs a look
 class CellResult(NamedTuple):
     """The cell's own result."""
 
-    grade: Literal["good", "fair", "poor"]
+    grade: Grade
     sentence: str
 
 
@@ -147,14 +145,17 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
         return CellResult("fair", "no part was begun")
     located = sum(not part.failed for part in log.parts)
     told = f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
-    told += _names_told(log.parts) if names_parts(table) else ""
+    names = Counter(part.name for part in log.parts if part.outcome == "leaf" and part.name is not None)
+    if names and names_parts(table):
+        told += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
     wrong = sum(part.audit == "fail" for part in log.parts)
     told += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     told += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
-    worst = _commonest_reject(log.parts)
-    if worst is not None:
-        node, counts = worst
+    rejects = [part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None]
+    if rejects:  # what was read at the node that rejected most parts
+        node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
+        counts = [count for at, count, _ in rejects if at == node]
         middle = sorted(counts)[len(counts) // 2]
         told += f"; {len(counts)} rejected at node {node}: {reject_told(table, node, middle)}"
     share = located / total
@@ -180,18 +181,3 @@ def planned_spans(node: Node) -> list[tuple[float, float]]:
         else:
             spans.append((low, high))
     return spans
-
-
-def _names_told(parts: list[PartLog]) -> str:
-    """How often each name was given, in brackets."""
-    names = Counter(part.name for part in parts if part.outcome == "leaf" and part.name is not None)
-    return f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})" if names else ""
-
-
-def _commonest_reject(parts: list[PartLog]) -> tuple[int, list[int]] | None:
-    """The node that rejected most parts, and the counts that it read."""
-    last = [part.squeezes[-1] for part in parts if part.squeezes and part.squeezes[-1][2] is None]
-    if not last:
-        return None
-    node, _ = Counter(node for node, _, _ in last).most_common(1)[0]
-    return node, [count for at, count, _ in last if at == node]
