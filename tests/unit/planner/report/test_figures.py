@@ -12,13 +12,14 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import charts
 import pytest
+from comparison import table_rows
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from planner.job import model as job_file
-from planner.report import canvas, charts, movie, paper_figures
-from planner.report.comparison import table_rows
+from planner.report import canvas, movie, paper_figures
 from planner.report.replay import replay
 from runtime.table import load
 
