@@ -1,6 +1,7 @@
 """One part being squeezed until it is located, as an SVG that moves by itself (SMIL), for a README."""
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,6 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
-from planner.report.canvas import template
 from planner.report.replay import Replay
 from runtime.table import Calibration, Table, decide, decision_map, error_mm, poses_of
 
@@ -133,7 +133,8 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     leaf = beliefs.leaves[story.leaf]
     jaws = Simulator.of_job(job, workers=1).jaws
     reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-    return template("movie.svg").render(
+    text = Path(__file__).with_suffix(".svg").read_text()
+    return canvas.template("tree.svg").environment.from_string(text).render(
         job=job, total=total_s, hands=hands, length=float(jaws[1]), thickness=float(jaws[2]),
         half=0.5 * float(jaws[0]) + float(jaws[2]) + 1.0, reach=reach, error=story.error_mm,
         shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
