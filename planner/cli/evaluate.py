@@ -33,6 +33,7 @@ DEFAULT_TRIALS = 20_000
 BELIEVED_TRIALS = 4_000  # in each world that the job believes in
 DEFAULT_PPM_TRIALS = 1_000_000
 MOST_ROWS = 8
+RATES = "wrong {wrong_rate:.2%}, success {success_rate:.2%} of {trials} parts"
 
 
 def parser() -> Parser:
@@ -130,17 +131,13 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         believed = worst_of(lines)
         others = (*real.strangers, *(family(real) if arguments.strangers else ()))
         strange = list(strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell))
-    outcome, known = (
-        leaves.reliability(table, evaluation),
-        leaves.identities(table, evaluation) if table.hypotheses else None,
-    )
-    confused, mistakes = (
-        leaves.confusions(table, evaluation),
-        leaves.worst(table, evaluation, arguments.worst),
-    )
+    outcome, confused = leaves.reliability(table, evaluation), leaves.confusions(table, evaluation)
+    known = leaves.identities(table, evaluation) if table.hypotheses else None
+    mistakes = leaves.worst(table, evaluation, arguments.worst)
+    worst = believed and {"world": believed.case.name, **believed.evaluation.summary()}
     figures = {
         **evaluation.summary(),
-        "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
+        "worst_believed": worst,
         **({"identities": known.figures()} if known else {}),
         **({"strangers": [each.figures() for each in strange]} if strange else {}),
         "reliability": outcome.figures(),
@@ -150,7 +147,11 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     shell.answer(
         arguments.json,
         figures,
-        *([_worst_world(believed.case.name, believed.evaluation)] if believed else []),
+        *(
+            [f"worst      {RATES.format(**worst)} in the worst believed world: {worst['world']}"]
+            if worst
+            else []
+        ),
         *_overview(evaluation, _name_of_world(arguments)),
         *(_named(known) if known else ()),
         *(line for each in strange for line in each.lines()),
@@ -161,7 +162,6 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
 
 
 def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """Wrong answers in parts per million."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
@@ -241,7 +241,6 @@ def _spread(value: str) -> float:
 
 
 def _overview(evaluation: Evaluation, world: str) -> list[str]:
-    """The rates, squeezes and seconds."""
     figures = evaluation.summary()
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
@@ -259,13 +258,6 @@ def _overview(evaluation: Evaluation, world: str) -> list[str]:
         *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
         f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",
     ]
-
-
-def _worst_world(world: str, evaluation: Evaluation) -> str:
-    """The worst of the worlds that the job believes in."""
-    figures = evaluation.summary()
-    rates = f"wrong {figures['wrong_rate']:.2%}, success {figures['success_rate']:.2%}"
-    return f"worst      {rates} of {figures['trials']} parts in the worst believed world: {world}"
 
 
 def _named(found: leaves.Identities) -> list[str]:

@@ -238,7 +238,6 @@ def _says(path: Path, text: str) -> bool:
 
 
 def _lines(answer: Answer, plan: Plan) -> list[str]:
-    """The answer for people."""
     figures = answer.figures
     low, high = figures["success_ci95"]
     located = f"{percent(figures['success_rate'])} (95 % interval {low:.2%} to {high:.2%})"

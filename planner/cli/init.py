@@ -83,7 +83,6 @@ def _init(arguments: argparse.Namespace) -> None:
 
 
 def _faces(arguments: argparse.Namespace) -> list[Face]:
-    """The faces that a solid comes to rest on."""
     for name in ("contour", "thickness"):
         if getattr(arguments, name) is not None:
             raise UsageError(f"--faces takes all that from the solid; leave out --{name}")
@@ -91,7 +90,6 @@ def _faces(arguments: argparse.Namespace) -> list[Face]:
 
 
 def _told(face: Face) -> dict[str, object]:
-    """A face for machines."""
     return {
         "share": round(face.share, 6), "down": face.down, "size_mm": face.imported.size_mm.tolist(),
         "height_mm": face.imported.height_mm, "cut_mm": face.cut_mm, "notes": face.imported.notes,

@@ -120,7 +120,6 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
 
 
 def _face(number: int, face: Face, name: str) -> dict[str, object]:
-    """What the template says of a hypothesis."""
     assert face.imported.height_mm is not None
     return {
         "name": f"{name}, face {number}",

@@ -130,7 +130,6 @@ def _missing(key: str, meaning: str, section: str) -> KeyNameError:
 
 
 def _text(value: Any) -> str:
-    """A value as TOML."""
     value = value.tolist() if isinstance(value, np.ndarray) else value
     if isinstance(value, list) and value and isinstance(value[0], list):
         return "[\n" + "".join(f"    {_text(row)},\n" for row in value) + "]"

@@ -124,7 +124,6 @@ def _datum(job: Job) -> list[float] | None:
 
 
 def _told(line: Line) -> tuple[str, dict[str, Any]]:
-    """A world's name and its figures."""
     return line.case.name, line.evaluation.summary()
 
 

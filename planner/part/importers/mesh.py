@@ -69,7 +69,6 @@ def cut(solid: Any, where: str, height_mm: float | None) -> Pieces:
 
 
 def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) -> Any:
-    """The solid of a file, in mm."""
     if unit_mm is None:
         raise need_units(where, "is an STL file, which never says its units")
     try:
